@@ -1,0 +1,133 @@
+//! The quantities that systems and effects exchange, under their canonical names.
+
+use std::ops::{Index, IndexMut};
+
+use crate::real::Real;
+
+macro_rules! channels {
+    ($($(#[$doc:meta])* $variant:ident = $name:literal,)*) => {
+        /// A quantity with a unit. The name is the column name in logs and the key in files.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Channel { $($(#[$doc])* $variant,)* }
+
+        impl Channel {
+            /// Every channel, in a fixed order.
+            pub const ALL: &'static [Channel] = &[$(Channel::$variant,)*];
+
+            /// The canonical name, with its unit.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Channel::$variant => $name,)* }
+            }
+        }
+    };
+}
+
+channels! {
+    // Battery: at the pack's terminals.
+    /// Current out of the pack, A (charging is negative).
+    CurrentA = "current_a",
+    /// Terminal voltage, V.
+    VoltageV = "voltage_v",
+    /// Cell temperature, °C.
+    TemperatureDegc = "temperature_degc",
+    /// Temperature of the surroundings, °C.
+    AmbientDegc = "ambient_degc",
+    /// Power: out of a pack, or drawn by a robot from its pack, W.
+    PowerW = "power_w",
+    /// State of charge, 0..1.
+    Soc = "soc",
+    /// Full cycles that the battery has seen.
+    CycleCount = "cycle_count",
+    // Battery: inside one cell.
+    /// Charge that a full pack holds now, Ah.
+    CapacityAh = "capacity_ah",
+    /// Current through one cell, with losses that never reach the terminals, A.
+    CellCurrentA = "cell_current_a",
+    /// Open-circuit voltage of one cell, V.
+    OcvV = "ocv_v",
+    /// Sum of all voltage drops inside one cell, V (Kottas, Eq. C.1, taken under load).
+    OverpotentialV = "overpotential_v",
+    /// Heat made in one cell, W.
+    HeatW = "heat_w",
+    // Robot.
+    /// Speed over ground, m/s.
+    SpeedMps = "speed_mps",
+    /// Acceleration along the path, m/s².
+    AccelMps2 = "accel_mps2",
+    /// Slope of the ground along the path, uphill positive, rad.
+    PitchRad = "pitch_rad",
+    /// Load carried, kg.
+    PayloadKg = "payload_kg",
+    // Station.
+    /// Power into the batteries of all robots that charge here, W.
+    ChargePowerW = "charge_power_w",
+    /// Robots that are connected to a powered bay.
+    RobotsDocked = "robots_docked",
+    /// 1 while the lift moves, else 0.
+    LiftActive = "lift_active",
+    /// Current out of the station's active pack, A.
+    PackCurrentA = "pack_current_a",
+    /// Voltage of the station's active pack, V.
+    PackVoltageV = "pack_voltage_v",
+    /// Power out of the station's active pack, W.
+    PackPowerW = "pack_power_w",
+}
+
+impl Channel {
+    /// How many channels there are.
+    pub const COUNT: usize = Channel::ALL.len();
+
+    /// The channel of that canonical name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Channel> {
+        Channel::ALL.iter().copied().find(|channel| channel.name() == name)
+    }
+}
+
+/// The value of every channel at one moment.
+#[derive(Debug, Clone, Copy)]
+pub struct Channels<S>([S; Channel::COUNT]);
+
+impl<S: Copy> Channels<S> {
+    /// All channels at the same value.
+    pub fn filled(value: S) -> Self {
+        Self([value; Channel::COUNT])
+    }
+}
+
+impl<S: Real> Channels<S> {
+    /// Adds a share to a channel.
+    #[inline]
+    pub fn add(&mut self, channel: Channel, share: S) {
+        self.0[channel as usize] += share;
+    }
+}
+
+impl<S> Index<Channel> for Channels<S> {
+    type Output = S;
+    #[inline]
+    fn index(&self, channel: Channel) -> &S {
+        &self.0[channel as usize]
+    }
+}
+
+impl<S> IndexMut<Channel> for Channels<S> {
+    #[inline]
+    fn index_mut(&mut self, channel: Channel) -> &mut S {
+        &mut self.0[channel as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_channel_is_found_by_its_name() {
+        for &channel in Channel::ALL {
+            assert_eq!(Channel::from_name(channel.name()), Some(channel));
+        }
+        assert_eq!(Channel::from_name("voltage"), None);
+    }
+}

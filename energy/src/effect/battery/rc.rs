@@ -1,0 +1,80 @@
+//! First polarisation pair: a voltage that follows the current with a time constant.
+//!
+//! `dV1/dt = (R1 I_cell - V1) / tau1`, stepped exactly for a current held over the step:
+//! `V1' = V1 a + R1 I (1 - a)`, `a = exp(-dt / tau1)` (Kottas, section C.1.2, Randles circuit
+//! without its Warburg element). R1 in ohm per cell, tau1 in s.
+//!
+//! Absence: after every current step the residual relaxes exponentially.
+
+use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+
+pub(crate) struct FirstRc;
+
+static SPEC: EffectSpec = EffectSpec {
+    id: "rc1",
+    title: "First polarisation (RC) pair",
+    system: System::Battery,
+    phase: Phase::Voltage,
+    channel: Channel::OverpotentialV,
+    needs: &[Channel::CurrentA],
+    equation: "dV1/dt = (R1 I - V1) / tau1",
+    source: "Kottas, section C.1.2",
+    validity: "time steps of any length; linear in the current",
+    signature: "the residual relaxes exponentially after each current step",
+    matters: 1e-3,
+    confused_with: &[("ohmic", "current steps logged faster than tau1")],
+    parameters: &[
+        ParameterSpec {
+            name: "resistance_ohm",
+            meaning: "polarisation resistance of one cell",
+            default: 0.01,
+            null: Some(0.0),
+            min: 0.0,
+            max: 1.0,
+            source: "of the order of R0 in published first-order fits",
+        },
+        ParameterSpec {
+            name: "tau_s",
+            meaning: "time constant",
+            default: 50.0,
+            null: None,
+            min: 1.0,
+            max: 5000.0,
+            source: "10-70 s on measured pouch and cylindrical cells",
+        },
+    ],
+    states: &["polarisation_v"],
+};
+
+impl Physics for FirstRc {
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
+    }
+
+    #[inline]
+    fn step<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], states: &mut [S], channels: &mut Channels<S>) {
+        let target_v = parameters[0] * channels[Channel::CellCurrentA];
+        let keep = (parameters[1].recip() * -dt_s).exp();
+        states[0] = target_v + (states[0] - target_v) * keep;
+        channels.add(Channel::OverpotentialV, states[0]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_long_step_equals_many_short_ones_and_reaches_63_percent_at_tau() {
+        let run = |steps: u32| {
+            let (mut states, mut channels) = ([0.0_f64], Channels::filled(0.0_f64));
+            for _ in 0..steps {
+                channels[Channel::CellCurrentA] = 1.0;
+                FirstRc.step(&Facts::Robot, 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
+            }
+            states[0]
+        };
+        assert!((run(1) - run(1000)).abs() < 1e-12);
+        assert!((run(1) - 0.02 * (1.0 - (-1f64).exp())).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,97 @@
+//! Lumped thermal mass: the cell warms by its losses and cools towards the surroundings.
+//!
+//! `C dT/dt = P_heat - G (T - T_amb)` for one cell, stepped exactly for heat held over the step
+//! (Kottas, section C.1.3). P_heat = I V_eta in W, C in J/K, G in W/K, temperatures in °C.
+//!
+//! Absence: measured temperature rises under load where the model stays at ambient.
+
+use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+
+pub(crate) struct LumpedThermal;
+
+static SPEC: EffectSpec = EffectSpec {
+    id: "thermal",
+    title: "Lumped thermal mass",
+    system: System::Battery,
+    phase: Phase::Heat,
+    channel: Channel::TemperatureDegc,
+    needs: &[Channel::CurrentA, Channel::AmbientDegc],
+    equation: "C dT/dt = I V_eta - G (T - T_amb)",
+    source: "Kottas, section C.1.3",
+    validity: "small cells (Biot number << 1); reversible heat left out",
+    signature: "the temperature residual follows the load with minutes of lag",
+    matters: 1.0,
+    confused_with: &[],
+    parameters: &[
+        ParameterSpec {
+            name: "conductance_w_per_k",
+            meaning: "heat flow to the surroundings per kelvin, one cell",
+            default: 0.05,
+            null: None,
+            min: 1e-3,
+            max: 5.0,
+            source: "tau = C / G of about 900 s for small pouch cells",
+        },
+        ParameterSpec {
+            name: "heat_share",
+            meaning: "share of the losses that warms the cell",
+            default: 1.0,
+            null: Some(0.0),
+            min: 0.0,
+            max: 1.0,
+            source: "energy conservation: 1; 0 is an isothermal cell",
+        },
+        ParameterSpec {
+            name: "heat_capacity_j_per_k",
+            meaning: "heat capacity of one cell",
+            default: 45.0,
+            null: None,
+            min: 1.0,
+            max: 5000.0,
+            source: "about 1000 J/(kg K) for pouch cells, 45 g",
+        },
+    ],
+    states: &["temperature_degc"],
+};
+
+impl Physics for LumpedThermal {
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
+    }
+
+    fn start<S: Real>(&self, _: &Facts, _: &[S], states: &mut [S], channels: &Channels<S>) {
+        states[0] = channels[Channel::TemperatureDegc];
+    }
+
+    #[inline]
+    fn step<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], states: &mut [S], channels: &mut Channels<S>) {
+        let [conductance, share, capacity] = [parameters[0], parameters[1], parameters[2]];
+        let settled_degc = channels[Channel::AmbientDegc] + share * channels[Channel::HeatW] / conductance;
+        let keep = (conductance / capacity * -dt_s).exp();
+        states[0] = settled_degc + (states[0] - settled_degc) * keep;
+        channels[Channel::TemperatureDegc] = states[0];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settles_where_heat_and_cooling_balance() {
+        let (mut states, mut channels) = ([25.0_f64], Channels::filled(0.0_f64));
+        channels[Channel::AmbientDegc] = 25.0;
+        channels[Channel::HeatW] = 0.5;
+        LumpedThermal.step(&Facts::Robot, 1e6, &[0.05, 1.0, 45.0], &mut states, &mut channels);
+        assert!((channels[Channel::TemperatureDegc] - 35.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn without_cooling_time_the_rise_is_heat_over_capacity() {
+        let (mut states, mut channels) = ([25.0_f64], Channels::filled(0.0_f64));
+        channels[Channel::AmbientDegc] = 25.0;
+        channels[Channel::HeatW] = 4.5;
+        LumpedThermal.step(&Facts::Robot, 0.01, &[0.05, 1.0, 45.0], &mut states, &mut channels);
+        assert!((states[0] - 25.001_f64).abs() < 1e-7);
+    }
+}

@@ -1,0 +1,97 @@
+//! Motion: rolling, slope and acceleration, through the drive train.
+//!
+//! `F = m g (c_rr cos(pitch) + sin(pitch)) + m a`, `P += F v / eta` when positive; braking
+//! returns nothing to the battery. m in kg (own mass plus payload), v in m/s, pitch in rad.
+//!
+//! Absence: the power residual grows with speed and with uphill pitch.
+
+use crate::units::GRAVITY_MPS2;
+use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+
+pub(crate) struct Motion;
+
+static SPEC: EffectSpec = EffectSpec {
+    id: "motion",
+    title: "Rolling, slope and acceleration",
+    system: System::Robot,
+    phase: Phase::Load,
+    channel: Channel::PowerW,
+    needs: &[Channel::SpeedMps],
+    equation: "P += max(0, (m g (c_rr cos(pitch) + sin(pitch)) + m a) v / eta)",
+    source: "Kottas, section 5; Newton's second law",
+    validity: "no wheel slip; drive efficiency constant; no regeneration",
+    signature: "the power residual grows with speed and uphill pitch",
+    matters: 0.02,
+    confused_with: &[("idle", "one log at rest and one while driving")],
+    parameters: &[
+        ParameterSpec {
+            name: "rolling_coefficient",
+            meaning: "rolling resistance over weight",
+            default: 0.02,
+            null: Some(0.0),
+            min: 0.0,
+            max: 0.5,
+            source: "rubber tyres on hard floor: 0.01-0.04",
+        },
+        ParameterSpec {
+            name: "mass_kg",
+            meaning: "mass of the robot without payload",
+            default: 0.5,
+            null: Some(0.0),
+            min: 0.0,
+            max: 500.0,
+            source: "guess: palm-sized robot",
+        },
+        ParameterSpec {
+            name: "drive_efficiency",
+            meaning: "mechanical power at the wheel over electrical power",
+            default: 0.4,
+            null: None,
+            min: 0.05,
+            max: 1.0,
+            source: "small geared brushed motors: 0.3-0.6",
+        },
+    ],
+    states: &[],
+};
+
+impl Physics for Motion {
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
+    }
+
+    #[inline]
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
+        let mass_kg = parameters[1] + channels[Channel::PayloadKg];
+        let pitch_rad = channels[Channel::PitchRad];
+        let weight_n = mass_kg * GRAVITY_MPS2;
+        let force_n = weight_n * (parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
+        let drawn_w = force_n * channels[Channel::SpeedMps] / parameters[2];
+        if drawn_w.re() > 0.0 {
+            channels.add(Channel::PowerW, drawn_w);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kilogram_up_a_slope_takes_m_g_sin_v() {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::SpeedMps] = 0.5;
+        channels[Channel::PitchRad] = 0.1;
+        Motion.step(&Facts::Robot, 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
+        assert!((channels[Channel::PowerW] - 9.806_65 * 0.1_f64.sin() * 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rolling_downhill_returns_nothing() {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::SpeedMps] = 0.5;
+        channels[Channel::PitchRad] = -0.3;
+        Motion.step(&Facts::Robot, 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
+        assert_eq!(channels[Channel::PowerW], 0.0);
+    }
+}

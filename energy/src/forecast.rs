@@ -1,0 +1,162 @@
+//! Energy and time until a discharge or a charge ends, found by stepping the model.
+//!
+//! Usable energy is less than stored energy: it ends where the voltage under load meets the end
+//! of discharge (Kottas, section 3.1), so it is never a division.
+
+use std::sync::Arc;
+
+use crate::units::S_PER_H;
+use crate::{Channel, Estimate, Model, Run, Start, propagate};
+
+/// A discharge at constant power, to the end of discharge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Discharge {
+    /// Energy delivered at the terminals, Wh.
+    pub energy_wh: f64,
+    /// Time it takes, s.
+    pub time_s: f64,
+}
+
+/// A CC-CV charge to a target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Charge {
+    /// Energy into the terminals, Wh.
+    pub energy_wh: f64,
+    /// Time it takes, s.
+    pub time_s: f64,
+    /// State of charge at the end: the target, or less when the charger's current fell below
+    /// its cutoff first.
+    pub soc: f64,
+}
+
+/// Steps of a forecast: more change the result by less than 0.1 %.
+const STEPS: f64 = 120.0;
+/// Longest forecast, s: a week.
+const TIME_MAX_S: f64 = 7.0 * 24.0 * 3600.0;
+/// Power below which a pack counts as unloaded for a forecast, as a share of its stored energy
+/// per hour (C/100: slower discharges deliver no more energy).
+const POWER_SHARE_MIN: f64 = 0.01;
+
+/// Discharges a pack at `power_w` until it reaches its end of discharge.
+///
+/// A power below 1 % of the stored energy per hour is taken as that: it delivers what the pack
+/// can deliver at rest, and the time is that of the small power.
+#[must_use]
+pub fn discharge(run: &mut Run<f64>, power_w: f64) -> Discharge {
+    let model = Arc::clone(run.model());
+    let facts = model.battery();
+    let stored_wh = facts.stored_wh();
+    let drawn_w = power_w.max(POWER_SHARE_MIN * stored_wh);
+    let soc = run.channels[Channel::Soc];
+    let expected_s = (soc.max(0.0) * stored_wh / drawn_w * S_PER_H).min(TIME_MAX_S);
+    let longest_s = (expected_s / STEPS).max(1.0);
+    let (mut dt_s, mut time_s) = (longest_s, 0.0);
+    while time_s < TIME_MAX_S {
+        let before = run.clone();
+        let ended = run.step_power(drawn_w, dt_s).is_err() || run.channels[Channel::VoltageV] < facts.eod_v();
+        if !ended {
+            time_s += dt_s;
+            continue;
+        }
+        // The end lies inside this step: go back and approach it by halves.
+        *run = before;
+        if dt_s < 0.01 * longest_s {
+            break;
+        }
+        dt_s /= 2.0;
+    }
+    Discharge { energy_wh: drawn_w * time_s / S_PER_H, time_s: time_s * drawn_w / power_w.max(1e-9) }
+}
+
+/// Charges a pack by its own charger settings until `target_soc` or the cutoff current.
+#[must_use]
+pub fn charge(run: &mut Run<f64>, target_soc: f64) -> Charge {
+    let model = Arc::clone(run.model());
+    let facts = model.battery();
+    let expected_s = (target_soc - run.channels[Channel::Soc]).max(0.0) * facts.capacity_ah / facts.charge.current_a * S_PER_H;
+    let dt_s = (expected_s / STEPS).max(1.0);
+    let (mut energy_wh, mut time_s) = (0.0, 0.0);
+    while time_s < TIME_MAX_S && run.channels[Channel::Soc] < target_soc {
+        let before = run.channels[Channel::Soc];
+        let current_a = run.step_charge(facts.charge.current_a, facts.full_v(), dt_s);
+        let after = run.channels[Channel::Soc];
+        if -current_a < facts.charge.cutoff_a {
+            break;
+        }
+        // The last step counts only up to the target.
+        let share = if after > target_soc { (target_soc - before) / (after - before) } else { 1.0 };
+        energy_wh -= run.channels[Channel::PowerW] * share * dt_s / S_PER_H;
+        time_s += share * dt_s;
+    }
+    Charge { energy_wh, time_s, soc: run.channels[Channel::Soc].min(target_soc) }
+}
+
+/// What a pack's estimate depends on, for a forecast with sigma: its charge, its parameters and
+/// its capacity.
+fn uncertain(model: &Model, soc: Estimate) -> Vec<Estimate> {
+    let mut inputs = vec![soc, Estimate::new(1.0, model.uncertainty.capacity_relative_sigma)];
+    inputs.extend(model.estimates());
+    inputs
+}
+
+/// A run of the model at one draw of its uncertain inputs. The capacity's factor is left to the
+/// caller: it scales energy and time of any forecast that keeps the power per capacity.
+fn run_at(model: &Arc<Model>, inputs: &[f64], temperature_degc: f64) -> Run<f64> {
+    let start = Start { soc: inputs[0].clamp(0.0, 1.0), temperature_degc, cycle_count: 0.0 };
+    let parameters = inputs[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
+    Run::with_parameters(Arc::clone(model), parameters, start)
+}
+
+/// Energy that a pack still delivers at `power_w`, Wh, with its deviation from those of state of
+/// charge, parameters and capacity.
+#[must_use]
+pub fn remaining_wh(model: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_w: f64) -> Estimate {
+    propagate(&uncertain(model, soc), |x| x[1] * discharge(&mut run_at(model, x, temperature_degc), power_w / x[1]).energy_wh)
+}
+
+/// Energy and time of a charge to `target_soc`, each with its deviation.
+#[must_use]
+pub fn charge_estimate(model: &Arc<Model>, soc: Estimate, target_soc: f64, temperature_degc: f64) -> (Estimate, Estimate) {
+    let inputs = uncertain(model, soc);
+    let at = |x: &[f64]| charge(&mut run_at(model, x, temperature_degc), target_soc);
+    let energy_wh = propagate(&inputs, |x| x[1] * at(x).energy_wh);
+    let time_s = propagate(&inputs, |x| x[1] * at(x).time_s);
+    (energy_wh, time_s)
+}
+
+/// Power that a robot or station draws with the given inputs, W, with its deviation.
+#[must_use]
+pub fn power_w(model: &Arc<Model>, inputs: &[(Channel, f64)]) -> Estimate {
+    let target = model.system.targets()[0];
+    propagate(&model.estimates(), |values| {
+        let mut run = Run::with_parameters(Arc::clone(model), values.to_vec(), Start::at_soc(0.0));
+        for &(channel, value) in inputs {
+            run.channels[channel] = value;
+        }
+        run.step(1.0);
+        run.channels[target]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{built_in, model::Model};
+
+    pub(crate) fn model(name: &str) -> Arc<Model> {
+        let read = |table: &str| Ok(built_in(table).unwrap().to_owned());
+        Arc::new(Model::parse(name, built_in(name).unwrap(), &read).unwrap())
+    }
+
+    #[test]
+    fn print_story() {
+        let pack = model("mds-3s4p-7600mah");
+        let robot = model("explorer-3s1p-1320mah");
+        for p in [5.0, 30.0, 60.0] {
+            println!("pack at {p} W: {:?} stored {}", remaining_wh(&pack, Estimate::new(1.0, 0.0), 25.0, p), pack.battery().stored_wh());
+        }
+        println!("charge {:?}", charge_estimate(&robot, Estimate::new(0.1, 0.0), 0.98, 25.0));
+        println!("charge {:?}", charge(&mut Run::new(robot.clone(), Start::at_soc(0.1)), 1.0));
+        println!("charge {:?}", charge(&mut Run::new(robot, Start::at_soc(0.1)), 0.95));
+    }
+}

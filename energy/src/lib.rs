@@ -1,0 +1,44 @@
+//! Energy models of batteries, robots and docking stations: physics without I/O.
+//!
+//! ```text
+//!   effect/      one file per physical effect, and the catalogue that orders them
+//!     |          (an effect adds its share to a channel)
+//!   system/      battery, robot, station: which channels go in and out, and the order of a step
+//!     |
+//!   model.rs     facts + effects + parameters, read from a TOML text
+//!   run.rs       a model in motion: channels, state, step(dt_s)
+//!     |
+//!   load.rs      what holds at the terminals: constant power, CC-CV charge
+//!   forecast.rs  energy and time to the end of a discharge or a charge, with sigma
+//!   gauge/       estimators that turn raw samples into state of charge and energy
+//! ```
+//!
+//! The gauge in the agent, the forecast in the coordinator, the body in the simulator and the
+//! curve in the lab all step the same [`Run`]. Discharge current and drawn power are positive.
+
+pub mod channel;
+pub mod document;
+pub mod effect;
+mod estimate;
+pub mod forecast;
+pub mod gauge;
+pub mod load;
+pub mod model;
+pub mod ocv;
+mod params;
+pub mod real;
+mod run;
+pub mod system;
+pub mod units;
+
+pub use channel::{Channel, Channels};
+pub use document::DocumentError;
+pub use effect::{Effect, EffectSpec, ParameterSpec, Phase, catalogue, find};
+pub use estimate::{Estimate, propagate};
+pub use model::{Model, Parameter};
+pub use ocv::OcvTable;
+pub use params::{built_in, built_in_names};
+pub use real::{Dual, Real};
+pub use run::Run;
+pub use run::Start;
+pub use system::{BatteryFacts, ChargeFacts, Facts, System};

@@ -1,0 +1,118 @@
+//! The open-circuit voltage table of one cell.
+
+use crate::real::Real;
+
+/// Open-circuit voltage over state of charge, linearly interpolated (Kottas, section 3.3, found
+/// a cubic spline worse). Outside the table the end segments are continued.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OcvTable {
+    soc: Vec<f64>,
+    voltage_v: Vec<f64>,
+}
+
+impl OcvTable {
+    /// Checks and keeps a table: at least two points, `soc` strictly increasing, voltages finite
+    /// and never falling with `soc`.
+    ///
+    /// # Errors
+    /// Says which point is wrong and why.
+    pub fn new(soc: Vec<f64>, voltage_v: Vec<f64>) -> Result<Self, String> {
+        if soc.len() != voltage_v.len() {
+            return Err(format!("the OCV table has {} soc and {} voltage_v entries; they must be as many", soc.len(), voltage_v.len()));
+        }
+        if soc.len() < 2 {
+            return Err(format!("the OCV table has {} points; at least 2 are needed", soc.len()));
+        }
+        for (index, pair) in soc.windows(2).enumerate() {
+            let voltages = &voltage_v[index..index + 2];
+            if !pair.iter().chain(voltages).all(|x| x.is_finite()) {
+                return Err(format!("the OCV table has a number that is not finite at point {index} or {}", index + 1));
+            }
+            if pair[1] <= pair[0] {
+                return Err(format!("the OCV table's soc must increase: point {} is {} after {}", index + 1, pair[1], pair[0]));
+            }
+            if voltages[1] < voltages[0] {
+                return Err(format!(
+                    "the OCV table's voltage_v must not fall with soc: point {} is {} V after {} V",
+                    index + 1,
+                    voltages[1],
+                    voltages[0]
+                ));
+            }
+        }
+        Ok(Self { soc, voltage_v })
+    }
+
+    /// Points of the table.
+    #[must_use]
+    pub fn points(&self) -> (&[f64], &[f64]) {
+        (&self.soc, &self.voltage_v)
+    }
+
+    /// Open-circuit voltage of one cell at `soc`, V.
+    pub fn voltage_v<S: Real>(&self, soc: S) -> S {
+        let low = self.segment(soc.re());
+        let slope = self.slope(low);
+        (soc - self.soc[low]) * slope + self.voltage_v[low]
+    }
+
+    /// dOCV/dSoC at `soc`, V.
+    #[must_use]
+    pub fn slope_v(&self, soc: f64) -> f64 {
+        self.slope(self.segment(soc))
+    }
+
+    /// State of charge at which a rested cell shows `voltage_v`, kept within the table. On a
+    /// flat stretch, the stretch's lower end.
+    #[must_use]
+    pub fn soc(&self, voltage_v: f64) -> f64 {
+        let last = self.soc.len() - 1;
+        if voltage_v <= self.voltage_v[0] {
+            return self.soc[0];
+        }
+        if voltage_v >= self.voltage_v[last] {
+            return self.soc[last];
+        }
+        let high = self.voltage_v.partition_point(|&v| v < voltage_v).max(1);
+        self.soc[high - 1] + (voltage_v - self.voltage_v[high - 1]) / self.slope(high - 1)
+    }
+
+    fn segment(&self, soc: f64) -> usize {
+        self.soc.partition_point(|&knot| knot <= soc).clamp(1, self.soc.len() - 1) - 1
+    }
+
+    fn slope(&self, low: usize) -> f64 {
+        (self.voltage_v[low + 1] - self.voltage_v[low]) / (self.soc[low + 1] - self.soc[low])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> OcvTable {
+        OcvTable::new(vec![0.0, 0.5, 1.0], vec![3.0, 3.7, 4.2]).unwrap()
+    }
+
+    #[test]
+    fn interpolates_linearly_and_continues_outside() {
+        assert!((table().voltage_v(0.25_f64) - 3.35).abs() < 1e-12);
+        assert!((table().voltage_v(1.1_f64) - 4.3).abs() < 1e-12);
+        assert!((table().voltage_v(-0.1_f64) - 2.86).abs() < 1e-12);
+    }
+
+    #[test]
+    fn voltage_gives_back_the_soc_it_came_from() {
+        for soc in [0.0_f64, 0.1, 0.5, 0.77, 1.0] {
+            assert!((table().soc(table().voltage_v(soc)) - soc).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn refuses_a_table_that_turns_back() {
+        let error = OcvTable::new(vec![0.0, 0.5, 0.4], vec![3.0, 3.5, 4.0]).unwrap_err();
+        assert!(error.contains("point 2 is 0.4 after 0.5"), "{error}");
+        assert!(OcvTable::new(vec![0.0, 1.0], vec![3.0, f64::NAN]).is_err());
+        assert!(OcvTable::new(vec![0.0], vec![3.0]).is_err());
+    }
+}

@@ -1,0 +1,141 @@
+//! The three systems: which phases a step has, what goes in and what comes out.
+//!
+//! ```text
+//!   battery   current ──> [capacity] [leaks] ─> SoC ─> OCV ─> [overpotential] ─> voltage ─> [heat] ─> temperature
+//!   robot     speed, pitch ──> [loads] ─> [converter] ─> power out of the robot's pack
+//!   station   charge power ──> [robots' loads] ─> [chargers] ─> [converters] ─> [hotel, lift] ─> power out of the pack
+//! ```
+//!
+//! In brackets: the effects of the model, of which there may be none.
+
+use serde::Deserialize;
+
+use crate::Channel;
+use crate::effect::Phase;
+use crate::ocv::OcvTable;
+
+/// The kind of thing a model describes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum System {
+    /// A pack of cells.
+    Battery,
+    /// The loads of a robot on its pack.
+    Robot,
+    /// A docking station's load on its active pack.
+    Station,
+}
+
+impl System {
+    /// Name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            System::Battery => "battery",
+            System::Robot => "robot",
+            System::Station => "station",
+        }
+    }
+
+    /// Phases of a step, in order.
+    #[must_use]
+    pub const fn phases(self) -> &'static [Phase] {
+        match self {
+            System::Battery => &[Phase::Capacity, Phase::Current, Phase::Voltage, Phase::Heat],
+            System::Robot => &[Phase::Load, Phase::Converter],
+            System::Station => &[Phase::Load, Phase::Charger, Phase::Converter, Phase::Overhead],
+        }
+    }
+
+    /// Channels without which a step means nothing.
+    #[must_use]
+    pub const fn inputs(self) -> &'static [Channel] {
+        match self {
+            System::Battery => &[Channel::CurrentA],
+            System::Robot => &[],
+            System::Station => &[Channel::ChargePowerW],
+        }
+    }
+
+    /// Channels that a step predicts and a log may hold measurements of.
+    #[must_use]
+    pub const fn targets(self) -> &'static [Channel] {
+        match self {
+            System::Battery => &[Channel::VoltageV, Channel::TemperatureDegc],
+            System::Robot => &[Channel::PowerW],
+            System::Station => &[Channel::PackPowerW],
+        }
+    }
+}
+
+/// What is fixed about the thing modelled.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Facts {
+    /// A pack.
+    Battery(BatteryFacts),
+    /// A robot: all it is lies in its effects.
+    Robot,
+    /// A station: all it is lies in its effects.
+    Station,
+}
+
+impl Facts {
+    /// Cells in parallel; 1 where there are none.
+    #[must_use]
+    pub fn parallel(&self) -> u32 {
+        match self {
+            Facts::Battery(battery) => battery.parallel,
+            _ => 1,
+        }
+    }
+}
+
+/// Fixed facts of a pack of like cells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BatteryFacts {
+    /// Cells in series, >= 1.
+    pub series: u32,
+    /// Strings in parallel, >= 1.
+    pub parallel: u32,
+    /// Charge of the whole pack between full and end of discharge at a low rate, Ah.
+    pub capacity_ah: f64,
+    /// Voltage of a full cell, V.
+    pub full_v_per_cell: f64,
+    /// End of discharge under load, V per cell.
+    pub eod_v_per_cell: f64,
+    /// Open-circuit voltage of one cell.
+    pub ocv: OcvTable,
+    /// How the pack is charged.
+    pub charge: ChargeFacts,
+}
+
+impl BatteryFacts {
+    /// Pack voltage at end of discharge, V.
+    #[must_use]
+    pub fn eod_v(&self) -> f64 {
+        self.eod_v_per_cell * f64::from(self.series)
+    }
+
+    /// Pack voltage at which charging turns from constant current to constant voltage, V.
+    #[must_use]
+    pub fn full_v(&self) -> f64 {
+        self.full_v_per_cell * f64::from(self.series)
+    }
+
+    /// Energy between full and empty at no current, Wh: the integral of OCV over charge.
+    #[must_use]
+    pub fn stored_wh(&self) -> f64 {
+        let (soc, voltage_v) = self.ocv.points();
+        let volts: f64 = soc.windows(2).zip(voltage_v.windows(2)).map(|(s, v)| (s[1] - s[0]) * (v[0] + v[1]) / 2.0).sum();
+        volts * self.capacity_ah * f64::from(self.series)
+    }
+}
+
+/// Constant-current, constant-voltage charging of a pack.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChargeFacts {
+    /// Current of the constant-current part, A into the pack (a positive number).
+    pub current_a: f64,
+    /// Current at which the constant-voltage part ends, A into the pack (a positive number).
+    pub cutoff_a: f64,
+}

@@ -1,0 +1,14 @@
+//! Conversion constants. No other file of the workspace converts units by a literal.
+
+/// Seconds in an hour.
+pub const S_PER_H: f64 = 3600.0;
+/// Kelvin at 0 °C.
+pub const KELVIN_AT_0_DEGC: f64 = 273.15;
+/// Standard gravity, m/s² (3rd CGPM, 1901).
+pub const GRAVITY_MPS2: f64 = 9.806_65;
+/// Temperature at which parameters are stated when nothing else is said, °C.
+pub const REFERENCE_DEGC: f64 = 25.0;
+/// Days in the month in which self-discharge is stated.
+pub const DAYS_PER_MONTH: f64 = 30.0;
+/// Seconds in a day.
+pub const S_PER_DAY: f64 = 86_400.0;

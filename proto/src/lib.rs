@@ -1,0 +1,40 @@
+//! The wire contract of Tender: what robots, stations and the coordinator say to each
+//! other, under which key, in which bytes. No clock, no network, no disk in here.
+//!
+//! ```text
+//!            key.rs  tender/{site}/v1/...            codec.rs  {"schema":"tender.gauge/1",...}
+//!               |                                       |
+//!   robot ------+-- Gauge, RobotState ----------------> |
+//!   station ----+-- Gauge (packs), StationState ------> | --> coordinator
+//!   robot   <---+-- RobotCommand / CommandReply ------> | <--
+//!   station <---+-- StationCommand / CommandReply ----> |
+//!   anyone  <---+-- Schedule, Capacity, Explanation --- |
+//! ```
+//!
+//! | file | subject |
+//! | --- | --- |
+//! | `time` | UTC milliseconds |
+//! | `id` | names that are always one safe chunk of a key |
+//! | `estimate` | a value with its standard deviation |
+//! | `key`, `pattern` | key expressions and subscriptions |
+//! | `message/` | one file per subject, and `check` for the allowed ranges |
+//! | `codec` | JSON with the schema name first |
+//!
+//! `WIRE.md` beside this crate says the same to people who write another implementation;
+//! tests keep it in step with the code.
+
+mod codec;
+mod estimate;
+mod id;
+mod key;
+mod message;
+mod pattern;
+mod time;
+
+pub use codec::{CodecError, MAX_MESSAGE_BYTES, Message, decode, encode, encode_pretty};
+pub use estimate::Estimate;
+pub use id::{BayId, CommandId, IdError, PackId, RobotId, SiteId, SpareId, StationId};
+pub use key::{Key, KeyError, VERSION};
+pub use message::*;
+pub use pattern::Pattern;
+pub use time::{TimeError, Timestamp};

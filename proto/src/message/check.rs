@@ -1,0 +1,105 @@
+//! Range checks that name the field, the value and what is allowed.
+
+use std::fmt::Display;
+
+use crate::estimate::Estimate;
+
+/// A value that a message must not carry.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{field}` is {value}, allowed is {allowed}")]
+pub struct MessageError {
+    /// Path of the field, such as `soc.sigma`.
+    pub field: String,
+    /// The value found there.
+    pub value: String,
+    /// What would be allowed.
+    pub allowed: String,
+}
+
+type Checked = Result<(), MessageError>;
+
+/// A state of charge may overshoot its ends a little: gauges are not clamped, so that
+/// their error stays visible.
+const SOC: (f64, f64) = (-0.05, 1.05);
+
+/// Refuses `field` unless `holds`.
+pub(super) fn require(holds: bool, field: &str, value: impl Display, allowed: impl Display) -> Checked {
+    match holds {
+        true => Ok(()),
+        false => Err(MessageError { field: field.to_owned(), value: value.to_string(), allowed: allowed.to_string() }),
+    }
+}
+
+/// Any number but NaN and infinity.
+pub(super) fn finite(field: &str, value: f64) -> Checked {
+    require(value.is_finite(), field, value, "a finite number")
+}
+
+/// A finite number within `low..=high`.
+pub(super) fn within(field: &str, value: f64, low: f64, high: f64) -> Checked {
+    let holds = value.is_finite() && (low..=high).contains(&value);
+    require(holds, field, value, format_args!("{low} to {high}"))
+}
+
+/// A finite number, zero or more.
+pub(super) fn not_negative(field: &str, value: f64) -> Checked {
+    let holds = value.is_finite() && value >= 0.0;
+    require(holds, field, value, "zero or more, and finite")
+}
+
+/// Finite value, finite sigma of zero or more.
+pub(super) fn estimate(field: &str, estimate: Estimate) -> Checked {
+    finite(&format!("{field}.value"), estimate.value)?;
+    not_negative(&format!("{field}.sigma"), estimate.sigma)
+}
+
+/// An estimate of something that cannot be below zero.
+pub(super) fn estimate_not_negative(field: &str, quantity: Estimate) -> Checked {
+    estimate(field, quantity)?;
+    not_negative(&format!("{field}.value"), quantity.value)
+}
+
+/// An estimated state of charge.
+pub(super) fn soc_estimate(field: &str, soc: Estimate) -> Checked {
+    estimate(field, soc)?;
+    within(&format!("{field}.value"), soc.value, SOC.0, SOC.1)
+}
+
+/// A list in which nothing may be named twice.
+pub(super) fn distinct<T: Ord + Display>(field: &str, names: impl IntoIterator<Item = T>) -> Checked {
+    let mut names: Vec<T> = names.into_iter().collect();
+    names.sort();
+    match names.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => require(false, field, &pair[0], "every name at most once"),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_check_lets_a_number_pass_that_is_not_finite() {
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(finite("x", value).is_err());
+            assert!(within("x", value, f64::NEG_INFINITY, f64::INFINITY).is_err());
+            assert!(not_negative("x", value).is_err());
+            assert!(estimate("x", Estimate::new(0.0, value)).is_err());
+        }
+    }
+
+    #[test]
+    fn ranges_include_their_ends() {
+        assert!(within("x", -1.0, -1.0, 1.0).is_ok());
+        assert!(within("x", 1.0, -1.0, 1.0).is_ok());
+        assert!(not_negative("x", -0.0).is_ok());
+        assert!(soc_estimate("x", Estimate::exact(1.05)).is_ok());
+    }
+
+    #[test]
+    fn a_repeated_name_is_shown() {
+        assert!(distinct("x", ["a", "b"]).is_ok());
+        assert_eq!(distinct("x", ["b", "a", "b"]).unwrap_err().value, "b");
+    }
+}

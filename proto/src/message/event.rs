@@ -1,0 +1,73 @@
+//! Things worth a line in the journal.
+
+use serde::{Deserialize, Serialize};
+
+use super::display_as_on_the_wire;
+use crate::codec::Message;
+use crate::id::{PackId, RobotId, StationId};
+use crate::time::Timestamp;
+
+/// What sort of thing happened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EventKind {
+    /// An agent was heard for the first time, or again.
+    Joined,
+    /// An agent is no longer alive.
+    Lost,
+    /// A robot does something else now.
+    PhaseChanged,
+    /// A new plan is in force.
+    PlanMade,
+    /// A command went out.
+    CommandSent,
+    /// A command was accepted.
+    CommandAccepted,
+    /// A command was refused.
+    CommandRejected,
+    /// A command got no answer before its deadline.
+    CommandUnanswered,
+    /// A service began.
+    ServiceStarted,
+    /// A service ended as planned.
+    ServiceDone,
+    /// A service ended otherwise.
+    ServiceFailed,
+    /// A station is fed from another pack now.
+    PackSelected,
+    /// A pack reached the end of its discharge.
+    PackDepleted,
+    /// A station has no power.
+    StationDark,
+    /// A service that was promised could not be paid for.
+    PromiseBroken,
+    /// A message was refused.
+    InputRefused,
+}
+display_as_on_the_wire!(EventKind);
+
+/// One thing that happened.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// When.
+    pub at: Timestamp,
+    /// Counts up by one per event; orders events of the same instant.
+    pub seq: u64,
+    /// What sort of thing.
+    pub kind: EventKind,
+    /// The robot concerned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotId>,
+    /// The station concerned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub station: Option<StationId>,
+    /// The pack concerned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pack: Option<PackId>,
+    /// One line for people.
+    pub text: String,
+}
+
+impl Message for Event {
+    const SCHEMA: &'static str = "tender.event/1";
+}

@@ -1,0 +1,231 @@
+//! What the coordinator decided, what the packs can still pay for, and why.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{self, MessageError};
+use super::display_as_on_the_wire;
+use crate::codec::Message;
+use crate::estimate::Estimate;
+use crate::id::{BayId, PackId, RobotId, SpareId, StationId};
+use crate::time::Timestamp;
+
+/// How a robot gets its energy.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "mode", rename_all = "snake_case")]
+pub enum Mode {
+    /// Its battery is charged in a bay.
+    Recharge {
+        /// Target state of charge, a fraction (0 to 1).
+        to_soc: f64,
+    },
+    /// Its battery is exchanged.
+    Swap {
+        /// For which spare.
+        spare: SpareId,
+    },
+}
+
+/// How far a service has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ServiceStatus {
+    /// Only a plan so far.
+    Planned,
+    /// The robot is on its way.
+    Travelling,
+    /// The robot waits at the station.
+    Waiting,
+    /// The robot is being taken in.
+    Loading,
+    /// The robot is charging.
+    Charging,
+    /// Its battery is being exchanged.
+    Swapping,
+    /// The robot is being let out.
+    Unloading,
+    /// Ended as planned.
+    Done,
+    /// Ended otherwise.
+    Failed,
+}
+display_as_on_the_wire!(ServiceStatus);
+
+/// One visit of one robot to one station. On the wire the fields of `mode` stand among
+/// the others: `"mode": "recharge", "to_soc": 0.9`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Service {
+    /// Who is serviced.
+    pub robot: RobotId,
+    /// Where.
+    pub station: StationId,
+    /// How.
+    #[serde(flatten)]
+    pub mode: Mode,
+    /// In which bay, once that is decided.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bay: Option<BayId>,
+    /// The packs that pay for it, in the order in which they are drawn from.
+    pub packs: Vec<PackId>,
+    /// When the robot leaves its work.
+    pub leave: Timestamp,
+    /// When the service begins at the station.
+    pub start: Timestamp,
+    /// When the robot is out again; not before `start`.
+    pub end: Timestamp,
+    /// Energy taken from the packs, Wh (zero or more).
+    pub pack_energy_wh: Estimate,
+    /// How far it has come.
+    pub status: ServiceStatus,
+    /// Why this station, mode and time.
+    pub why: Vec<String>,
+}
+
+impl Service {
+    fn validate(&self, field: &str) -> Result<(), MessageError> {
+        if let Mode::Recharge { to_soc } = self.mode {
+            check::within(&format!("{field}.to_soc"), to_soc, 0.0, 1.0)?;
+        }
+        let ordered = self.end >= self.start;
+        check::require(ordered, &format!("{field}.end"), self.end, "not before `start`")?;
+        check::estimate_not_negative(&format!("{field}.pack_energy_wh"), self.pack_energy_wh)
+    }
+}
+
+/// A robot that needs energy and does not get any in this plan.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Unserved {
+    /// Which robot.
+    pub robot: RobotId,
+    /// What stands in the way, station by station where that differs.
+    pub reasons: Vec<String>,
+}
+
+/// The plan in force.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Schedule {
+    /// When it was made.
+    pub at: Timestamp,
+    /// Counts up by one per plan.
+    pub plan: u64,
+    /// Name of the scheduling policy.
+    pub policy: String,
+    /// What made the coordinator plan again.
+    pub trigger: String,
+    /// Services running and to come.
+    pub services: Vec<Service>,
+    /// Robots that cannot be serviced.
+    pub unserved: Vec<Unserved>,
+}
+
+impl Message for Schedule {
+    const SCHEMA: &'static str = "tender.schedule/1";
+
+    fn validate(&self) -> Result<(), MessageError> {
+        for (index, service) in self.services.iter().enumerate() {
+            service.validate(&format!("services[{index}]"))?;
+        }
+        Ok(())
+    }
+}
+
+/// What one station pack can still pay for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PackCapacity {
+    /// Where the pack is.
+    pub station: StationId,
+    /// Which pack.
+    pub pack: PackId,
+    /// Energy left in it, Wh.
+    pub remaining_wh: Estimate,
+    /// The part of it that can go into services, Wh.
+    pub usable_wh: Estimate,
+    /// What one more service takes out of it, Wh (zero or more).
+    pub service_wh: Estimate,
+    /// Where the energy goes, Wh by cause (robots' batteries, conversion loss, idle ...).
+    pub breakdown_wh: BTreeMap<String, f64>,
+    /// Further services to expect: as many as the expected values allow.
+    pub robots_expected: u32,
+    /// Further services that hold with probability `confidence` or more.
+    pub robots_promised: u32,
+    /// Probability behind `robots_promised` (0 to 1).
+    pub confidence: f64,
+    /// Energy lacking for one promised service more, Wh (zero or more).
+    pub short_for_next_wh: f64,
+}
+
+/// What all packs of the site can still pay for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Capacity {
+    /// When it was computed.
+    pub at: Timestamp,
+    /// Pack by pack.
+    pub packs: Vec<PackCapacity>,
+    /// Further services to expect at the whole site.
+    pub robots_expected: u32,
+    /// Further services at the whole site that hold with probability `confidence`.
+    pub robots_promised: u32,
+    /// Probability behind `robots_promised` (0 to 1).
+    pub confidence: f64,
+}
+
+impl Message for Capacity {
+    const SCHEMA: &'static str = "tender.capacity/1";
+
+    fn validate(&self) -> Result<(), MessageError> {
+        for (index, pack) in self.packs.iter().enumerate() {
+            let field = |name: &str| format!("packs[{index}].{name}");
+            check::estimate(&field("remaining_wh"), pack.remaining_wh)?;
+            check::estimate(&field("usable_wh"), pack.usable_wh)?;
+            check::estimate_not_negative(&field("service_wh"), pack.service_wh)?;
+            for (cause, &energy_wh) in &pack.breakdown_wh {
+                check::finite(&field(&format!("breakdown_wh.{cause}")), energy_wh)?;
+            }
+            check::within(&field("confidence"), pack.confidence, 0.0, 1.0)?;
+            check::not_negative(&field("short_for_next_wh"), pack.short_for_next_wh)?;
+        }
+        check::within("confidence", self.confidence, 0.0, 1.0)
+    }
+}
+
+/// A way to service a robot that was not taken.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Alternative {
+    /// Where.
+    pub station: StationId,
+    /// How: `recharge` or `swap`.
+    pub mode: String,
+    /// When it could begin, if at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<Timestamp>,
+    /// Why it is worse, or impossible.
+    pub why_not: Vec<String>,
+}
+
+/// Why one robot is scheduled as it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Explanation {
+    /// When the question was answered.
+    pub at: Timestamp,
+    /// Which robot.
+    pub robot: RobotId,
+    /// Its service, if it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub service: Option<Service>,
+    /// Why so.
+    pub reasons: Vec<String>,
+    /// What else there was.
+    pub alternatives: Vec<Alternative>,
+}
+
+impl Message for Explanation {
+    const SCHEMA: &'static str = "tender.explanation/1";
+
+    fn validate(&self) -> Result<(), MessageError> {
+        match &self.service {
+            Some(service) => service.validate("service"),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! The electrical coupling between simulated bodies. In reality a wire carries it; only
+//! simulated robots and stations send these.
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{self, MessageError};
+use crate::codec::Message;
+use crate::estimate::Estimate;
+use crate::time::Timestamp;
+
+/// What a simulated station feeds to a simulated robot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimSupply {
+    /// Instant it holds from.
+    pub at: Timestamp,
+    /// Whether the bay has power.
+    pub powered: bool,
+    /// State of charge of a battery just put in, a fraction (-0.05 to 1.05).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exchanged: Option<Estimate>,
+    /// Whether the robot sits in the bay.
+    pub docked: bool,
+}
+
+impl Message for SimSupply {
+    const SCHEMA: &'static str = "tender.sim-supply/1";
+
+    fn validate(&self) -> Result<(), MessageError> {
+        match self.exchanged {
+            Some(soc) => check::soc_estimate("exchanged", soc),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What a simulated robot draws from a simulated station.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimDraw {
+    /// Instant it holds from.
+    pub at: Timestamp,
+    /// Power taken at the bay, W (zero or more).
+    pub charge_power_w: f64,
+    /// Current taken at the bay, A (zero or more).
+    pub charge_current_a: f64,
+    /// Voltage at the robot's terminals, V (zero or more).
+    pub voltage_v: f64,
+    /// Whether it is charging.
+    pub charging: bool,
+}
+
+impl Message for SimDraw {
+    const SCHEMA: &'static str = "tender.sim-draw/1";
+
+    fn validate(&self) -> Result<(), MessageError> {
+        check::not_negative("charge_power_w", self.charge_power_w)?;
+        check::not_negative("charge_current_a", self.charge_current_a)?;
+        check::not_negative("voltage_v", self.voltage_v)
+    }
+}
