@@ -50,5 +50,5 @@ pub trait Gauge: Send {
     fn soc(&self) -> Estimate;
 
     /// Everything the gauge knows; steps the battery model to the end of discharge.
-    fn reading(&self) -> Reading;
+    fn reading(&mut self) -> Reading;
 }

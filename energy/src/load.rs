@@ -38,8 +38,8 @@ impl Run<f64> {
     /// current, A.
     ///
     /// Power rises with current up to the power limit and falls beyond it. Newton's iteration
-    /// from the no-load side stays below the root of a concave curve, so it cannot jump to the
-    /// far branch; past the limit the slope turns and there is no answer.
+    /// on a concave curve approaches the root from the no-load side and cannot jump to the far
+    /// branch; past the limit the slope turns and there is no answer.
     ///
     /// # Errors
     /// [`CannotDeliver`] when no current gives that power; the run is as it was before.
@@ -50,7 +50,8 @@ impl Run<f64> {
             self.trial_v(0.0, dt_s);
             return Ok(0.0);
         }
-        let mut current_a = 0.0;
+        // Under a steady power the last current is a close start; a discharge lets it rise slowly.
+        let mut current_a = if power_w > 0.0 { self.channels[Channel::CurrentA].max(0.0) } else { 0.0 };
         for _ in 0..ITERATIONS_MAX {
             let voltage_v = self.trial_v(current_a, dt_s);
             let missing_w = power_w - current_a * voltage_v;
@@ -59,10 +60,14 @@ impl Run<f64> {
             }
             let nudge_a = 1e-4 * (1.0 + current_a.abs());
             let slope_v = ((current_a + nudge_a) * self.trial_v(current_a + nudge_a, dt_s) - current_a * voltage_v) / nudge_a;
-            if slope_v <= 0.0 {
+            if slope_v > 0.0 {
+                current_a += missing_w / slope_v;
+            } else if current_a > 0.0 && missing_w < 0.0 {
+                // The start was beyond the limit of a smaller power: come from the other side.
+                current_a = 0.0;
+            } else {
                 break;
             }
-            current_a += missing_w / slope_v;
         }
         self.restore();
         self.channels[Channel::TemperatureDegc] = temperature_degc;

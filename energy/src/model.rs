@@ -20,8 +20,8 @@ use crate::{Channel, Estimate};
 pub struct Parameter {
     /// The effect that it belongs to.
     pub effect: &'static str,
-    /// What is known of it in general.
-    pub spec: &'static str,
+    /// Its name, with unit.
+    pub name: &'static str,
     /// Value, in the unit that its name ends in.
     pub value: f64,
     /// Standard deviation of the value.
@@ -64,6 +64,14 @@ impl Sensor {
     #[must_use]
     pub fn floor(&self) -> f64 {
         (self.sigma.powi(2) + self.quantum.powi(2) / 12.0).sqrt()
+    }
+
+    /// What this sensor shows for a true value. The three numbers are standard normal draws: one
+    /// for the noise of this reading, and one each for this specimen's offset and gain.
+    #[must_use]
+    pub fn shows(&self, value: f64, noise: f64, offset: f64, gain: f64) -> f64 {
+        let shown = value * (1.0 + gain * self.gain_sigma) + offset * self.offset_sigma + noise * self.sigma;
+        if self.quantum > 0.0 { (shown / self.quantum).round() * self.quantum } else { shown }
     }
 }
 
@@ -247,11 +255,16 @@ impl Model {
         Ok(Model { name, system, facts, sensors, uncertainty, parameters, placed, phase_ends, state_count })
     }
 
-    /// The same model without its effects: what energy division believes.
+    /// The same model without some of its effects.
     #[must_use]
-    pub fn without_effects(&self) -> Model {
+    pub fn without(&self, leave_out: impl Fn(&str) -> bool) -> Model {
+        let kept = self.placed.iter().filter(|placed| !leave_out(placed.effect.spec().id));
+        let effects = kept.map(|placed| {
+            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
+            (index, self.parameters[placed.parameters.clone()].to_vec())
+        });
         let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
-        Model::assemble(format!("{}, no effects", self.name), self.system, facts, sensors, self.uncertainty, Vec::new())
+        Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect())
             .expect("no effect appears twice")
     }
 
@@ -264,7 +277,7 @@ impl Model {
     /// The parameter of that effect and name.
     #[must_use]
     pub fn parameter(&self, effect: &str, name: &str) -> Option<&Parameter> {
-        self.parameters.iter().find(|p| p.effect == effect && p.spec == name)
+        self.parameters.iter().find(|p| p.effect == effect && p.name == name)
     }
 
     /// Values of all parameters, in the order of [`Model::parameters`].
@@ -427,7 +440,7 @@ fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<(
 fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {
     Parameter {
         effect,
-        spec: spec.name,
+        name: spec.name,
         value: spec.default,
         sigma: 0.0,
         source: format!("catalogue default: {}", spec.source),
@@ -459,5 +472,5 @@ fn parameter(
     if !raw.sigma.is_finite() || raw.sigma < 0.0 {
         return Err(fail(format!("sigma = {} must be finite and >= 0", raw.sigma)));
     }
-    Ok(Parameter { effect, spec: spec.name, value: raw.value, sigma: raw.sigma, source: raw.source, free: raw.free, min, max })
+    Ok(Parameter { effect, name: spec.name, value: raw.value, sigma: raw.sigma, source: raw.source, free: raw.free, min, max })
 }

@@ -1,5 +1,10 @@
 //! Parameter sets that come with the program, each named after its source.
 
+use std::path::Path;
+
+use crate::document::hint;
+use crate::{DocumentError, Model};
+
 /// Built-in models: name and text.
 static MODELS: &[(&str, &str)] = &[
     ("enertech-lco-2280mah", include_str!("../params/enertech-lco-2280mah.toml")),
@@ -23,16 +28,32 @@ pub fn built_in(name: &str) -> Option<&'static str> {
     MODELS.iter().chain(TABLES).find(|(known, _)| *known == name).map(|(_, text)| *text)
 }
 
+/// Loads a model by built-in name or by path. `read` fetches the text of a file; a table that
+/// the model names lies beside it.
+///
+/// # Errors
+/// Everything that [`Model::parse`] refuses, and a name that is neither built in nor a file.
+pub fn load_model(name: &str, read: &dyn Fn(&Path) -> Result<String, String>) -> Result<Model, DocumentError> {
+    if let Some(text) = built_in(name) {
+        return Model::parse(name, text, &|table| built_in(table).map(str::to_owned).ok_or_else(|| "not built in".to_owned()));
+    }
+    let path = Path::new(name);
+    let text = read(path).map_err(|error| {
+        let hint = hint(name, built_in_names());
+        let known = built_in_names().collect::<Vec<_>>().join(", ");
+        DocumentError { file: name.to_owned(), place: None, message: format!("{error}{hint} Built-in models: {known}") }
+    })?;
+    Model::parse(name, &text, &|table| read(&path.with_file_name(table)).or_else(|error| built_in(table).map(str::to_owned).ok_or(error)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Model;
 
     #[test]
     fn every_built_in_model_is_valid_and_says_where_its_numbers_come_from() {
         for name in built_in_names() {
-            let read = |table: &str| built_in(table).map(str::to_owned).ok_or_else(|| "not built in".to_owned());
-            let model = Model::parse(name, built_in(name).unwrap(), &read).unwrap_or_else(|error| panic!("{error}"));
+            let model = load_model(name, &|_| unreachable!("built in")).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(model.name, name);
             for parameter in model.parameters() {
                 assert!(!parameter.source.starts_with("catalogue default"), "{name}: {parameter:?}");
