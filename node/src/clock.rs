@@ -1,0 +1,68 @@
+//! The clock of a process: real time, or real time made faster for a demonstration.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use proto::Timestamp;
+use serde::{Deserialize, Serialize};
+
+/// `[clock]` in a configuration: processes of one fleet share it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClockConfig {
+    /// Seconds of fleet time per real second; 1 for real robots.
+    pub speed: f64,
+    /// Instant at which fleet time and real time agree, Unix milliseconds.
+    pub origin_unix_ms: i64,
+}
+
+/// Tells fleet time.
+#[derive(Debug, Clone, Copy)]
+pub struct Clock {
+    config: ClockConfig,
+}
+
+impl Clock {
+    /// A clock as configured; real time when nothing is said.
+    #[must_use]
+    pub fn new(config: Option<ClockConfig>) -> Self {
+        Self { config: config.unwrap_or(ClockConfig { speed: 1.0, origin_unix_ms: 0 }) }
+    }
+
+    /// Fleet time now.
+    #[must_use]
+    pub fn now(&self) -> Timestamp {
+        self.at(unix_ms())
+    }
+
+    fn at(&self, unix_ms: i64) -> Timestamp {
+        let ClockConfig { speed, origin_unix_ms } = self.config;
+        let since_ms = (unix_ms - origin_unix_ms) as f64 * speed;
+        Timestamp::from_unix_ms(origin_unix_ms + since_ms.round() as i64)
+    }
+
+    /// Real time that passes during `fleet_s` seconds of fleet time.
+    #[must_use]
+    pub fn real(&self, fleet_s: f64) -> Duration {
+        Duration::from_secs_f64((fleet_s / self.config.speed).max(0.0))
+    }
+}
+
+/// Real time, Unix milliseconds.
+#[must_use]
+#[allow(clippy::disallowed_methods, reason = "this is the shell's clock")]
+pub fn unix_ms() -> i64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |elapsed| elapsed.as_millis() as i64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fast_clock_agrees_at_its_origin_and_runs_ahead_from_there() {
+        let clock = Clock::new(Some(ClockConfig { speed: 60.0, origin_unix_ms: 10_000 }));
+        assert_eq!(clock.at(10_000).unix_ms(), 10_000);
+        assert_eq!(clock.at(11_000).unix_ms(), 70_000);
+        assert_eq!(clock.real(60.0), Duration::from_secs(1));
+    }
+}

@@ -1,0 +1,105 @@
+//! Texts and models from disk, and logging.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+use energy::{DocumentError, Model};
+use serde::{Deserialize, Serialize};
+
+/// Longest configuration, scenario or model that is read, bytes.
+const TEXT_BYTES_MAX: u64 = 16 * 1024 * 1024;
+
+/// Reads a text file; the error names it.
+///
+/// # Errors
+/// When it is missing, not a file, too long, or not UTF-8.
+pub fn read_text(path: &Path) -> anyhow::Result<String> {
+    let length = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    anyhow::ensure!(length <= TEXT_BYTES_MAX, "{}: {length} bytes; at most {TEXT_BYTES_MAX} are read", path.display());
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// Loads a model by built-in name, or by path relative to `beside` (the file that names it).
+///
+/// # Errors
+/// Says what is wrong with the model and where.
+pub fn model(name: &str, beside: Option<&Path>) -> Result<Arc<Model>, DocumentError> {
+    let resolved = match beside.and_then(Path::parent) {
+        Some(folder) if energy::built_in(name).is_none() => folder.join(name).to_string_lossy().into_owned(),
+        _ => name.to_owned(),
+    };
+    energy::load_model(&resolved, &|path| read_text(path).map_err(|error| format!("{error:#}"))).map(Arc::new)
+}
+
+/// A model named in a configuration: a name or path, or the same with effects left out.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum ModelRef {
+    /// A built-in name or a path beside the configuration.
+    Name(String),
+    /// The same, without some of its effects.
+    Reduced(ReducedModel),
+}
+
+/// A model without some of its effects.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReducedModel {
+    /// A built-in name or a path beside the configuration.
+    pub model: String,
+    /// Effects to leave out: `"hotel"`, or `"*"` for all.
+    pub without: Vec<String>,
+}
+
+impl ModelRef {
+    /// The name or path.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match self {
+            ModelRef::Name(name) => name,
+            ModelRef::Reduced(reduced) => &reduced.model,
+        }
+    }
+
+    /// Loads the model; paths are relative to `beside`.
+    ///
+    /// # Errors
+    /// Says what is wrong with the model, or which effect to leave out it does not have.
+    pub fn load(&self, beside: Option<&Path>) -> Result<Arc<Model>, DocumentError> {
+        let whole = model(self.name(), beside)?;
+        let ModelRef::Reduced(ReducedModel { without, .. }) = self else { return Ok(whole) };
+        let ids: Vec<&str> = whole.effects().map(|effect| effect.spec().id).collect();
+        if let Some(unknown) = without.iter().find(|name| *name != "*" && !ids.contains(&name.as_str())) {
+            let message = format!("without: the model has no effect `{unknown}`; it has {}", ids.join(", "));
+            return Err(DocumentError { file: self.name().to_owned(), place: None, message });
+        }
+        Ok(Arc::new(whole.without(|id| without.iter().any(|name| name == "*" || name == id))))
+    }
+}
+
+/// Writes a text so that a reader sees the old file or the new one, never half of it.
+///
+/// # Errors
+/// When the folder cannot be written to; the old file is then as it was.
+pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+    let write = || -> std::io::Result<()> {
+        let name = path.file_name().ok_or_else(|| std::io::Error::other("not a file name"))?;
+        let draft = path.with_file_name(format!(".{}.{}", name.to_string_lossy(), std::process::id()));
+        let written = std::fs::write(&draft, text)
+            .and_then(|()| std::fs::File::open(&draft)?.sync_all())
+            .and_then(|()| std::fs::rename(&draft, path));
+        if written.is_err() {
+            let _ = std::fs::remove_file(&draft);
+        }
+        written
+    };
+    write().with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Sends logs to stderr; `RUST_LOG` chooses how much, warnings of libraries by default.
+pub fn log_to_stderr(own: &str) {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("warn,{own}=info")));
+    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).try_init();
+}

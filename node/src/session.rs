@@ -1,0 +1,145 @@
+//! A Zenoh session from a `[network]` table.
+
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use proto::{CodecError, Key, Message, SiteId, decode, encode};
+use serde::{Deserialize, Serialize};
+use tracing::warn;
+use zenoh::qos::CongestionControl;
+
+/// `[network]` in a configuration.
+///
+/// By default the coordinator listens on loopback and agents connect to it, so no router process
+/// is needed. To use a router, set `connect` to its address in every configuration and leave
+/// `listen` empty.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkConfig {
+    /// Addresses to connect to, such as `tcp/127.0.0.1:7447`.
+    #[serde(default)]
+    pub connect: Vec<String>,
+    /// Addresses to listen on; empty for none.
+    #[serde(default)]
+    pub listen: Vec<String>,
+    /// Seconds without a sign of life after which others take this process for dead.
+    #[serde(default = "NetworkConfig::default_lease_s")]
+    pub lease_s: f64,
+}
+
+impl NetworkConfig {
+    /// Where coordinator and agents meet when nothing is said: the port of a Zenoh router.
+    pub const DEFAULT_ENDPOINT: &'static str = "tcp/127.0.0.1:7447";
+
+    fn default_lease_s() -> f64 {
+        10.0
+    }
+
+    /// Connects to the default endpoint.
+    #[must_use]
+    pub fn agent() -> Self {
+        Self { connect: vec![Self::DEFAULT_ENDPOINT.to_owned()], listen: Vec::new(), lease_s: Self::default_lease_s() }
+    }
+
+    /// Listens on the default endpoint.
+    #[must_use]
+    pub fn coordinator() -> Self {
+        Self { connect: Vec::new(), listen: vec![Self::DEFAULT_ENDPOINT.to_owned()], lease_s: Self::default_lease_s() }
+    }
+
+    fn zenoh_config(&self) -> anyhow::Result<zenoh::Config> {
+        // Who listens carries traffic between the others, as a router does.
+        let mode = if self.listen.is_empty() { "client" } else { "router" };
+        let mut config = zenoh::Config::default();
+        let mut set = |key: &str, value: serde_json::Value| {
+            config.insert_json5(key, &value.to_string()).map_err(|error| anyhow!("[network] {key} = {value}: {error}"))
+        };
+        set("mode", mode.into())?;
+        set("listen/endpoints", self.listen.clone().into())?;
+        set("connect/endpoints", self.connect.clone().into())?;
+        set("scouting/multicast/enabled", false.into())?;
+        set("scouting/gossip/enabled", false.into())?;
+        set("transport/link/tx/lease", ((self.lease_s * 1000.0) as u64).into())?;
+        Ok(config)
+    }
+}
+
+/// A session and the site whose keys it uses.
+#[derive(Clone)]
+pub struct Link {
+    /// The Zenoh session.
+    pub session: zenoh::Session,
+    /// The site.
+    pub site: SiteId,
+}
+
+impl Link {
+    /// Opens a session; a client waits until the other side is there.
+    ///
+    /// # Errors
+    /// When an address cannot be listened on or the configuration is refused.
+    pub async fn open(network: &NetworkConfig, site: SiteId) -> anyhow::Result<Self> {
+        let patient = network.listen.is_empty();
+        let mut waited = false;
+        loop {
+            match zenoh::open(network.zenoh_config()?).await {
+                Ok(session) => return Ok(Self { session, site }),
+                Err(error) if patient => {
+                    if !waited {
+                        warn!("waiting for {}: {error}", network.connect.join(", "));
+                        waited = true;
+                    }
+                    tokio::time::sleep(Duration::from_millis(200)).await;
+                }
+                Err(error) => {
+                    return Err(anyhow!("{error}")).with_context(|| format!("cannot listen on {}", network.listen.join(", ")));
+                }
+            }
+        }
+    }
+
+    /// Opens a session, giving up at once when nobody is there.
+    ///
+    /// # Errors
+    /// When no connection can be made.
+    pub async fn try_open(network: &NetworkConfig, site: SiteId) -> anyhow::Result<Self> {
+        let session = zenoh::open(network.zenoh_config()?).await.map_err(|error| anyhow!("{error}"))?;
+        Ok(Self { session, site })
+    }
+
+    /// Publishes telemetry; under congestion the oldest is dropped.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub async fn publish<M: Message>(&self, key: &Key, message: &M) -> anyhow::Result<()> {
+        let put = self.session.put(key.build(&self.site), encode(message));
+        put.congestion_control(CongestionControl::Drop).await.map_err(|error| anyhow!("{error}"))
+    }
+
+    /// Asks once and returns the first valid answer, if any comes in time.
+    pub async fn ask<Q: Message, A: Message>(&self, key: &Key, question: Option<&Q>, timeout: Duration) -> Option<A> {
+        let mut get = self.session.get(key.build(&self.site)).timeout(timeout);
+        if let Some(question) = question {
+            get = get.payload(encode(question));
+        }
+        let replies = get.await.ok()?;
+        while let Ok(reply) = replies.recv_async().await {
+            match reply.result() {
+                Ok(sample) => match decode(&sample.payload().to_bytes()) {
+                    Ok(answer) => return Some(answer),
+                    Err(error) => warn!("an answer on {} was refused: {error}", sample.key_expr()),
+                },
+                Err(error) => warn!("{}", error.payload().try_to_string().unwrap_or_default()),
+            }
+        }
+        None
+    }
+}
+
+/// Decodes what came with a sample or query.
+///
+/// # Errors
+/// [`CodecError`] says what is wrong with it.
+pub fn decoded<M: Message>(payload: &zenoh::bytes::ZBytes) -> Result<M, CodecError> {
+    decode(&payload.to_bytes())
+}

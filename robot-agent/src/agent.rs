@@ -1,0 +1,272 @@
+//! The robot's side of a service, without clock, network or hardware.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use energy::gauge::Gauge as _;
+use energy::gauge::{CoulombCounter, Reading, Sample};
+use node::{Ledger, wire};
+use proto::{
+    BayId, CommandReply, Estimate, Gauge, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState, StationId,
+    Timestamp, Travel,
+};
+
+use crate::source::{Act, Observation, Place};
+
+/// What does not change about a robot while its agent runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// Name of the gauge's battery model, for the coordinator to look up its own.
+    pub battery: String,
+    /// Cells in series, for readers of the gauge.
+    pub cells_series: u32,
+    /// Charge current below which the pack counts as full, A.
+    pub charge_cutoff_a: f64,
+    /// Power drawn while working, W.
+    pub drain_w: Estimate,
+    /// The way to each station in reach.
+    pub travel: BTreeMap<StationId, Travel>,
+    /// What the work is worth.
+    pub mission: Mission,
+    /// Seconds between two gauge messages.
+    pub gauge_period_s: f64,
+    /// Seconds between two state messages when nothing changes.
+    pub state_period_s: f64,
+    /// Where samples come from, for people.
+    pub source: String,
+}
+
+/// What reaches the agent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// The source moved on.
+    Observed(Observation),
+    /// The coordinator asks for something.
+    Command(RobotCommand),
+}
+
+/// What the agent wants done.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Output {
+    /// Publish the gauge.
+    Gauge(Gauge),
+    /// Publish the state.
+    State(RobotState),
+    /// Answer a command.
+    Reply(CommandReply),
+    /// Make the robot do something.
+    Act(Act),
+}
+
+/// The robot's side of a service.
+///
+/// Call [`Agent::handle`] with each input, then [`Agent::poll`] until it returns nothing.
+pub struct Agent {
+    profile: Profile,
+    gauge: CoulombCounter,
+    ledger: Ledger,
+    phase: RobotPhase,
+    station: Option<StationId>,
+    bay: Option<BayId>,
+    target_soc: Option<f64>,
+    last: Option<Sample>,
+    last_command: Option<proto::CommandId>,
+    note: Option<String>,
+    gauge_due: Option<Timestamp>,
+    state_due: Option<Timestamp>,
+    told: Option<(RobotPhase, Option<BayId>)>,
+    gauge_seq: u64,
+    state_seq: u64,
+    outputs: VecDeque<Output>,
+}
+
+impl Agent {
+    /// An agent at work.
+    #[must_use]
+    pub fn new(profile: Profile, gauge: CoulombCounter) -> Self {
+        Self {
+            profile,
+            gauge,
+            ledger: Ledger::default(),
+            phase: RobotPhase::Working,
+            station: None,
+            bay: None,
+            target_soc: None,
+            last: None,
+            last_command: None,
+            note: None,
+            gauge_due: None,
+            state_due: None,
+            told: None,
+            gauge_seq: 0,
+            state_seq: 0,
+            outputs: VecDeque::new(),
+        }
+    }
+
+    /// Takes in one input.
+    pub fn handle(&mut self, now: Timestamp, input: Input) {
+        match input {
+            Input::Observed(observation) => self.observed(&observation),
+            Input::Command(command) => {
+                let mut ledger = std::mem::take(&mut self.ledger);
+                let reply = ledger.answer(now, &command, |action| self.act(action));
+                self.ledger = ledger;
+                if reply.outcome == Outcome::Accepted {
+                    self.last_command = Some(command.id);
+                }
+                self.outputs.push_back(Output::Reply(reply));
+            }
+        }
+        self.tell(now);
+    }
+
+    /// The next thing to be done, until there is none.
+    pub fn poll(&mut self) -> Option<Output> {
+        self.outputs.pop_front()
+    }
+
+    fn act(&mut self, action: &RobotAction) -> Outcome {
+        use RobotPhase::{Charged, Charging, Docked, Stranded, Travelling, Waiting, Working};
+        match (action, self.phase) {
+            (_, Stranded) => refused(Rejection::NotPossible, "the robot is stranded"),
+            (RobotAction::Dock { station, bay }, Working | Travelling | Waiting) => {
+                if !self.profile.travel.contains_key(station) {
+                    return refused(Rejection::UnknownTarget, format!("no way to station {station} is known"));
+                }
+                let there = self.phase != Working && self.station.as_ref() == Some(station);
+                (self.station, self.bay) = (Some(station.clone()), bay.clone());
+                if !there {
+                    self.phase = Travelling;
+                    self.outputs.push_back(Output::Act(Act::TravelTo { station: station.clone() }));
+                }
+                Outcome::Accepted
+            }
+            (RobotAction::ChargeTo { soc }, Docked | Charging | Charged) => {
+                self.target_soc = Some(*soc);
+                self.phase = Charging;
+                self.outputs.push_back(Output::Act(Act::Charge));
+                Outcome::Accepted
+            }
+            (RobotAction::SwapPack { station, .. }, Waiting) if self.station.as_ref() == Some(station) => {
+                self.phase = RobotPhase::Swapping;
+                Outcome::Accepted
+            }
+            // The charger stops before the lift moves, so that no contact opens under current.
+            (RobotAction::Undock, Docked | Charging | Charged) => {
+                self.stop_charging();
+                Outcome::Accepted
+            }
+            (RobotAction::Undock, Travelling | Waiting) => {
+                self.resume();
+                Outcome::Accepted
+            }
+            (action, phase) => refused(Rejection::Busy, format!("{action:?} does not go with phase {phase}")),
+        }
+    }
+
+    fn stop_charging(&mut self) {
+        self.target_soc = None;
+        self.phase = RobotPhase::Charged;
+        self.outputs.push_back(Output::Act(Act::StopCharging));
+    }
+
+    fn resume(&mut self) {
+        (self.phase, self.station, self.bay, self.target_soc) = (RobotPhase::Working, None, None, None);
+        self.outputs.push_back(Output::Act(Act::Resume));
+    }
+
+    fn observed(&mut self, observation: &Observation) {
+        use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
+        if let Some(sample) = observation.sample {
+            self.gauge.update(&sample);
+            self.last = Some(sample);
+        }
+        if let Some(soc) = observation.exchanged {
+            self.gauge.exchange(soc);
+            if self.phase == Swapping {
+                self.resume();
+            }
+        }
+        self.note = (observation.place == Place::InBay && !observation.powered).then(|| "the bay has no power".to_owned());
+        match (self.phase, observation.place) {
+            (Working | Travelling | Waiting, place) if observation.depleted && place != Place::InBay => self.phase = Stranded,
+            (Travelling, Place::AtStation) => self.phase = Waiting,
+            (Travelling | Waiting, Place::InBay) => self.phase = Docked,
+            (Docked | Charging | Charged, Place::AtStation) => self.resume(),
+            (Charging, Place::InBay) if observation.powered => {
+                let target = self.target_soc.unwrap_or(1.0);
+                let tapered = observation.sample.is_some_and(|s| s.current_a <= 0.0 && -s.current_a < self.profile.charge_cutoff_a);
+                if self.gauge.soc().value >= target || (tapered && self.gauge.soc().value > 0.5) {
+                    self.stop_charging();
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Publishes what is due: the gauge by its period, the state by its period and on change.
+    fn tell(&mut self, now: Timestamp) {
+        if let Some(sample) = self.last
+            && self.gauge_due.is_none_or(|due| now >= due)
+        {
+            self.gauge_due = Some(next(self.gauge_due, now, self.profile.gauge_period_s));
+            let reading = self.gauge.reading();
+            let message = self.gauge_message(now, &sample, &reading);
+            self.outputs.push_back(Output::Gauge(message));
+        }
+        let telling = (self.phase, self.bay.clone());
+        if self.told.as_ref() != Some(&telling) || self.state_due.is_none_or(|due| now >= due) {
+            self.told = Some(telling);
+            self.state_due = Some(next(self.state_due, now, self.profile.state_period_s));
+            let message = self.state_message(now);
+            self.outputs.push_back(Output::State(message));
+        }
+    }
+
+    fn gauge_message(&mut self, now: Timestamp, sample: &Sample, reading: &Reading) -> Gauge {
+        self.gauge_seq += 1;
+        Gauge {
+            at: now,
+            seq: self.gauge_seq,
+            soc: wire(reading.soc),
+            remaining_wh: wire(reading.remaining_wh),
+            full_wh: wire(reading.full_wh),
+            time_to_empty_s: reading.time_to_empty_s.map(wire),
+            time_to_full_s: reading.time_to_full_s.map(wire),
+            soh: wire(reading.soh),
+            voltage_v: sample.voltage_v,
+            current_a: sample.current_a,
+            temperature_degc: sample.temperature_degc,
+            power_w: reading.power_w,
+            cells_series: self.profile.cells_series,
+            source: self.profile.source.clone(),
+        }
+    }
+
+    fn state_message(&mut self, now: Timestamp) -> RobotState {
+        self.state_seq += 1;
+        RobotState {
+            at: now,
+            seq: self.state_seq,
+            phase: self.phase,
+            station: self.station.clone(),
+            bay: self.bay.clone(),
+            drain_w: self.profile.drain_w,
+            travel: self.profile.travel.clone(),
+            mission: self.profile.mission,
+            battery: self.profile.battery.clone(),
+            last_command: self.last_command.clone(),
+            note: self.note.clone(),
+        }
+    }
+}
+
+fn refused(reason: Rejection, detail: impl Into<String>) -> Outcome {
+    Outcome::Rejected { reason, detail: detail.into() }
+}
+
+/// The next due time on the period's grid, or from now when that has been missed.
+fn next(due: Option<Timestamp>, now: Timestamp, period_s: f64) -> Timestamp {
+    let planned = due.unwrap_or(now).plus_s(period_s);
+    if planned > now { planned } else { now.plus_s(period_s) }
+}

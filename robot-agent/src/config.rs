@@ -1,0 +1,221 @@
+//! The robot agent's configuration file.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, ensure};
+use energy::gauge::CoulombCounter;
+use energy::{Channel, Model, forecast};
+use node::files::{ModelRef, read_text};
+use node::{ClockConfig, NetworkConfig, wire};
+use proto::{RobotId, SiteId, StationId, Travel};
+use serde::{Deserialize, Serialize};
+
+use crate::agent::{Agent, Profile};
+use crate::source::{Replay, RobotBody, Source, World};
+
+/// Everything a robot agent is told.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Version of this file's format.
+    pub schema: u32,
+    /// The robot.
+    pub id: RobotId,
+    /// The site it belongs to.
+    pub site: SiteId,
+    /// The gauge's battery model.
+    pub battery: ModelRef,
+    /// The model of its loads; without it, the drain is measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load: Option<ModelRef>,
+    /// Its work.
+    #[serde(default)]
+    pub mission: Mission,
+    /// Seconds of travel to each station in reach.
+    #[serde(default)]
+    pub travel_s: BTreeMap<StationId, f64>,
+    /// How often it speaks.
+    #[serde(default)]
+    pub publish: Publish,
+    /// Where samples come from.
+    pub source: SourceConfig,
+    /// Where the others are.
+    #[serde(default = "NetworkConfig::agent")]
+    pub network: NetworkConfig,
+    /// Faster time, for demonstrations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<ClockConfig>,
+}
+
+/// `[mission]`: what the robot does when it is not being serviced.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Mission {
+    /// Worth of one second of its work; 1 is usual.
+    pub weight: f64,
+    /// Inputs of the load model while it works, such as `speed_mps`.
+    pub inputs: BTreeMap<String, f64>,
+}
+
+impl Default for Mission {
+    fn default() -> Self {
+        Self { weight: 1.0, inputs: BTreeMap::new() }
+    }
+}
+
+/// `[publish]`: seconds between messages.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Publish {
+    /// Between two gauge messages.
+    pub gauge_period_s: f64,
+    /// Between two state messages while nothing changes.
+    pub state_period_s: f64,
+}
+
+impl Default for Publish {
+    fn default() -> Self {
+        Self { gauge_period_s: 1.0, state_period_s: 10.0 }
+    }
+}
+
+/// `[source]`: where samples come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum SourceConfig {
+    /// A simulated body; what is true of it may differ from what the gauge believes.
+    Sim {
+        /// The true battery.
+        battery: ModelRef,
+        /// The true loads.
+        load: ModelRef,
+        /// True state of charge at the start.
+        soc: f64,
+        /// Temperature of the surroundings, °C.
+        temperature_degc: f64,
+        /// Chooses the gauge IC's specimen and noise.
+        seed: u64,
+    },
+    /// A measured log.
+    Replay {
+        /// The log.
+        file: PathBuf,
+    },
+}
+
+/// The only version of the file so far.
+pub const SCHEMA: u32 = 1;
+
+impl Config {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// Names file, line, key and the allowed range.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let (name, text) = (path.display().to_string(), read_text(path)?);
+        let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        config.check().with_context(|| name)?;
+        Ok(config)
+    }
+
+    /// Checks what types cannot.
+    ///
+    /// # Errors
+    /// Names the key and the allowed range.
+    pub fn check(&self) -> anyhow::Result<()> {
+        ensure!(self.schema == SCHEMA, "schema = {}: this program reads schema = {SCHEMA}", self.schema);
+        let positive = |key: &str, value: f64| {
+            ensure!(value.is_finite() && value > 0.0, "{key} = {value}: must be a positive number");
+            Ok(())
+        };
+        positive("publish.gauge_period_s", self.publish.gauge_period_s)?;
+        positive("publish.state_period_s", self.publish.state_period_s)?;
+        ensure!(self.mission.weight.is_finite() && self.mission.weight >= 0.0, "mission.weight = {}: must be >= 0", self.mission.weight);
+        for (station, time_s) in &self.travel_s {
+            ensure!(time_s.is_finite() && *time_s >= 0.0, "travel_s.{station} = {time_s}: must be >= 0");
+        }
+        if let SourceConfig::Sim { soc, .. } = self.source {
+            ensure!((0.0..=1.0).contains(&soc), "source.soc = {soc}: must be between 0 and 1");
+        }
+        self.inputs().map(|_| ())
+    }
+
+    fn inputs(&self) -> anyhow::Result<Vec<(Channel, f64)>> {
+        self.mission
+            .inputs
+            .iter()
+            .map(|(name, &value)| {
+                let hint = || energy::document::hint(name, Channel::ALL.iter().map(|c| c.name()));
+                let channel = Channel::from_name(name).with_context(|| format!("mission.inputs.{name}: unknown channel{}", hint()))?;
+                ensure!(value.is_finite(), "mission.inputs.{name} = {value}: must be finite");
+                Ok((channel, value))
+            })
+            .collect()
+    }
+
+    /// Makes agent and source. Models are looked up beside `path`.
+    ///
+    /// # Errors
+    /// When a model or log cannot be read.
+    pub fn build(&self, path: Option<&Path>) -> anyhow::Result<(Agent, Box<dyn Source>)> {
+        match &self.source {
+            SourceConfig::Sim { .. } => {
+                let (agent, body) = self.build_simulated(path)?;
+                Ok((agent, Box::new(body)))
+            }
+            SourceConfig::Replay { file } => {
+                let battery = self.battery.load(path)?;
+                let file = path.and_then(Path::parent).map_or_else(|| file.clone(), |folder| folder.join(file));
+                let replay = Replay::read(&file)?;
+                let gauge = CoulombCounter::at_rest(Arc::clone(&battery), replay.rest_voltage_v(), replay.temperature_degc());
+                let drain_w = energy::Estimate::new(replay.mean_power_w(), 0.1 * replay.mean_power_w().abs());
+                Ok((Agent::new(self.profile(&battery, drain_w, "replay"), gauge), Box::new(replay)))
+            }
+        }
+    }
+
+    /// Makes agent and simulated body.
+    ///
+    /// # Errors
+    /// When a model cannot be read or the source is not a simulated one.
+    pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, RobotBody)> {
+        let SourceConfig::Sim { battery: true_battery, load: true_load, soc, temperature_degc, seed } = &self.source else {
+            anyhow::bail!("robot {} has no simulated body", self.id)
+        };
+        let battery = self.battery.load(path)?;
+        let inputs = self.inputs()?;
+        let mut body = RobotBody::new(World {
+            battery: true_battery.load(path)?,
+            load: true_load.load(path)?,
+            working: inputs.clone(),
+            travel_s: self.travel_s.clone(),
+            soc: *soc,
+            temperature_degc: *temperature_degc,
+            seed: *seed,
+        });
+        let load = self.load.as_ref().unwrap_or(true_load).load(path)?;
+        let drain_w = forecast::power_w(&load, &inputs);
+        let gauge = CoulombCounter::new(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
+        Ok((Agent::new(self.profile(&battery, drain_w, "sim"), gauge), body))
+    }
+
+    fn profile(&self, battery: &Model, drain_w: energy::Estimate, source: &str) -> Profile {
+        let travel = self.travel_s.iter().map(|(station, &time_s)| {
+            let energy_wh = wire(drain_w).scaled(time_s / energy::units::S_PER_H);
+            (station.clone(), Travel { time_s, energy_wh })
+        });
+        Profile {
+            battery: battery.name.clone(),
+            cells_series: battery.battery().series,
+            charge_cutoff_a: battery.battery().charge.cutoff_a,
+            drain_w: wire(drain_w),
+            travel: travel.collect(),
+            mission: proto::Mission { weight: self.mission.weight, until: None },
+            gauge_period_s: self.publish.gauge_period_s,
+            state_period_s: self.publish.state_period_s,
+            source: source.to_owned(),
+        }
+    }
+}

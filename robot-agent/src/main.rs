@@ -1,0 +1,146 @@
+//! `robot-agent`: the command line.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use clap::{Parser, Subcommand, ValueEnum};
+use node::files::{ModelRef, log_to_stderr};
+use node::{ClockConfig, NetworkConfig};
+use proto::{RobotId, SiteId};
+use robot_agent::{Config, SourceConfig};
+
+/// Tender's agent beside a robot: publishes its fuel gauge and state over Zenoh and carries out
+/// the coordinator's commands.
+#[derive(Parser)]
+#[command(version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Runs the agent until the source ends or Ctrl-C.
+    Run(RunArgs),
+}
+
+#[derive(clap::Args)]
+struct RunArgs {
+    /// Configuration file; flags override it.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// The robot's id.
+    #[arg(long)]
+    id: Option<RobotId>,
+    /// The site.
+    #[arg(long)]
+    site: Option<SiteId>,
+    /// Battery model of the gauge: a built-in name or a file.
+    #[arg(long, value_name = "MODEL")]
+    battery: Option<String>,
+    /// Where samples come from.
+    #[arg(long, value_enum)]
+    source: Option<SourceKind>,
+    /// The log to replay.
+    #[arg(value_name = "FILE")]
+    file: Option<PathBuf>,
+    /// Address of the coordinator or router, such as tcp/127.0.0.1:7447.
+    #[arg(long, value_name = "ADDRESS")]
+    connect: Vec<String>,
+    /// Seconds of fleet time per real second, for demonstrations and replays.
+    #[arg(long, value_name = "FACTOR")]
+    speed: Option<f64>,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum SourceKind {
+    /// The simulated body that the configuration file describes.
+    Sim,
+    /// A measured log: time_s, current_a, voltage_v, temperature_degc.
+    Replay,
+}
+
+fn main() -> ExitCode {
+    let Command::Run(args) = Cli::parse().command;
+    log_to_stderr("robot_agent");
+    let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
+        Ok(runtime) => runtime,
+        Err(error) => {
+            eprintln!("robot-agent: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    match runtime.block_on(run(args)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("robot-agent: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+async fn run(args: RunArgs) -> anyhow::Result<()> {
+    let (config, path) = configured(args)?;
+    let (agent, source) = config.build(path.as_deref())?;
+    robot_agent::run(&config, agent, source).await
+}
+
+/// The configuration file with the flags laid over it; or the flags alone, for a replay.
+fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
+    let mut config = match &args.config {
+        Some(path) => Config::read(path)?,
+        None => {
+            let id = args.id.clone().context("--id is needed when there is no --config")?;
+            let file = match (args.source, &args.file) {
+                (Some(SourceKind::Replay), Some(file)) => file.clone(),
+                (Some(SourceKind::Replay), None) => bail!("--source replay needs the log: robot-agent run --source replay FILE"),
+                _ => bail!("a simulated robot is described by a file: robot-agent run --config FILE"),
+            };
+            let battery = args.battery.clone().context("--battery is needed when there is no --config: the gauge needs a model")?;
+            Config {
+                schema: 1,
+                id,
+                site: args.site.clone().unwrap_or_else(default_site),
+                battery: ModelRef::Name(battery),
+                load: None,
+                mission: robot_agent::Mission::default(),
+                travel_s: Default::default(),
+                publish: robot_agent::Publish::default(),
+                source: SourceConfig::Replay { file },
+                network: NetworkConfig::agent(),
+                clock: None,
+            }
+        }
+    };
+    if let Some(id) = args.id {
+        config.id = id;
+    }
+    if let Some(site) = args.site {
+        config.site = site;
+    }
+    if args.config.is_some() {
+        match (args.source, args.file) {
+            (Some(SourceKind::Replay), Some(file)) => config.source = SourceConfig::Replay { file: std::path::absolute(file)? },
+            (Some(SourceKind::Replay), None) => bail!("--source replay needs the log: robot-agent run --source replay FILE"),
+            (None, Some(file)) => bail!("{}: a log goes with --source replay", file.display()),
+            _ => {}
+        }
+        if let Some(battery) = args.battery {
+            config.battery = ModelRef::Name(battery);
+        }
+    }
+    if !args.connect.is_empty() {
+        config.network.connect = args.connect;
+    }
+    if let Some(speed) = args.speed {
+        anyhow::ensure!(speed.is_finite() && speed > 0.0, "--speed {speed}: must be a positive number");
+        config.clock = Some(ClockConfig { speed, origin_unix_ms: node::clock::unix_ms() });
+    }
+    config.check()?;
+    Ok((config, args.config))
+}
+
+fn default_site() -> SiteId {
+    SiteId::new("site").expect("a valid id")
+}

@@ -1,0 +1,73 @@
+//! Where a robot's samples come from and its actions go to. Adding a source is one file here and
+//! one line in [`open`].
+
+mod replay;
+mod simulated;
+
+pub use replay::Replay;
+pub use simulated::{RobotBody, World};
+
+use energy::Estimate;
+use energy::gauge::Sample;
+use proto::{SimDraw, SimSupply, StationId};
+
+/// Where the robot is, as far as its source can tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// At work.
+    Mission,
+    /// Between work and a station.
+    Underway,
+    /// At a station, outside its bays.
+    AtStation,
+    /// In a bay.
+    InBay,
+}
+
+/// What the source knows after it moved on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation {
+    /// What the pack's sensors showed since the last observation; none when there was no reading.
+    pub sample: Option<Sample>,
+    /// Where the robot is.
+    pub place: Place,
+    /// Whether a bay feeds the robot.
+    pub powered: bool,
+    /// A pack was put in; its state of charge as written on it.
+    pub exchanged: Option<Estimate>,
+    /// The pack's protection has opened: nothing more can be drawn.
+    pub depleted: bool,
+}
+
+/// What an agent makes the robot do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Act {
+    /// Leave the work and go to a station.
+    TravelTo {
+        /// Which.
+        station: StationId,
+    },
+    /// Switch the charger on.
+    Charge,
+    /// Switch the charger off.
+    StopCharging,
+    /// Go back to work.
+    Resume,
+}
+
+/// A source of observations.
+pub trait Source: Send {
+    /// Does what the agent asked for.
+    fn act(&mut self, act: &Act);
+
+    /// Moves on by `dt_s` seconds; nothing when the source has ended.
+    fn advance(&mut self, dt_s: f64) -> Option<Observation>;
+
+    /// What a simulated bay gives. Real sources feel their bay and need not be told.
+    fn supply(&mut self, _supply: &SimSupply) {}
+
+    /// What a simulated body takes from its bay.
+    fn draw(&self) -> Option<SimDraw> {
+        None
+    }
+}
