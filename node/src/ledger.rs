@@ -22,11 +22,10 @@ impl Ledger {
         if let Some(known) = self.answers.get(&command.id) {
             return known.clone();
         }
-        let refuse = |reason, detail| Outcome::Rejected { reason, detail };
         let outcome = if command.epoch < self.epoch {
-            refuse(Rejection::StaleEpoch, format!("epoch {} is over; the coordinator is at {}", command.epoch, self.epoch))
+            refused(Rejection::StaleEpoch, format!("epoch {} is over; the coordinator is at {}", command.epoch, self.epoch))
         } else if now > command.deadline {
-            refuse(Rejection::Expired, format!("the deadline was {}, it is {now}", command.deadline))
+            refused(Rejection::Expired, format!("the deadline was {}, it is {now}", command.deadline))
         } else {
             self.epoch = command.epoch;
             act(&command.action)
@@ -41,6 +40,11 @@ impl Ledger {
         }
         reply
     }
+}
+
+/// A refusal with its reason.
+pub fn refused(reason: Rejection, detail: impl Into<String>) -> Outcome {
+    Outcome::Rejected { reason, detail: detail.into() }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //! ```text
 //!   pure    ledger.rs   which commands were answered, and how
 //!           body.rs     a simulated pack behind a simulated gauge IC
+//!           publish.rs  how often an agent speaks
 //!           wire.rs     estimates on the wire
 //!   shell   clock.rs    real or accelerated time
 //!           session.rs  a Zenoh session from a [network] table; publish, serve, watch
@@ -15,10 +16,12 @@ pub mod body;
 pub mod clock;
 pub mod files;
 pub mod ledger;
+mod publish;
 pub mod session;
 mod wire;
 
 pub use clock::{Clock, ClockConfig};
-pub use ledger::Ledger;
+pub use ledger::{Ledger, refused};
+pub use publish::{Due, Publish};
 pub use session::{Link, NetworkConfig};
 pub use wire::wire;

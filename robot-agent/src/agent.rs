@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::Gauge as _;
 use energy::gauge::{CoulombCounter, Reading, Sample};
-use node::{Ledger, wire};
+use node::{Due, Ledger, Publish, refused, wire};
 use proto::{
     BayId, CommandReply, Estimate, Gauge, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState, StationId,
     Timestamp, Travel,
@@ -27,10 +27,8 @@ pub struct Profile {
     pub travel: BTreeMap<StationId, Travel>,
     /// What the work is worth.
     pub mission: Mission,
-    /// Seconds between two gauge messages.
-    pub gauge_period_s: f64,
-    /// Seconds between two state messages when nothing changes.
-    pub state_period_s: f64,
+    /// How often it speaks.
+    pub publish: Publish,
     /// Where samples come from, for people.
     pub source: String,
 }
@@ -71,8 +69,8 @@ pub struct Agent {
     last: Option<Sample>,
     last_command: Option<proto::CommandId>,
     note: Option<String>,
-    gauge_due: Option<Timestamp>,
-    state_due: Option<Timestamp>,
+    gauge_due: Due,
+    state_due: Due,
     told: Option<(RobotPhase, Option<BayId>)>,
     gauge_seq: u64,
     state_seq: u64,
@@ -94,8 +92,8 @@ impl Agent {
             last: None,
             last_command: None,
             note: None,
-            gauge_due: None,
-            state_due: None,
+            gauge_due: Due::default(),
+            state_due: Due::default(),
             told: None,
             gauge_seq: 0,
             state_seq: 0,
@@ -207,17 +205,17 @@ impl Agent {
     /// Publishes what is due: the gauge by its period, the state by its period and on change.
     fn tell(&mut self, now: Timestamp) {
         if let Some(sample) = self.last
-            && self.gauge_due.is_none_or(|due| now >= due)
+            && self.gauge_due.is(now)
         {
-            self.gauge_due = Some(next(self.gauge_due, now, self.profile.gauge_period_s));
+            self.gauge_due.done(now, self.profile.publish.gauge_period_s);
             let reading = self.gauge.reading();
             let message = self.gauge_message(now, &sample, &reading);
             self.outputs.push_back(Output::Gauge(message));
         }
         let telling = (self.phase, self.bay.clone());
-        if self.told.as_ref() != Some(&telling) || self.state_due.is_none_or(|due| now >= due) {
+        if self.told.as_ref() != Some(&telling) || self.state_due.is(now) {
             self.told = Some(telling);
-            self.state_due = Some(next(self.state_due, now, self.profile.state_period_s));
+            self.state_due.done(now, self.profile.publish.state_period_s);
             let message = self.state_message(now);
             self.outputs.push_back(Output::State(message));
         }
@@ -259,14 +257,4 @@ impl Agent {
             note: self.note.clone(),
         }
     }
-}
-
-fn refused(reason: Rejection, detail: impl Into<String>) -> Outcome {
-    Outcome::Rejected { reason, detail: detail.into() }
-}
-
-/// The next due time on the period's grid, or from now when that has been missed.
-fn next(due: Option<Timestamp>, now: Timestamp, period_s: f64) -> Timestamp {
-    let planned = due.unwrap_or(now).plus_s(period_s);
-    if planned > now { planned } else { now.plus_s(period_s) }
 }

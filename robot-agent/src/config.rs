@@ -8,7 +8,7 @@ use anyhow::{Context, ensure};
 use energy::gauge::CoulombCounter;
 use energy::{Channel, Model, forecast};
 use node::files::{ModelRef, read_text};
-use node::{ClockConfig, NetworkConfig, wire};
+use node::{ClockConfig, NetworkConfig, Publish, wire};
 use proto::{RobotId, SiteId, StationId, Travel};
 use serde::{Deserialize, Serialize};
 
@@ -65,22 +65,6 @@ impl Default for Mission {
     }
 }
 
-/// `[publish]`: seconds between messages.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Publish {
-    /// Between two gauge messages.
-    pub gauge_period_s: f64,
-    /// Between two state messages while nothing changes.
-    pub state_period_s: f64,
-}
-
-impl Default for Publish {
-    fn default() -> Self {
-        Self { gauge_period_s: 1.0, state_period_s: 10.0 }
-    }
-}
-
 /// `[source]`: where samples come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
@@ -126,12 +110,7 @@ impl Config {
     /// Names the key and the allowed range.
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!(self.schema == SCHEMA, "schema = {}: this program reads schema = {SCHEMA}", self.schema);
-        let positive = |key: &str, value: f64| {
-            ensure!(value.is_finite() && value > 0.0, "{key} = {value}: must be a positive number");
-            Ok(())
-        };
-        positive("publish.gauge_period_s", self.publish.gauge_period_s)?;
-        positive("publish.state_period_s", self.publish.state_period_s)?;
+        self.publish.check()?;
         ensure!(self.mission.weight.is_finite() && self.mission.weight >= 0.0, "mission.weight = {}: must be >= 0", self.mission.weight);
         for (station, time_s) in &self.travel_s {
             ensure!(time_s.is_finite() && *time_s >= 0.0, "travel_s.{station} = {time_s}: must be >= 0");
@@ -213,8 +192,7 @@ impl Config {
             drain_w: wire(drain_w),
             travel: travel.collect(),
             mission: proto::Mission { weight: self.mission.weight, until: None },
-            gauge_period_s: self.publish.gauge_period_s,
-            state_period_s: self.publish.state_period_s,
+            publish: self.publish,
             source: source.to_owned(),
         }
     }

@@ -18,5 +18,5 @@ mod service;
 pub mod source;
 
 pub use agent::{Agent, Input, Output, Profile};
-pub use config::{Config, Mission, Publish, SourceConfig};
+pub use config::{Config, Mission, SourceConfig};
 pub use service::run;

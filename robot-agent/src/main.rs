@@ -106,7 +106,7 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
                 load: None,
                 mission: robot_agent::Mission::default(),
                 travel_s: Default::default(),
-                publish: robot_agent::Publish::default(),
+                publish: node::Publish::default(),
                 source: SourceConfig::Replay { file },
                 network: NetworkConfig::agent(),
                 clock: None,

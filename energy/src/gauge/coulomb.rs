@@ -85,6 +85,12 @@ impl CoulombCounter {
         Self::new(model, soc, temperature_degc)
     }
 
+    /// The battery model that the gauge believes.
+    #[must_use]
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
     fn correct_at_rest(&mut self, sample: &Sample) {
         let facts = self.model.battery();
         if sample.current_a.abs() > REST_CURRENT_SHARE * facts.capacity_ah {

@@ -1,0 +1,287 @@
+//! The station's side of a service, without clock, network or hardware.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use energy::gauge::{CoulombCounter, Gauge as _, Sample};
+use node::{Due, Ledger, Publish, refused, wire};
+use proto::{
+    BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, SpareId, SpareState, StationAction,
+    StationCommand, StationState, Timestamp,
+};
+
+use crate::source::{Act, Lifted, Observation};
+
+/// What does not change about a station while its agent runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// Its bays.
+    pub bays: Vec<BayId>,
+    /// Its spares and their state of charge as written on them.
+    pub spares: BTreeMap<SpareId, proto::Estimate>,
+    /// How often it speaks.
+    pub publish: Publish,
+    /// Where samples come from, for people.
+    pub source: String,
+}
+
+/// What reaches the agent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// The source moved on.
+    Observed(Observation),
+    /// The coordinator asks for something.
+    Command(StationCommand),
+}
+
+/// What the agent wants done.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Output {
+    /// Publish a pack's gauge.
+    Gauge(PackId, Gauge),
+    /// Publish the state.
+    State(StationState),
+    /// Answer a command.
+    Reply(CommandReply),
+    /// Make the station do something.
+    Act(Act),
+}
+
+struct Bay {
+    id: BayId,
+    phase: BayPhase,
+    robot: Option<RobotId>,
+}
+
+struct Pack {
+    id: PackId,
+    gauge: CoulombCounter,
+    depleted: bool,
+    last: Option<Sample>,
+}
+
+/// The station's side of a service.
+///
+/// Call [`Agent::handle`] with each input, then [`Agent::poll`] until it returns nothing.
+pub struct Agent {
+    profile: Profile,
+    ledger: Ledger,
+    bays: Vec<Bay>,
+    packs: Vec<Pack>,
+    spares: Vec<SpareState>,
+    /// Lift movements to come; the first is under way when `lifting`.
+    lifts: VecDeque<Lifted>,
+    lifting: bool,
+    swapping: Option<RobotId>,
+    active_pack: Option<PackId>,
+    powered: bool,
+    pack_power_w: f64,
+    last_command: Option<proto::CommandId>,
+    gauge_due: Due,
+    state_due: Due,
+    told: Option<Vec<(BayPhase, Option<RobotId>)>>,
+    told_power: Option<(bool, Option<PackId>, Option<RobotId>)>,
+    gauge_seq: u64,
+    state_seq: u64,
+    outputs: VecDeque<Output>,
+}
+
+impl Agent {
+    /// An agent with one gauge per pack, in the selector's order.
+    #[must_use]
+    pub fn new(profile: Profile, packs: Vec<(PackId, CoulombCounter)>) -> Self {
+        let spare = |(spare, &soc): (&SpareId, &proto::Estimate)| SpareState { spare: spare.clone(), soc, ready: true };
+        Self {
+            bays: profile.bays.iter().map(|id| Bay { id: id.clone(), phase: BayPhase::Free, robot: None }).collect(),
+            spares: profile.spares.iter().map(spare).collect(),
+            active_pack: packs.first().map(|(id, _)| id.clone()),
+            packs: packs.into_iter().map(|(id, gauge)| Pack { id, gauge, depleted: false, last: None }).collect(),
+            profile,
+            ledger: Ledger::default(),
+            lifts: VecDeque::new(),
+            lifting: false,
+            swapping: None,
+            powered: true,
+            pack_power_w: 0.0,
+            last_command: None,
+            gauge_due: Due::default(),
+            state_due: Due::default(),
+            told: None,
+            told_power: None,
+            gauge_seq: 0,
+            state_seq: 0,
+            outputs: VecDeque::new(),
+        }
+    }
+
+    /// Takes in one input.
+    pub fn handle(&mut self, now: Timestamp, input: Input) {
+        match input {
+            Input::Observed(observation) => self.observed(observation),
+            Input::Command(command) => {
+                let mut ledger = std::mem::take(&mut self.ledger);
+                let reply = ledger.answer(now, &command, |action| self.act(action));
+                self.ledger = ledger;
+                if reply.outcome == Outcome::Accepted {
+                    self.last_command = Some(command.id);
+                }
+                self.outputs.push_back(Output::Reply(reply));
+            }
+        }
+        self.start_next_lift();
+        self.tell(now);
+    }
+
+    /// The next thing to be done, until there is none.
+    pub fn poll(&mut self) -> Option<Output> {
+        self.outputs.pop_front()
+    }
+
+    fn act(&mut self, action: &StationAction) -> Outcome {
+        if !self.powered {
+            return refused(Rejection::NotPossible, "the station has no power");
+        }
+        match action {
+            StationAction::Dock { robot, bay } => {
+                let Some(known) = self.bays.iter_mut().find(|known| known.id == *bay) else {
+                    return refused(Rejection::UnknownTarget, format!("there is no bay {bay}"));
+                };
+                if known.phase != BayPhase::Free {
+                    let by = known.robot.as_ref().map_or_else(|| "nobody".to_owned(), ToString::to_string);
+                    return refused(Rejection::Busy, format!("bay {bay} is {} by {by}", known.phase));
+                }
+                (known.phase, known.robot) = (BayPhase::Loading, Some(robot.clone()));
+                self.lifts.push_back(Lifted { robot: robot.clone(), bay: bay.clone(), into: true });
+                Outcome::Accepted
+            }
+            StationAction::Undock { robot, bay } => {
+                let Some(known) = self.bays.iter_mut().find(|known| known.id == *bay) else {
+                    return refused(Rejection::UnknownTarget, format!("there is no bay {bay}"));
+                };
+                if known.phase != BayPhase::Occupied || known.robot.as_ref() != Some(robot) {
+                    return refused(Rejection::NotPossible, format!("{robot} is not in bay {bay}"));
+                }
+                known.phase = BayPhase::Unloading;
+                self.lifts.push_back(Lifted { robot: robot.clone(), bay: bay.clone(), into: false });
+                Outcome::Accepted
+            }
+            StationAction::SwapPack { robot, spare } => {
+                if let Some(other) = &self.swapping {
+                    return refused(Rejection::Busy, format!("the pack of {other} is being exchanged"));
+                }
+                let Some(known) = self.spares.iter_mut().find(|known| known.spare == *spare) else {
+                    return refused(Rejection::UnknownTarget, format!("there is no spare {spare}"));
+                };
+                if !known.ready {
+                    return refused(Rejection::NotPossible, format!("spare {spare} is not ready"));
+                }
+                known.ready = false;
+                self.swapping = Some(robot.clone());
+                self.outputs.push_back(Output::Act(Act::Swap { robot: robot.clone(), spare: spare.clone() }));
+                Outcome::Accepted
+            }
+            StationAction::SelectPack { pack } => match self.packs.iter().find(|known| known.id == *pack) {
+                None => refused(Rejection::UnknownTarget, format!("there is no pack {pack}")),
+                Some(known) if known.depleted => refused(Rejection::NotPossible, format!("pack {pack} is depleted")),
+                Some(_) => {
+                    self.outputs.push_back(Output::Act(Act::Select { pack: pack.clone() }));
+                    Outcome::Accepted
+                }
+            },
+        }
+    }
+
+    fn start_next_lift(&mut self) {
+        if !self.lifting
+            && let Some(next) = self.lifts.front()
+        {
+            self.lifting = true;
+            self.outputs.push_back(Output::Act(Act::Lift(next.clone())));
+        }
+    }
+
+    fn observed(&mut self, observation: Observation) {
+        for reading in observation.packs {
+            if let Some(pack) = self.packs.iter_mut().find(|pack| pack.id == reading.pack) {
+                pack.gauge.update(&reading.sample);
+                pack.depleted = reading.depleted;
+                pack.last = Some(reading.sample);
+                if observation.active_pack.as_ref() == Some(&pack.id) {
+                    self.pack_power_w = reading.sample.current_a * reading.sample.voltage_v;
+                }
+            }
+        }
+        self.active_pack = observation.active_pack;
+        self.powered = observation.powered;
+        if let Some(done) = observation.lifted {
+            self.lifts.pop_front();
+            self.lifting = false;
+            if let Some(bay) = self.bays.iter_mut().find(|bay| bay.id == done.bay) {
+                (bay.phase, bay.robot) = if done.into { (BayPhase::Occupied, Some(done.robot)) } else { (BayPhase::Free, None) };
+            }
+        }
+        if let Some(swapped) = observation.swapped {
+            self.swapping = None;
+            if let Some(spare) = self.spares.iter_mut().find(|spare| spare.spare == swapped.spare) {
+                (spare.soc, spare.ready) = (wire(swapped.given_soc), false);
+            }
+        }
+    }
+
+    /// Publishes what is due: gauges by their period, the state by its period and on change.
+    fn tell(&mut self, now: Timestamp) {
+        if self.gauge_due.is(now) && self.packs.iter().all(|pack| pack.last.is_some()) {
+            self.gauge_due.done(now, self.profile.publish.gauge_period_s);
+            for pack in &mut self.packs {
+                let Some(sample) = pack.last else { continue };
+                let reading = pack.gauge.reading();
+                self.gauge_seq += 1;
+                let gauge = Gauge {
+                    at: now,
+                    seq: self.gauge_seq,
+                    soc: wire(reading.soc),
+                    remaining_wh: wire(reading.remaining_wh),
+                    full_wh: wire(reading.full_wh),
+                    time_to_empty_s: reading.time_to_empty_s.map(wire),
+                    time_to_full_s: reading.time_to_full_s.map(wire),
+                    soh: wire(reading.soh),
+                    voltage_v: sample.voltage_v,
+                    current_a: sample.current_a,
+                    temperature_degc: sample.temperature_degc,
+                    power_w: reading.power_w,
+                    cells_series: pack.gauge.model().battery().series,
+                    source: self.profile.source.clone(),
+                };
+                self.outputs.push_back(Output::Gauge(pack.id.clone(), gauge));
+            }
+        }
+        let telling: Vec<_> = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
+        let power = (self.powered, self.active_pack.clone(), self.swapping.clone());
+        let changed = self.told.as_ref() != Some(&telling) || self.told_power.as_ref() != Some(&power);
+        if changed || self.state_due.is(now) {
+            (self.told, self.told_power) = (Some(telling), Some(power));
+            self.state_due.done(now, self.profile.publish.state_period_s);
+            let message = self.state_message(now);
+            self.outputs.push_back(Output::State(message));
+        }
+    }
+
+    fn state_message(&mut self, now: Timestamp) -> StationState {
+        self.state_seq += 1;
+        let bay = |bay: &Bay| BayState { bay: bay.id.clone(), phase: bay.phase, robot: bay.robot.clone() };
+        let pack = |pack: &Pack| PackState { pack: pack.id.clone(), connected: true, depleted: pack.depleted };
+        StationState {
+            at: now,
+            seq: self.state_seq,
+            bays: self.bays.iter().map(bay).collect(),
+            lift_busy: self.lifting,
+            swapping: self.swapping.clone(),
+            packs: self.packs.iter().map(pack).collect(),
+            active_pack: self.active_pack.clone(),
+            powered: self.powered,
+            pack_power_w: self.pack_power_w,
+            spares: self.spares.clone(),
+            last_command: self.last_command.clone(),
+            note: (!self.powered).then(|| "every pack is depleted".to_owned()),
+        }
+    }
+}

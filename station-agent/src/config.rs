@@ -1,0 +1,180 @@
+//! The station agent's configuration file.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, ensure};
+use energy::gauge::CoulombCounter;
+use node::files::{ModelRef, read_text};
+use node::{ClockConfig, NetworkConfig, Publish};
+use proto::{BayId, Estimate, PackId, SiteId, SpareId, StationId};
+use serde::{Deserialize, Serialize};
+
+use crate::agent::{Agent, Profile};
+use crate::source::{StationBody, World, WorldPack};
+
+/// Everything a station agent is told.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Version of this file's format.
+    pub schema: u32,
+    /// The station.
+    pub id: StationId,
+    /// The site it belongs to.
+    pub site: SiteId,
+    /// Its bays.
+    pub bays: Vec<BayId>,
+    /// Its packs, in the selector's order.
+    pub packs: Vec<PackConfig>,
+    /// Its spares for robots.
+    #[serde(default)]
+    pub spares: Vec<SpareConfig>,
+    /// How often it speaks.
+    #[serde(default)]
+    pub publish: Publish,
+    /// Where samples come from.
+    pub source: SourceConfig,
+    /// Where the others are.
+    #[serde(default = "NetworkConfig::agent")]
+    pub network: NetworkConfig,
+    /// Faster time, for demonstrations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<ClockConfig>,
+}
+
+/// A pack and the model that its gauge believes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackConfig {
+    /// Which.
+    pub id: PackId,
+    /// The gauge's battery model.
+    pub battery: ModelRef,
+}
+
+/// A charged spare pack for robots.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpareConfig {
+    /// Which.
+    pub id: SpareId,
+    /// Its state of charge.
+    pub soc: f64,
+}
+
+/// `[source]`: where samples come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum SourceConfig {
+    /// A simulated station; what is true of it may differ from what the gauges believe.
+    Sim {
+        /// The true load on the active pack.
+        load: ModelRef,
+        /// The true packs.
+        packs: BTreeMap<PackId, TruePack>,
+        /// Time to lift a robot into a bay, s.
+        load_s: f64,
+        /// Time to lift a robot out of a bay, s.
+        unload_s: f64,
+        /// Time to exchange a robot's pack, s.
+        swap_s: f64,
+        /// Temperature of the surroundings, °C.
+        temperature_degc: f64,
+        /// Chooses the gauge ICs' specimens and noise.
+        seed: u64,
+    },
+}
+
+/// What is true of a pack.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TruePack {
+    /// What it is.
+    pub battery: ModelRef,
+    /// State of charge at the start.
+    pub soc: f64,
+}
+
+/// The only version of the file so far.
+const SCHEMA: u32 = 1;
+
+impl Config {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// Names file, line, key and the allowed range.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let (name, text) = (path.display().to_string(), read_text(path)?);
+        let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        config.check().with_context(|| name)?;
+        Ok(config)
+    }
+
+    /// Checks what types cannot.
+    ///
+    /// # Errors
+    /// Names the key and the allowed range.
+    pub fn check(&self) -> anyhow::Result<()> {
+        ensure!(self.schema == SCHEMA, "schema = {}: this program reads schema = {SCHEMA}", self.schema);
+        ensure!(!self.packs.is_empty(), "packs: a station needs at least one");
+        let distinct = |key: &str, names: Vec<&str>| {
+            let twice = names.iter().enumerate().find(|(index, name)| names[..*index].contains(name));
+            ensure!(twice.is_none(), "{key}: `{}` appears twice", twice.map_or("", |(_, name)| name));
+            Ok(())
+        };
+        distinct("bays", self.bays.iter().map(AsRef::as_ref).collect())?;
+        distinct("packs", self.packs.iter().map(|pack| pack.id.as_ref()).collect())?;
+        distinct("spares", self.spares.iter().map(|spare| spare.id.as_ref()).collect())?;
+        let fraction = |key: String, value: f64| {
+            ensure!((0.0..=1.0).contains(&value), "{key} = {value}: must be between 0 and 1");
+            Ok(())
+        };
+        for spare in &self.spares {
+            fraction(format!("spares.{}.soc", spare.id), spare.soc)?;
+        }
+        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, .. } = &self.source;
+        for (key, value) in [("load_s", load_s), ("unload_s", unload_s), ("swap_s", swap_s)] {
+            ensure!(value.is_finite() && *value >= 0.0, "source.{key} = {value}: must be >= 0");
+        }
+        for pack in &self.packs {
+            let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
+            fraction(format!("source.packs.{}.soc", pack.id), truth.soc)?;
+        }
+        self.publish.check()
+    }
+
+    /// Makes agent and simulated body. Models are looked up beside `path`.
+    ///
+    /// # Errors
+    /// When a model cannot be read.
+    pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, StationBody)> {
+        let SourceConfig::Sim { load, packs, load_s, unload_s, swap_s, temperature_degc, seed } = &self.source;
+        let mut true_packs = Vec::new();
+        for pack in &self.packs {
+            let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
+            true_packs.push(WorldPack { pack: pack.id.clone(), battery: truth.battery.load(path)?, soc: truth.soc });
+        }
+        let mut body = StationBody::new(World {
+            load: load.load(path)?,
+            packs: true_packs,
+            spares: self.spares.iter().map(|spare| (spare.id.clone(), spare.soc)).collect(),
+            load_s: *load_s,
+            unload_s: *unload_s,
+            swap_s: *swap_s,
+            temperature_degc: *temperature_degc,
+            seed: *seed,
+        });
+        let mut gauges = Vec::new();
+        for (pack, soc) in self.packs.iter().zip(body.remembered_socs()) {
+            gauges.push((pack.id.clone(), CoulombCounter::new(pack.battery.load(path)?, soc, *temperature_degc)));
+        }
+        let profile = Profile {
+            bays: self.bays.clone(),
+            spares: self.spares.iter().map(|spare| (spare.id.clone(), Estimate::new(spare.soc, 0.01))).collect(),
+            publish: self.publish,
+            source: "sim".to_owned(),
+        };
+        Ok((Agent::new(profile, gauges), body))
+    }
+}

@@ -1,0 +1,109 @@
+//! The agent on Zenoh and a clock.
+
+use std::time::Duration;
+
+use anyhow::anyhow;
+use node::session::decoded;
+use node::{Clock, Link};
+use proto::{Key, RobotId, SimDraw, StationCommand, encode};
+use tokio::sync::mpsc;
+use tracing::{info, warn};
+use zenoh::query::Query;
+
+use crate::agent::{Agent, Input, Output};
+use crate::config::Config;
+use crate::source::Source;
+
+/// Fleet seconds between two looks at the source.
+const STEP_S: f64 = 1.0;
+
+/// Runs until the source ends or the process is told to stop.
+///
+/// # Errors
+/// When the session cannot be opened or is lost for good.
+pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>) -> anyhow::Result<()> {
+    let link = Link::open(&config.network, config.site.clone()).await?;
+    let station = &config.id;
+    let alive = Key::StationAlive(station.clone()).build(&link.site);
+    let _alive = link.session.liveliness().declare_token(alive).await.map_err(|e| anyhow!("{e}"))?;
+    let (commands_in, mut commands) = mpsc::unbounded_channel::<Query>();
+    let _commands = link
+        .session
+        .declare_queryable(Key::StationCommand(station.clone()).build(&link.site))
+        .callback(move |query| {
+            let _ = commands_in.send(query);
+        })
+        .await
+        .map_err(|e| anyhow!("{e}"))?;
+    let (draws_in, mut draws) = mpsc::unbounded_channel::<(RobotId, SimDraw)>();
+    let _draws = link
+        .session
+        .declare_subscriber(proto::Pattern::SimDrawAt(station.clone()).build(&link.site))
+        .callback(move |sample| match (Key::parse(sample.key_expr().as_str()), decoded::<SimDraw>(sample.payload())) {
+            (Ok((_, Key::SimDraw(_, robot))), Ok(draw)) => drop(draws_in.send((robot, draw))),
+            (key, draw) => warn!("{} was refused: {key:?} {draw:?}", sample.key_expr()),
+        })
+        .await
+        .map_err(|e| anyhow!("{e}"))?;
+    info!("station {station} is up");
+
+    let clock = Clock::new(config.clock);
+    let mut ticks = tokio::time::interval(clock.real(STEP_S).max(Duration::from_millis(5)));
+    ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+    let mut last = clock.now();
+    loop {
+        tokio::select! {
+            _ = ticks.tick() => {
+                let now = clock.now();
+                let steps = (now.seconds_since(last) / STEP_S).floor();
+                for _ in 0..steps as u64 {
+                    last = last.plus_s(STEP_S);
+                    let Some(observation) = source.advance(STEP_S) else {
+                        info!("station {station}: the source has ended");
+                        return Ok(());
+                    };
+                    agent.handle(last, Input::Observed(observation));
+                    drain(&link, config, &mut agent, source.as_mut(), None).await?;
+                }
+                // Only the newest supply of each robot matters, except a pack put in.
+                let mut supplies = source.supplies();
+                let newest: std::collections::BTreeMap<_, _> = supplies.iter().enumerate().map(|(i, (robot, _))| (robot.clone(), i)).collect();
+                for (index, (robot, supply)) in supplies.drain(..).enumerate() {
+                    if supply.exchanged.is_some() || newest.get(&robot) == Some(&index) {
+                        link.publish(&Key::SimSupply(station.clone(), robot), &supply).await?;
+                    }
+                }
+            }
+            Some((robot, draw)) = draws.recv() => source.draw(&robot, &draw),
+            Some(query) = commands.recv() => {
+                match query.payload().map(decoded::<StationCommand>) {
+                    Some(Ok(command)) => {
+                        agent.handle(clock.now(), Input::Command(command));
+                        drain(&link, config, &mut agent, source.as_mut(), Some(&query)).await?;
+                    }
+                    Some(Err(error)) => drop(query.reply_err(error.to_string()).await),
+                    None => drop(query.reply_err("a command needs a payload").await),
+                }
+            }
+            _ = tokio::signal::ctrl_c() => return Ok(()),
+        }
+    }
+}
+
+async fn drain(link: &Link, config: &Config, agent: &mut Agent, source: &mut dyn Source, query: Option<&Query>) -> anyhow::Result<()> {
+    while let Some(output) = agent.poll() {
+        match output {
+            Output::Gauge(pack, gauge) => link.publish(&Key::PackGauge(config.id.clone(), pack), &gauge).await?,
+            Output::State(state) => link.publish(&Key::StationState(config.id.clone()), &state).await?,
+            Output::Act(act) => source.act(&act),
+            Output::Reply(reply) => {
+                if let Some(query) = query
+                    && let Err(error) = query.reply(query.key_expr().clone(), encode(&reply)).await
+                {
+                    warn!("the answer to {} was not sent: {error}", reply.id);
+                }
+            }
+        }
+    }
+    Ok(())
+}

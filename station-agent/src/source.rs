@@ -1,0 +1,95 @@
+//! Where a station's samples come from and its actions go to.
+
+mod simulated;
+
+pub use simulated::{StationBody, World, WorldPack};
+
+use energy::Estimate;
+use energy::gauge::Sample;
+use proto::{BayId, PackId, RobotId, SimDraw, SimSupply, SpareId};
+
+/// What the source knows after it moved on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// Reading of every pack, in the station's order.
+    pub packs: Vec<PackReading>,
+    /// The pack that feeds the station.
+    pub active_pack: Option<PackId>,
+    /// Whether the bays have power.
+    pub powered: bool,
+    /// A lift movement that has just ended.
+    pub lifted: Option<Lifted>,
+    /// An exchange of a robot's pack that has just ended.
+    pub swapped: Option<Swapped>,
+    /// Whether the lift moves.
+    pub lift_active: bool,
+}
+
+/// Reading of one pack.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PackReading {
+    /// Which pack.
+    pub pack: PackId,
+    /// What its sensors showed.
+    pub sample: Sample,
+    /// Whether its protection has opened.
+    pub depleted: bool,
+}
+
+/// A finished lift movement.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lifted {
+    /// The robot that was moved.
+    pub robot: RobotId,
+    /// Into or out of which bay.
+    pub bay: BayId,
+    /// Whether into it.
+    pub into: bool,
+}
+
+/// A finished exchange of a robot's pack.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Swapped {
+    /// The robot.
+    pub robot: RobotId,
+    /// The spare that it got.
+    pub spare: SpareId,
+    /// State of charge of the pack that it gave, as far as known.
+    pub given_soc: Estimate,
+}
+
+/// What an agent makes the station do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Act {
+    /// Move a robot by the lift.
+    Lift(Lifted),
+    /// Exchange a robot's pack for a spare.
+    Swap {
+        /// The robot.
+        robot: RobotId,
+        /// The spare to put in.
+        spare: SpareId,
+    },
+    /// Feed the station from this pack.
+    Select {
+        /// Which.
+        pack: PackId,
+    },
+}
+
+/// A source of observations.
+pub trait Source: Send {
+    /// Does what the agent asked for.
+    fn act(&mut self, act: &Act);
+
+    /// Moves on by `dt_s` seconds; nothing when the source has ended.
+    fn advance(&mut self, dt_s: f64) -> Option<Observation>;
+
+    /// What a simulated robot takes from its bay. Real stations measure it.
+    fn draw(&mut self, _robot: &RobotId, _draw: &SimDraw) {}
+
+    /// What simulated robots are given, since the last call.
+    fn supplies(&mut self) -> Vec<(RobotId, SimSupply)> {
+        Vec::new()
+    }
+}
