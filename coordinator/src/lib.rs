@@ -1,1 +1,33 @@
-//! placeholder
+//! Tender's coordinator.
+//!
+//! ```text
+//!   pure    core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
+//!             fleet.rs        the newest word of each robot and station
+//!             models.rs       the coordinator's own models and settings
+//!             forecast.rs     what a service takes; need.rs: energy with a common doubt
+//!             view.rs         beliefs and models as one planning problem
+//!             scheduler/      problem -> plan, capacity
+//!             service_run.rs  a service that has begun, and the commands that carry it on
+//!             answers.rs      schedule, capacity, explanations for the wire
+//!   files   config.rs       the live coordinator's configuration
+//!           scenario/       scenario file -> configurations of coordinator, agents and worlds
+//!   shells  service.rs      the core on tokio and Zenoh
+//!           store/          what happened, in SQLite
+//!           sim/            the same core and the same agents on simulated time
+//!           cmd/            one file per command
+//! ```
+
+pub mod answers;
+pub mod config;
+pub mod core;
+pub mod fleet;
+pub mod forecast;
+pub mod models;
+pub mod need;
+pub mod scheduler;
+pub mod service_run;
+pub mod store;
+pub mod view;
+
+pub use crate::config::Config;
+pub use crate::core::{Core, Input, Numbering, Output};

@@ -1,0 +1,205 @@
+//! What the coordinator tells: schedule, capacity, explanations, as they go on the wire.
+
+use proto::{
+    Alternative, Capacity, Explanation, Mode, PackId, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction, StationId,
+    Unserved,
+};
+
+use crate::forecast;
+use crate::models::from_wire;
+use crate::scheduler::capacity::{PackQuestion, capacity as count};
+use crate::scheduler::{Book, Plan, Planned, Way};
+use crate::service_run::{How, ServiceRun};
+use crate::view::Basis;
+
+/// A station is handed over when its active pack lasts no longer than this at the present power, s.
+const HANDOVER_S: f64 = 60.0;
+
+/// The plan made at `basis.now`, and the services that have begun.
+#[must_use]
+pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) -> Schedule {
+    let begun = basis.running.values().map(running_service);
+    let planned = plan.planned.iter().map(|planned| planned_service(basis, planned));
+    let mut services: Vec<Service> = begun.chain(planned).collect();
+    services.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
+    let unserved = plan.rejected.iter().map(|rejected| Unserved { robot: rejected.robot.clone(), reasons: rejected.reasons.clone() });
+    Schedule {
+        at: basis.now,
+        plan: number,
+        policy: basis.settings.policy.name().to_owned(),
+        trigger,
+        services,
+        unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).collect(),
+    }
+}
+
+fn running_service(run: &ServiceRun) -> Service {
+    let (mode, bay) = match &run.how {
+        How::Recharge { bay, to_soc } => (Mode::Recharge { to_soc: *to_soc }, Some(bay.clone())),
+        How::Swap { spare } => (Mode::Swap { spare: spare.clone() }, None),
+    };
+    Service {
+        robot: run.robot.clone(),
+        station: run.station.clone(),
+        mode,
+        bay,
+        packs: run.packs.clone(),
+        leave: run.left,
+        start: run.start,
+        end: run.end,
+        pack_energy_wh: node::wire(run.need.estimate()),
+        status: run.status(),
+        why: run.why.clone(),
+    }
+}
+
+fn planned_service(basis: &Basis<'_>, planned: &Planned) -> Service {
+    let Planned { robot, slot, why } = planned;
+    let station = basis.models.stations.keys().nth(slot.station).expect("slots name stations of the problem").clone();
+    let mode = match (&slot.spare, slot.to_soc) {
+        (Some(spare), _) => Mode::Swap { spare: spare.clone() },
+        (None, to_soc) => Mode::Recharge { to_soc: to_soc.unwrap_or(1.0) },
+    };
+    Service {
+        robot: robot.clone(),
+        station,
+        mode,
+        bay: slot.bay.clone(),
+        packs: slot.packs.clone(),
+        leave: basis.now.plus_s(slot.leave_s),
+        start: basis.now.plus_s(slot.start_s),
+        end: basis.now.plus_s(slot.end_s),
+        pack_energy_wh: node::wire(slot.need.estimate()),
+        status: ServiceStatus::Planned,
+        why: why.clone(),
+    }
+}
+
+/// How many robots each pack can still service, each pack by itself.
+#[must_use]
+pub fn capacity(basis: &Basis<'_>) -> Capacity {
+    let mut questions = Vec::new();
+    for (id, models) in &basis.models.stations {
+        let Some(station) = basis.fleet.stations.get(id) else { continue };
+        let Some(state) = station.known() else { continue };
+        let Some(battery) = basis.models.robots.values().chain(basis.models.batteries.values()).next() else { continue };
+        let service = basis.reference_recharge(models, battery);
+        let service_s = service.charge_s + models.handling.load_s + models.handling.unload_s;
+        let power_w = basis.working_power_w(models, state);
+        for pack in state.packs.iter().filter(|pack| pack.connected) {
+            let (Some(gauge), Some(model)) = (station.packs.get(&pack.pack), models.packs.get(&pack.pack)) else { continue };
+            let usable_wh = if pack.depleted {
+                energy::Estimate::exact(0.0)
+            } else {
+                forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, power_w)
+            };
+            questions.push(PackQuestion {
+                station: id.clone(),
+                pack: pack.pack.clone(),
+                remaining_wh: from_wire(gauge.remaining_wh),
+                usable_wh,
+                service: service.clone(),
+                service_s,
+                bays: state.bays.len() as u32,
+                overhead_per_h: forecast::overhead_per_h(&models.load),
+                overhead_breakdown: forecast::overhead_breakdown(&models.load),
+            });
+        }
+    }
+    count(basis.now, &questions, basis.settings.confidence)
+}
+
+/// Why a robot is serviced as it is.
+///
+/// # Errors
+/// When the robot is not known, with the nearest that is.
+pub fn explain(basis: &Basis<'_>, plan: &Plan, schedule: &Schedule, robot: &RobotId) -> Result<Explanation, String> {
+    let Some(belief) = basis.fleet.robots.get(robot) else {
+        let known = || basis.fleet.robots.keys().map(AsRef::as_ref);
+        let hint = energy::document::hint(robot.as_ref(), known());
+        return Err(format!("robot {robot} is not known{hint} Known: {}", known().collect::<Vec<_>>().join(", ")));
+    };
+    let service = schedule.services.iter().find(|service| service.robot == *robot).cloned();
+    let mut reasons = Vec::new();
+    if let Some((gauge, state)) = belief.known() {
+        let (soc, left) = (gauge.soc, gauge.remaining_wh);
+        reasons.push(format!(
+            "{} at {:.1} ± {:.1} % charge, {:.1} ± {:.1} Wh left",
+            state.phase,
+            soc.value * 100.0,
+            soc.sigma * 100.0,
+            left.value,
+            left.sigma
+        ));
+    } else {
+        reasons.push("it has not been heard, or was lost".to_owned());
+    }
+    match (&service, plan.rejected.iter().find(|rejected| rejected.robot == *robot)) {
+        (Some(service), _) => reasons.extend(service.why.iter().cloned()),
+        (None, Some(rejected)) => reasons.extend(rejected.reasons.iter().cloned()),
+        (None, None) => reasons.push("no service is planned".to_owned()),
+    }
+    Ok(Explanation { at: basis.now, robot: robot.clone(), service, reasons, alternatives: alternatives(basis, robot) })
+}
+
+/// Every way of servicing a robot, as if nothing but what has begun were promised.
+fn alternatives(basis: &Basis<'_>, robot: &RobotId) -> Vec<Alternative> {
+    let problem = basis.problem();
+    let Some(view) = problem.robots.iter().find(|view| view.robot == *robot) else { return Vec::new() };
+    let tried = view.options.iter().map(|option| {
+        let station = &problem.stations[option.station];
+        let mode = match option.way {
+            Way::Recharge { .. } => "recharge",
+            Way::Swap { .. } => "swap",
+        };
+        let (start, why_not) = match Book::new(station).slot(&problem, view, option) {
+            Ok(slot) => (Some(basis.now.plus_s(slot.start_s)), Vec::new()),
+            Err(refusal) => (None, vec![refusal.to_string()]),
+        };
+        Alternative { station: station.station.clone(), mode: mode.to_owned(), start, why_not }
+    });
+    tried.collect()
+}
+
+/// The pack that a station should be handed over to now, if its active one is about to give out.
+#[must_use]
+pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
+    let station = basis.fleet.stations.get(id)?;
+    let state = station.known()?;
+    let active = state.active_pack.as_ref()?;
+    let left_s = station.packs.get(active)?.time_to_empty_s?.value;
+    if left_s > HANDOVER_S {
+        return None;
+    }
+    // The least full first, so that full packs stay full; nearly empty ones help nobody.
+    let holds = |pack: &&proto::PackState| {
+        let left_wh = station.packs.get(&pack.pack).map_or(0.0, |gauge| gauge.remaining_wh.value);
+        pack.pack != *active && pack.connected && !pack.depleted && left_wh * energy::units::S_PER_H > state.pack_power_w * 2.0 * HANDOVER_S
+    };
+    let left_wh = |pack: &PackId| station.packs.get(pack).map_or(0.0, |gauge| gauge.remaining_wh.value);
+    let next = state.packs.iter().filter(holds).min_by(|a, b| left_wh(&a.pack).total_cmp(&left_wh(&b.pack)))?;
+    Some(next.pack.clone())
+}
+
+/// A robot's command in words.
+#[must_use]
+pub fn robot_action(action: &RobotAction) -> String {
+    match action {
+        RobotAction::Dock { station, bay: Some(bay) } => format!("dock at {station} {bay}"),
+        RobotAction::Dock { station, bay: None } => format!("come to {station}"),
+        RobotAction::ChargeTo { soc } => format!("charge to {:.0} %", soc * 100.0),
+        RobotAction::SwapPack { station, spare } => format!("swap pack at {station} for {spare}"),
+        RobotAction::Undock => "undock".to_owned(),
+    }
+}
+
+/// A station's command in words.
+#[must_use]
+pub fn station_action(action: &StationAction) -> String {
+    match action {
+        StationAction::Dock { robot, bay } => format!("dock {robot} in {bay}"),
+        StationAction::SwapPack { robot, spare } => format!("swap the pack of {robot} for {spare}"),
+        StationAction::Undock { robot, bay } => format!("undock {robot} from {bay}"),
+        StationAction::SelectPack { pack } => format!("select {pack}"),
+    }
+}

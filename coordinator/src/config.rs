@@ -1,0 +1,198 @@
+//! The live coordinator's configuration file.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use energy::System;
+use node::files::{ModelRef, read_text};
+use node::{ClockConfig, NetworkConfig};
+use proto::{PackId, RobotId, SiteId, StationId};
+use serde::{Deserialize, Serialize};
+
+use crate::forecast::Handling;
+use crate::models::{Models, Settings, StationModels};
+use crate::scheduler::{policies, policy};
+
+/// Everything a coordinator is told.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Version of this file's format.
+    pub schema: u32,
+    /// The site.
+    pub site: SiteId,
+    /// The store; relative to this file.
+    #[serde(default = "default_store")]
+    pub store: PathBuf,
+    /// How to decide.
+    #[serde(default)]
+    pub policy: PolicyConfig,
+    /// Battery model of each robot.
+    #[serde(default)]
+    pub robots: BTreeMap<RobotId, ModelRef>,
+    /// Battery models for robots that are not listed, by the name that they give.
+    #[serde(default)]
+    pub batteries: BTreeMap<String, ModelRef>,
+    /// Models of each station.
+    #[serde(default)]
+    pub stations: BTreeMap<StationId, StationConfig>,
+    /// Where the others are.
+    #[serde(default = "NetworkConfig::coordinator")]
+    pub network: NetworkConfig,
+    /// Faster time, for demonstrations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<ClockConfig>,
+}
+
+/// `[policy]`: how to decide.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PolicyConfig {
+    /// Order of robots.
+    pub name: String,
+    /// Probability with which a promised service must find its energy.
+    pub confidence: f64,
+    /// A robot wants a service when its state of charge is below this.
+    pub serve_below_soc: f64,
+    /// Level at which a recharge is done.
+    pub charge_to_soc: f64,
+    /// A plan is made anew after this time even if nothing has happened, s.
+    pub replan_period_s: f64,
+    /// An unanswered command is sent again after this time, s.
+    pub resend_s: f64,
+    /// A command that nobody has answered for this time is given up, s.
+    pub deadline_s: f64,
+    /// The first plan waits this long for the robots and stations that are configured, s.
+    pub patience_s: f64,
+}
+
+impl Default for PolicyConfig {
+    fn default() -> Self {
+        Self {
+            name: policies()[0].name().to_owned(),
+            confidence: 0.95,
+            serve_below_soc: 0.2,
+            charge_to_soc: 0.98,
+            replan_period_s: 60.0,
+            resend_s: 5.0,
+            deadline_s: 60.0,
+            patience_s: 60.0,
+        }
+    }
+}
+
+/// `[stations.ID]`: the coordinator's models of a station.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationConfig {
+    /// Its load on the active pack.
+    pub load: ModelRef,
+    /// Time to lift a robot into a bay, s.
+    pub load_s: f64,
+    /// Time to lift a robot out of a bay, s.
+    pub unload_s: f64,
+    /// Time to exchange a robot's pack, s.
+    #[serde(default)]
+    pub swap_s: f64,
+    /// Battery model of each pack.
+    pub packs: BTreeMap<PackId, ModelRef>,
+}
+
+/// The only version of the file so far.
+const SCHEMA: u32 = 1;
+
+fn default_store() -> PathBuf {
+    PathBuf::from("tender.db")
+}
+
+impl PolicyConfig {
+    /// Checks every value and looks up the policy.
+    ///
+    /// # Errors
+    /// Names the key and the allowed range.
+    pub fn settings(&self) -> anyhow::Result<Settings> {
+        let fraction = |key: &str, value: f64| {
+            ensure!((0.0..=1.0).contains(&value), "policy.{key} = {value}: must be between 0 and 1");
+            Ok(value)
+        };
+        let positive = |key: &str, value: f64| {
+            ensure!(value.is_finite() && value > 0.0, "policy.{key} = {value}: must be a positive number");
+            Ok(value)
+        };
+        let names = || policies().iter().map(|policy| policy.name());
+        let policy = policy(&self.name).with_context(|| {
+            let hint = energy::document::hint(&self.name, names());
+            format!("policy.name = \"{}\": there is no such policy{hint} Known: {}", self.name, names().collect::<Vec<_>>().join(", "))
+        })?;
+        ensure!((0.5..1.0).contains(&self.confidence), "policy.confidence = {}: must be at least 0.5 and below 1", self.confidence);
+        let settings = Settings {
+            policy,
+            confidence: self.confidence,
+            serve_below_soc: fraction("serve_below_soc", self.serve_below_soc)?,
+            charge_to_soc: fraction("charge_to_soc", self.charge_to_soc)?,
+            replan_period_s: positive("replan_period_s", self.replan_period_s)?,
+            resend_s: positive("resend_s", self.resend_s)?,
+            deadline_s: positive("deadline_s", self.deadline_s)?,
+            patience_s: positive("patience_s", self.patience_s)?,
+        };
+        ensure!(
+            settings.serve_below_soc < settings.charge_to_soc,
+            "policy.serve_below_soc = {} must lie below policy.charge_to_soc = {}",
+            settings.serve_below_soc,
+            settings.charge_to_soc
+        );
+        Ok(settings)
+    }
+}
+
+impl Config {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Names file, line, key and the allowed range.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let (name, text) = (path.display().to_string(), read_text(path)?);
+        let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
+        Ok(config)
+    }
+
+    /// Loads settings and models; models are looked up beside `path`.
+    ///
+    /// # Errors
+    /// When a value is out of range or a model cannot be read.
+    pub fn load(&self, path: Option<&Path>) -> anyhow::Result<(Settings, Models)> {
+        let of = |system: System, reference: &ModelRef, key: String| {
+            let model = reference.load(path)?;
+            ensure!(
+                model.system == system,
+                "{key}: `{}` is the model of a {}, not of a {}",
+                model.name,
+                model.system.name(),
+                system.name()
+            );
+            Ok(model)
+        };
+        let mut models = Models::default();
+        for (robot, reference) in &self.robots {
+            models.robots.insert(robot.clone(), of(System::Battery, reference, format!("robots.{robot}"))?);
+        }
+        for (name, reference) in &self.batteries {
+            models.batteries.insert(name.clone(), of(System::Battery, reference, format!("batteries.{name}"))?);
+        }
+        for (station, config) in &self.stations {
+            for (key, value) in [("load_s", config.load_s), ("unload_s", config.unload_s), ("swap_s", config.swap_s)] {
+                ensure!(value.is_finite() && value >= 0.0, "stations.{station}.{key} = {value}: must be >= 0");
+            }
+            let mut packs = BTreeMap::new();
+            for (pack, reference) in &config.packs {
+                packs.insert(pack.clone(), of(System::Battery, reference, format!("stations.{station}.packs.{pack}"))?);
+            }
+            let handling = Handling { load_s: config.load_s, unload_s: config.unload_s, swap_s: config.swap_s };
+            let load = of(System::Station, &config.load, format!("stations.{station}.load"))?;
+            models.stations.insert(station.clone(), StationModels { load, handling, packs });
+        }
+        Ok((self.policy.settings()?, models))
+    }
+}

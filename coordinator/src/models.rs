@@ -1,0 +1,67 @@
+//! The models and facts that the coordinator plans with: its own, whatever agents believe.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use energy::{Estimate, Model};
+use proto::{PackId, RobotId, StationId};
+
+use crate::forecast::Handling;
+use crate::scheduler::Policy;
+
+/// How the coordinator decides.
+#[derive(Clone, Copy)]
+pub struct Settings {
+    /// Order of robots.
+    pub policy: &'static dyn Policy,
+    /// Probability with which a promised service must find its energy.
+    pub confidence: f64,
+    /// A robot wants a service when its state of charge is below this.
+    pub serve_below_soc: f64,
+    /// Level at which a recharge is done.
+    pub charge_to_soc: f64,
+    /// A plan is made anew after this time even if nothing has happened, s.
+    pub replan_period_s: f64,
+    /// An unanswered command is sent again after this time, s.
+    pub resend_s: f64,
+    /// A command that nobody has answered for this time is given up, s.
+    pub deadline_s: f64,
+    /// The first plan waits this long for the robots and stations that are configured, s.
+    pub patience_s: f64,
+}
+
+/// One station's models.
+#[derive(Debug, Clone)]
+pub struct StationModels {
+    /// Its load on the active pack.
+    pub load: Arc<Model>,
+    /// How long it takes to handle a robot.
+    pub handling: Handling,
+    /// Its packs.
+    pub packs: BTreeMap<PackId, Arc<Model>>,
+}
+
+/// All models.
+#[derive(Debug, Clone, Default)]
+pub struct Models {
+    /// Battery of each configured robot.
+    pub robots: BTreeMap<RobotId, Arc<Model>>,
+    /// Batteries by the name that a robot's state message gives, for robots not configured.
+    pub batteries: BTreeMap<String, Arc<Model>>,
+    /// Stations.
+    pub stations: BTreeMap<StationId, StationModels>,
+}
+
+impl Models {
+    /// The battery model of a robot that says it has a battery of that name.
+    #[must_use]
+    pub fn battery(&self, robot: &RobotId, name: &str) -> Option<&Arc<Model>> {
+        self.robots.get(robot).or_else(|| self.batteries.get(name))
+    }
+}
+
+/// An estimate from the wire.
+#[must_use]
+pub fn from_wire(estimate: proto::Estimate) -> Estimate {
+    Estimate::new(estimate.value, estimate.sigma)
+}

@@ -1,0 +1,68 @@
+//! Energy that has a common doubt: what a service takes from a station's packs.
+//!
+//! A wrong converter efficiency makes every service dearer at once, so deviations of the
+//! station's parameters add up over services; those of the robots' batteries are independent.
+
+use energy::Estimate;
+
+/// Energy with its sensitivity to each shared parameter and its own variance.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Need {
+    /// Expected energy, Wh.
+    pub mean_wh: f64,
+    /// Change by one standard deviation of each shared parameter, Wh.
+    pub shared_wh: Vec<f64>,
+    /// Variance that is this need's own, Wh².
+    pub own_variance: f64,
+}
+
+impl Need {
+    /// A need whose doubt is its own.
+    #[must_use]
+    pub fn own(estimate: Estimate) -> Self {
+        Self { mean_wh: estimate.value, shared_wh: Vec::new(), own_variance: estimate.sigma.powi(2) }
+    }
+
+    /// The same need `factor` times as long.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            mean_wh: self.mean_wh * factor,
+            shared_wh: self.shared_wh.iter().map(|x| x * factor).collect(),
+            own_variance: self.own_variance * factor * factor,
+        }
+    }
+
+    /// Both needs together.
+    #[must_use]
+    pub fn plus(&self, other: &Need) -> Self {
+        let parameters = self.shared_wh.len().max(other.shared_wh.len());
+        let at = |need: &Need, index: usize| need.shared_wh.get(index).copied().unwrap_or(0.0);
+        Self {
+            mean_wh: self.mean_wh + other.mean_wh,
+            shared_wh: (0..parameters).map(|index| at(self, index) + at(other, index)).collect(),
+            own_variance: self.own_variance + other.own_variance,
+        }
+    }
+
+    /// Value and standard deviation.
+    #[must_use]
+    pub fn estimate(&self) -> Estimate {
+        let shared: f64 = self.shared_wh.iter().map(|x| x * x).sum();
+        Estimate::new(self.mean_wh, (shared + self.own_variance).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shared_doubt_adds_up_and_own_doubt_averages_out() {
+        let one = Need { mean_wh: 10.0, shared_wh: vec![0.3], own_variance: 0.16 };
+        let three = one.plus(&one).plus(&one).estimate();
+        assert!((three.value - 30.0).abs() < 1e-12);
+        // 3 x 0.3 shared, sqrt(3) x 0.4 own.
+        assert!((three.sigma - (0.81_f64 + 0.48).sqrt()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,160 @@
+//! A service that has begun, and the commands that carry it on.
+
+use proto::{
+    BayId, BayPhase, CommandId, PackId, RobotAction, RobotId, RobotPhase, ServiceStatus, SpareId, StationAction, StationId, Timestamp,
+};
+
+use crate::fleet::{Robot, Station};
+use crate::need::Need;
+
+/// How a robot is serviced.
+#[derive(Debug, Clone, PartialEq)]
+pub enum How {
+    /// Recharge in a bay.
+    Recharge {
+        /// The bay.
+        bay: BayId,
+        /// Level at which it is done.
+        to_soc: f64,
+    },
+    /// Exchange of its pack.
+    Swap {
+        /// The spare that it gets.
+        spare: SpareId,
+    },
+}
+
+/// Where a service stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// The robot is on its way.
+    Travelling,
+    /// The robot stands at the station.
+    Waiting,
+    /// The lift takes it in.
+    Loading,
+    /// It charges.
+    Charging,
+    /// Its pack is about to be exchanged: the robot knows, the station does not yet.
+    Handing,
+    /// Its pack is being exchanged.
+    Swapping,
+    /// The lift lets it out.
+    Unloading,
+}
+
+/// A service that has begun.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ServiceRun {
+    /// The robot.
+    pub robot: RobotId,
+    /// The station.
+    pub station: StationId,
+    /// How.
+    pub how: How,
+    /// When the robot left its work.
+    pub left: Timestamp,
+    /// When the service was to begin.
+    pub start: Timestamp,
+    /// When it is expected to end.
+    pub end: Timestamp,
+    /// What it was planned to take from the station's packs.
+    pub need: Need,
+    /// Packs that pay.
+    pub packs: Vec<PackId>,
+    /// Why it was planned so.
+    pub why: Vec<String>,
+    /// Where it stands.
+    pub stage: Stage,
+    /// The command that waits for an answer.
+    pub asked: Option<CommandId>,
+}
+
+/// What carries a service on.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    /// Nothing to do but wait.
+    Wait,
+    /// The stage has changed by itself.
+    Enter(Stage),
+    /// Ask the robot, and enter the stage when it accepts.
+    AskRobot(RobotAction, Stage),
+    /// Ask the station, and enter the stage when it accepts.
+    AskStation(StationAction, Stage),
+    /// It is done.
+    Done,
+    /// It cannot go on.
+    Fail(String),
+}
+
+impl ServiceRun {
+    /// The first command: the robot leaves its work.
+    #[must_use]
+    pub fn first(&self) -> RobotAction {
+        let bay = match &self.how {
+            How::Recharge { bay, .. } => Some(bay.clone()),
+            How::Swap { .. } => None,
+        };
+        RobotAction::Dock { station: self.station.clone(), bay }
+    }
+
+    /// What to do next, given the newest word of robot and station.
+    #[must_use]
+    pub fn next(&self, robot: &Robot, station: &Station) -> Step {
+        let (Some((gauge, state)), Some(place)) = (robot.known(), station.known()) else { return Step::Wait };
+        if state.phase == RobotPhase::Stranded {
+            return Step::Fail("the robot is stranded".to_owned());
+        }
+        if !place.powered {
+            return Step::Fail("the station has no power".to_owned());
+        }
+        match (&self.how, self.stage, state.phase) {
+            (_, Stage::Travelling, RobotPhase::Waiting) => Step::Enter(Stage::Waiting),
+            (How::Recharge { bay, .. }, Stage::Waiting, RobotPhase::Waiting) => match station.bay_phase(bay) {
+                Some(BayPhase::Free) => {
+                    Step::AskStation(StationAction::Dock { robot: self.robot.clone(), bay: bay.clone() }, Stage::Loading)
+                }
+                Some(BayPhase::Failed) | None => Step::Fail(format!("bay {bay} is out of order")),
+                Some(_) => Step::Wait,
+            },
+            (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked) => {
+                Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::Charging)
+            }
+            (How::Recharge { bay, .. }, Stage::Charging, RobotPhase::Charged) => {
+                Step::AskStation(StationAction::Undock { robot: self.robot.clone(), bay: bay.clone() }, Stage::Unloading)
+            }
+            (How::Recharge { bay, to_soc }, Stage::Unloading, phase) => {
+                let empty = station.bay(bay).is_none_or(|bay| bay.robot.as_ref() != Some(&self.robot));
+                match (empty, phase) {
+                    // Three standard deviations of two gauges' disagreement about the last percent.
+                    (true, RobotPhase::Working) if gauge.soc.value >= to_soc - 0.03 => Step::Done,
+                    (true, RobotPhase::Working) => Step::Fail(format!("let go at {:.0} % charge", gauge.soc.value * 100.0)),
+                    _ => Step::Wait,
+                }
+            }
+            (How::Swap { spare }, Stage::Waiting, RobotPhase::Waiting) if place.swapping.is_none() => {
+                let action = RobotAction::SwapPack { station: self.station.clone(), spare: spare.clone() };
+                Step::AskRobot(action, Stage::Handing)
+            }
+            (How::Swap { spare }, Stage::Handing, RobotPhase::Swapping) => {
+                let action = StationAction::SwapPack { robot: self.robot.clone(), spare: spare.clone() };
+                Step::AskStation(action, Stage::Swapping)
+            }
+            (How::Swap { .. }, Stage::Swapping, RobotPhase::Working) => Step::Done,
+            _ => Step::Wait,
+        }
+    }
+
+    /// The stage as it goes on the wire.
+    #[must_use]
+    pub fn status(&self) -> ServiceStatus {
+        match self.stage {
+            Stage::Travelling => ServiceStatus::Travelling,
+            Stage::Waiting => ServiceStatus::Waiting,
+            Stage::Loading => ServiceStatus::Loading,
+            Stage::Charging => ServiceStatus::Charging,
+            Stage::Handing | Stage::Swapping => ServiceStatus::Swapping,
+            Stage::Unloading => ServiceStatus::Unloading,
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What can go wrong with a store, where, and what to do about it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use sqlx::migrate::MigrateError;
+
+/// Why the store did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The folder that should hold the file does not exist.
+    #[error("store {}: there is no directory {}; create it, or choose another place for the store", path.display(), directory.display())]
+    MissingDirectory {
+        /// The store asked for.
+        path: PathBuf,
+        /// Its missing folder.
+        directory: PathBuf,
+    },
+    /// Opened for reading only, and there is no such file.
+    #[error("there is no store at {}; check the path, or start a coordinator with it", path.display())]
+    Missing {
+        /// The store asked for.
+        path: PathBuf,
+    },
+    /// Another coordinator works with it.
+    #[error("store {} is in use by {owner}: stop that coordinator, or give this one a store of its own (the lock is {})", path.display(), lock.display())]
+    InUse {
+        /// The store asked for.
+        path: PathBuf,
+        /// Its lock file.
+        lock: PathBuf,
+        /// `process 4711`, as it wrote into the lock file, or `another process`.
+        owner: String,
+    },
+    /// Some other file, which was left as it is.
+    #[error("{} is not a coordinator's store: {detail}; it was left untouched, choose another path", path.display())]
+    NotAStore {
+        /// The file.
+        path: PathBuf,
+        /// How that was seen.
+        detail: String,
+    },
+    /// Written by a newer coordinator; it was left as it is.
+    #[error("store {} has format {found}, this program knows up to {known}: use the newer coordinator, or another store", path.display())]
+    Newer {
+        /// The store.
+        path: PathBuf,
+        /// Its format.
+        found: i64,
+        /// The newest format known here.
+        known: i64,
+    },
+    /// Written by an older coordinator, and opened for reading only.
+    #[error("store {} has format {found}, this program reads {known}: start the coordinator with it once, which brings it up to date", path.display())]
+    Older {
+        /// The store.
+        path: PathBuf,
+        /// Its format.
+        found: i64,
+        /// The format read here.
+        known: i64,
+    },
+    /// The file is cut off or overwritten, or holds what this program would never write.
+    #[error("store {} is damaged: {detail}; restore it from a copy, or move it away and start with an empty one", path.display())]
+    Damaged {
+        /// The store.
+        path: PathBuf,
+        /// Where it was seen.
+        detail: String,
+    },
+    /// The disk is full or fails. Nothing of the batch was kept; the store stays usable and
+    /// takes the same batch once there is room.
+    #[error("store {} cannot be written: {detail}; nothing was kept of what was being written, free some space on its disk", path.display())]
+    Full {
+        /// The store.
+        path: PathBuf,
+        /// What the disk answered.
+        detail: String,
+    },
+    /// Files that this user may not use.
+    #[error("store {} may not be opened or written: {detail}; check the permissions of the file and of its directory", path.display())]
+    Denied {
+        /// The store.
+        path: PathBuf,
+        /// What was refused.
+        detail: String,
+    },
+    /// A record that the store would not be able to give back. Nothing of the batch was kept.
+    #[error("{record} cannot be stored: {detail}")]
+    Refused {
+        /// Which record.
+        record: String,
+        /// What is wrong with it.
+        detail: String,
+    },
+    /// A number or id that stands for something else already. Nothing of the batch was kept.
+    #[error("{record} is in store {} already, with other contents: two coordinators number their decisions alike", path.display())]
+    Conflict {
+        /// The store.
+        path: PathBuf,
+        /// Which record.
+        record: String,
+    },
+    /// Anything else the database reports.
+    #[error("store {}, {doing}: {source}", path.display())]
+    Database {
+        /// The store.
+        path: PathBuf,
+        /// What was going on.
+        doing: &'static str,
+        /// What the database said.
+        source: sqlx::Error,
+    },
+    /// Anything else the file system reports.
+    #[error("store {}, {doing}: {source}", path.display())]
+    File {
+        /// The file concerned.
+        path: PathBuf,
+        /// What was going on.
+        doing: &'static str,
+        /// What the file system said.
+        source: io::Error,
+    },
+}
+
+/// SQLite's primary result codes that mean something to the user.
+mod code {
+    pub(super) const READONLY: u32 = 8;
+    pub(super) const IOERR: u32 = 10;
+    pub(super) const CORRUPT: u32 = 11;
+    pub(super) const FULL: u32 = 13;
+    pub(super) const CANTOPEN: u32 = 14;
+    pub(super) const NOTADB: u32 = 26;
+}
+
+impl StoreError {
+    /// What a database error met while `doing` something means to the user.
+    pub(super) fn database(path: &Path, doing: &'static str, source: sqlx::Error) -> Self {
+        let path = path.to_owned();
+        let Some(error) = source.as_database_error() else {
+            return match source {
+                sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) => Self::Damaged { path, detail: format!("{doing}: {source}") },
+                source => Self::Database { path, doing, source },
+            };
+        };
+        let detail = format!("{doing}: {}", error.message());
+        // The low byte of an extended code is the primary one.
+        let code = error.code().and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
+        match code {
+            Some(code::FULL | code::IOERR) => Self::Full { path, detail },
+            Some(code::CORRUPT) => Self::Damaged { path, detail },
+            Some(code::NOTADB) => Self::NotAStore { path, detail },
+            Some(code::READONLY | code::CANTOPEN) => Self::Denied { path, detail },
+            _ => Self::Database { path, doing, source },
+        }
+    }
+
+    /// The same for a failed migration.
+    pub(super) fn migration(path: &Path, error: MigrateError) -> Self {
+        match error {
+            MigrateError::Execute(source) | MigrateError::ExecuteMigration(source, _) => {
+                Self::database(path, "bringing its tables up to date", source)
+            }
+            other => Self::Damaged { path: path.to_owned(), detail: other.to_string() },
+        }
+    }
+}

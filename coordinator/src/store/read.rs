@@ -1,0 +1,257 @@
+//! Questions to the store.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use proto::{
+    Capacity, CommandId, CommandReply, Estimate, Event, Explanation, Gauge, Message, PackId, RobotCommand, RobotId, RobotPhase, Schedule,
+    StationCommand, StationId, Timestamp, decode,
+};
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::Error as ValueError;
+use sqlx::sqlite::{SqlitePool, SqlitePoolOptions, SqliteRow};
+use sqlx::{Row, query, query_as, query_scalar};
+
+use super::{StoreError, place};
+
+/// A store open for reading. It sees every batch as soon as that is appended, whole.
+#[derive(Debug, Clone)]
+pub struct Reader {
+    path: PathBuf,
+    pool: SqlitePool,
+}
+
+/// One moment of a robot's log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TelemetryRow {
+    /// What its gauge said.
+    pub gauge: Gauge,
+    /// What it was doing then, by its own last report; none before the first.
+    pub phase: Option<RobotPhase>,
+}
+
+/// A command with its addressee.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SentCommand {
+    /// To a robot.
+    Robot {
+        /// Which.
+        robot: RobotId,
+        /// The command.
+        command: RobotCommand,
+    },
+    /// To a station.
+    Station {
+        /// Which.
+        station: StationId,
+        /// The command.
+        command: StationCommand,
+    },
+}
+
+/// A command and what became of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredCommand {
+    /// What was sent.
+    pub sent: SentCommand,
+    /// The first answer, if there was one.
+    pub reply: Option<CommandReply>,
+}
+
+/// Where a robot's or a pack's log begins and ends, for comparison in SQL.
+fn bounds(from: Option<Timestamp>, to: Option<Timestamp>) -> (i64, i64) {
+    (from.map_or(i64::MIN, Timestamp::unix_ms), to.map_or(i64::MAX, Timestamp::unix_ms))
+}
+
+impl Reader {
+    pub(super) async fn connect(place: &Path, asked: &Path) -> Result<Self, StoreError> {
+        let pool = SqlitePoolOptions::new().max_connections(2).test_before_acquire(false);
+        let pool = pool
+            .connect_with(place::options(place).read_only(true))
+            .await
+            .map_err(|source| StoreError::database(asked, "opening it for reading", source))?;
+        Ok(Self { path: asked.to_owned(), pool })
+    }
+
+    /// The file, as it was named when opening.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Lets go of the file. Dropping does the same a little later.
+    pub async fn close(&self) {
+        self.pool.close().await;
+    }
+
+    /// The plan made last.
+    pub async fn latest_schedule(&self) -> Result<Option<Schedule>, StoreError> {
+        let select = "SELECT body FROM plans ORDER BY plan DESC LIMIT 1";
+        let body = query_scalar(select).fetch_optional(&self.pool).await.map_err(self.failed("reading plans"))?;
+        self.message(body, "plans")
+    }
+
+    /// The capacity computed last.
+    pub async fn latest_capacity(&self) -> Result<Option<Capacity>, StoreError> {
+        let select = "SELECT body FROM capacities ORDER BY number DESC LIMIT 1";
+        let body = query_scalar(select).fetch_optional(&self.pool).await.map_err(self.failed("reading capacities"))?;
+        self.message(body, "capacities")
+    }
+
+    /// The explanation given last for this robot.
+    pub async fn latest_explanation(&self, robot: &RobotId) -> Result<Option<Explanation>, StoreError> {
+        let select = query_scalar("SELECT body FROM explanations WHERE robot = $1").bind(robot.as_str());
+        let body = select.fetch_optional(&self.pool).await.map_err(self.failed("reading explanations"))?;
+        self.message(body, "explanations")
+    }
+
+    /// The last `limit` events, oldest first.
+    pub async fn events(&self, limit: usize) -> Result<Vec<Event>, StoreError> {
+        let limit = i64::try_from(limit).unwrap_or(i64::MAX);
+        let select = query_scalar::<_, String>("SELECT body FROM events ORDER BY seq DESC LIMIT $1").bind(limit);
+        let bodies = select.fetch_all(&self.pool).await.map_err(self.failed("reading events"))?;
+        bodies.iter().rev().map(|body| self.decode(body, "events")).collect()
+    }
+
+    /// A robot's log in the order of time, both ends included.
+    pub async fn robot_telemetry(
+        &self,
+        robot: &RobotId,
+        from: Option<Timestamp>,
+        to: Option<Timestamp>,
+    ) -> Result<Vec<TelemetryRow>, StoreError> {
+        let (from_ms, to_ms) = bounds(from, to);
+        let select = "SELECT g.*, (SELECT s.phase FROM robot_states s WHERE s.robot = g.robot AND s.at_ms <= g.at_ms \
+                      ORDER BY s.at_ms DESC, s.seq DESC LIMIT 1) AS phase \
+                      FROM robot_gauges g WHERE g.robot = $1 AND g.at_ms BETWEEN $2 AND $3 ORDER BY g.at_ms, g.seq";
+        let select = query(select).bind(robot.as_str()).bind(from_ms).bind(to_ms);
+        let rows = select.fetch_all(&self.pool).await.map_err(self.failed("reading robot_gauges"))?;
+        rows.iter().map(telemetry).collect::<Result<_, _>>().map_err(self.failed("reading robot_gauges"))
+    }
+
+    /// The log of a station's pack in the order of time, both ends included.
+    pub async fn pack_telemetry(
+        &self,
+        station: &StationId,
+        pack: &PackId,
+        from: Option<Timestamp>,
+        to: Option<Timestamp>,
+    ) -> Result<Vec<Gauge>, StoreError> {
+        let (from_ms, to_ms) = bounds(from, to);
+        let select = "SELECT * FROM pack_gauges WHERE station = $1 AND pack = $2 AND at_ms BETWEEN $3 AND $4 ORDER BY at_ms, seq";
+        let select = query(select).bind(station.as_str()).bind(pack.as_str()).bind(from_ms).bind(to_ms);
+        let rows = select.fetch_all(&self.pool).await.map_err(self.failed("reading pack_gauges"))?;
+        rows.iter().map(gauge).collect::<Result<_, _>>().map_err(self.failed("reading pack_gauges"))
+    }
+
+    /// A command and its answer.
+    pub async fn command(&self, id: &CommandId) -> Result<Option<StoredCommand>, StoreError> {
+        let select = query_as("SELECT robot, station, body, reply_body FROM commands WHERE id = $1").bind(id.as_str());
+        let row: Option<CommandColumns> = select.fetch_optional(&self.pool).await.map_err(self.failed("reading commands"))?;
+        row.map(|row| self.stored_command(row)).transpose()
+    }
+
+    /// The commands without an answer, oldest first, whether or not their deadline is past.
+    pub async fn unanswered_commands(&self) -> Result<Vec<SentCommand>, StoreError> {
+        let select = "SELECT robot, station, body, reply_body FROM commands WHERE reply_body IS NULL ORDER BY at_ms, id";
+        let rows: Vec<CommandColumns> = query_as(select).fetch_all(&self.pool).await.map_err(self.failed("reading commands"))?;
+        rows.into_iter().map(|row| self.stored_command(row).map(|command| command.sent)).collect()
+    }
+
+    /// Rows per table.
+    pub async fn counts(&self) -> Result<BTreeMap<&'static str, u64>, StoreError> {
+        let select = "SELECT (SELECT COUNT(*) FROM robot_gauges) AS robot_gauges, (SELECT COUNT(*) FROM pack_gauges) AS pack_gauges, \
+                      (SELECT COUNT(*) FROM robot_states) AS robot_states, (SELECT COUNT(*) FROM station_states) AS station_states, \
+                      (SELECT COUNT(*) FROM events) AS events, (SELECT COUNT(*) FROM plans) AS plans, \
+                      (SELECT COUNT(*) FROM capacities) AS capacities, (SELECT COUNT(*) FROM explanations) AS explanations, \
+                      (SELECT COUNT(*) FROM commands) AS commands";
+        const TABLES: [&str; 9] =
+            ["robot_gauges", "pack_gauges", "robot_states", "station_states", "events", "plans", "capacities", "explanations", "commands"];
+        let row = query(select).fetch_one(&self.pool).await.map_err(self.failed("counting rows"))?;
+        let count = |table: &'static str| row.try_get::<i64, _>(table).map(|rows| (table, rows.cast_unsigned()));
+        TABLES.into_iter().map(count).collect::<Result<_, _>>().map_err(self.failed("counting rows"))
+    }
+
+    /// The epoch of the coordinator that opened the store last.
+    pub async fn last_epoch(&self) -> Result<u64, StoreError> {
+        self.number("SELECT value FROM meta WHERE name = 'epoch'", "reading meta").await
+    }
+
+    /// The number for the next event: one above the largest so far, 1 in an empty store.
+    pub async fn next_event_seq(&self) -> Result<u64, StoreError> {
+        self.number("SELECT COALESCE(MAX(seq), 0) + 1 FROM events", "reading events").await
+    }
+
+    /// The number for the next plan: one above the largest so far, 1 in an empty store.
+    pub async fn next_plan(&self) -> Result<u64, StoreError> {
+        self.number("SELECT COALESCE(MAX(plan), 0) + 1 FROM plans", "reading plans").await
+    }
+
+    async fn number(&self, select: &'static str, doing: &'static str) -> Result<u64, StoreError> {
+        let number: i64 = query_scalar(select).fetch_one(&self.pool).await.map_err(self.failed(doing))?;
+        u64::try_from(number).map_err(|_| self.damaged(format!("{doing}: {number} is below zero")))
+    }
+
+    fn stored_command(&self, (robot, station, body, reply): CommandColumns) -> Result<StoredCommand, StoreError> {
+        let bad_id = |error: proto::IdError| self.damaged(format!("table commands: {error}"));
+        let sent = match (robot, station) {
+            (Some(robot), None) => {
+                SentCommand::Robot { robot: RobotId::new(robot).map_err(bad_id)?, command: self.decode(&body, "commands")? }
+            }
+            (None, Some(station)) => {
+                SentCommand::Station { station: StationId::new(station).map_err(bad_id)?, command: self.decode(&body, "commands")? }
+            }
+            _ => return Err(self.damaged(format!("table commands: not one addressee: {body}"))),
+        };
+        Ok(StoredCommand { sent, reply: self.message(reply, "commands")? })
+    }
+
+    fn message<M: Message>(&self, body: Option<String>, table: &str) -> Result<Option<M>, StoreError> {
+        body.map(|body| self.decode(&body, table)).transpose()
+    }
+
+    fn decode<M: Message>(&self, body: &str, table: &str) -> Result<M, StoreError> {
+        decode(body.as_bytes()).map_err(|error| self.damaged(format!("table {table}: {error}")))
+    }
+
+    fn damaged(&self, detail: String) -> StoreError {
+        StoreError::Damaged { path: self.path.clone(), detail }
+    }
+
+    fn failed(&self, doing: &'static str) -> impl Fn(sqlx::Error) -> StoreError {
+        move |source| StoreError::database(&self.path, doing, source)
+    }
+}
+
+/// Robot, station, body and reply.
+type CommandColumns = (Option<String>, Option<String>, String, Option<String>);
+
+fn telemetry(row: &SqliteRow) -> Result<TelemetryRow, sqlx::Error> {
+    let phase: Option<String> = row.try_get("phase")?;
+    let phase = phase.map(|name| RobotPhase::deserialize(IntoDeserializer::<ValueError>::into_deserializer(name))).transpose();
+    Ok(TelemetryRow { gauge: gauge(row)?, phase: phase.map_err(|error| sqlx::Error::Decode(Box::new(error)))? })
+}
+
+fn gauge(row: &SqliteRow) -> Result<Gauge, sqlx::Error> {
+    let estimate = |value: &str, sigma: &str| Ok::<_, sqlx::Error>(Estimate::new(row.try_get(value)?, row.try_get(sigma)?));
+    let perhaps = |value: &str, sigma: &str| {
+        let pair: (Option<f64>, Option<f64>) = (row.try_get(value)?, row.try_get(sigma)?);
+        Ok::<_, sqlx::Error>(pair.0.zip(pair.1).map(|(value, sigma)| Estimate::new(value, sigma)))
+    };
+    Ok(Gauge {
+        at: Timestamp::from_unix_ms(row.try_get("at_ms")?),
+        seq: row.try_get::<i64, _>("seq")?.cast_unsigned(),
+        soc: estimate("soc", "soc_sigma")?,
+        remaining_wh: estimate("remaining_wh", "remaining_wh_sigma")?,
+        full_wh: estimate("full_wh", "full_wh_sigma")?,
+        time_to_empty_s: perhaps("time_to_empty_s", "time_to_empty_s_sigma")?,
+        time_to_full_s: perhaps("time_to_full_s", "time_to_full_s_sigma")?,
+        soh: estimate("soh", "soh_sigma")?,
+        voltage_v: row.try_get("voltage_v")?,
+        current_a: row.try_get("current_a")?,
+        temperature_degc: row.try_get("temperature_degc")?,
+        power_w: row.try_get("power_w")?,
+        cells_series: u32::try_from(row.try_get::<i64, _>("cells_series")?).map_err(|error| sqlx::Error::Decode(Box::new(error)))?,
+        source: row.try_get("source")?,
+    })
+}

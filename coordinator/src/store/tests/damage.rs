@@ -1,0 +1,109 @@
+use super::*;
+
+/// A batch that needs several hundred pages of 4 KiB.
+fn large(first: u64) -> Vec<Record> {
+    let text = "r1 joined ".repeat(100);
+    (first..first + 1_000).map(|seq| Record::Event(event(seq, &text))).collect()
+}
+
+#[tokio::test]
+async fn a_full_disk_loses_the_batch_and_nothing_else_until_there_is_room() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&one_of_each()).await.unwrap();
+    let before = store.counts().await.unwrap();
+    for _ in 0..3 {
+        store.limit_pages(100).await;
+        let error = store.append(&large(100)).await.unwrap_err();
+        assert!(matches!(error, StoreError::Full { .. }) && error.to_string().contains("journal.db cannot be written"), "{error}");
+        assert_eq!(store.counts().await.unwrap(), before);
+        // What is small enough still goes in.
+        store.append(&one_of_each()[..2]).await.unwrap();
+    }
+    store.limit_pages(1_000_000).await;
+    store.append(&large(100)).await.unwrap();
+    assert_eq!(rows(&store).await, before.values().sum::<u64>() + 1_000);
+    store.close().await;
+    assert_eq!(open(&path).await.next_event_seq().await.unwrap(), 1_100);
+}
+
+/// A store with some pages of content, as bytes.
+async fn file_of_a_store(path: &Path) -> Vec<u8> {
+    let store = open(path).await;
+    store.append(&one_of_each()).await.unwrap();
+    store.append(&large(100)).await.unwrap();
+    store.close().await;
+    std::fs::read(path).unwrap()
+}
+
+#[tokio::test]
+async fn a_file_that_was_cut_off_is_an_error_and_stays_as_it_is() {
+    let (directory, path) = place();
+    let whole = file_of_a_store(&path).await;
+    let lengths = [1, 15, 16, 17, 99, 100, 101, 511, 512, 1_000, 4_095, 4_096, 4_097, 8_192];
+    let lengths = lengths.into_iter().chain((1..8).map(|part| whole.len() * part / 8)).chain([whole.len() - 4_096, whole.len() - 1]);
+    for length in lengths {
+        let cut = directory.path().join(format!("cut-{length}.db"));
+        std::fs::write(&cut, &whole[..length]).unwrap();
+        for error in [Store::open_read_only(&cut).await.unwrap_err(), Store::open(&cut).await.unwrap_err()] {
+            assert!(matches!(error, StoreError::NotAStore { .. } | StoreError::Damaged { .. }), "{length}: {error}");
+            assert!(error.to_string().contains("cut-"), "{length}: {error}");
+        }
+        assert!(std::fs::read(&cut).unwrap() == whole[..length], "{length}");
+    }
+}
+
+#[tokio::test]
+async fn an_overwritten_page_is_an_error_wherever_it_is_read() {
+    let (directory, path) = place();
+    let whole = file_of_a_store(&path).await;
+    let pages = whole.len() / 4_096;
+    let mut errors = 0;
+    for page in (0..pages.min(40)).chain(pages - 3..pages) {
+        let mut bytes = whole.clone();
+        bytes[page * 4_096 + 16..(page + 1) * 4_096].fill(0x55);
+        let path = directory.path().join(format!("page-{page}.db"));
+        std::fs::write(&path, bytes).unwrap();
+        let Ok(store) = Store::open(&path).await else {
+            errors += 1;
+            continue;
+        };
+        // An error or not, as the page is needed or not; never a panic.
+        let answers = [
+            store.events(usize::MAX).await.is_ok(),
+            store.latest_schedule().await.is_ok(),
+            store.unanswered_commands().await.is_ok(),
+            store.robot_telemetry(&id("r1"), None, None).await.is_ok(),
+            store.counts().await.is_ok(),
+            store.append(&events(5_000..=5_000)).await.is_ok(),
+        ];
+        errors += usize::from(answers.contains(&false));
+    }
+    assert!(errors > 30, "only {errors} pages were missed");
+}
+
+#[tokio::test]
+async fn a_row_that_no_coordinator_wrote_is_an_error_that_names_the_table() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&one_of_each()).await.unwrap();
+    for sql in [
+        "UPDATE plans SET body = '{'",
+        "UPDATE events SET body = 'null'",
+        "UPDATE robot_states SET phase = 'flying'",
+        "UPDATE pack_gauges SET cells_series = -1",
+        "UPDATE commands SET robot = 'no robot'",
+    ] {
+        sqlx::query(sql).execute(&store.writer).await.unwrap();
+    }
+    let errors = [
+        (store.latest_schedule().await.unwrap_err(), "plans"),
+        (store.events(9).await.unwrap_err(), "events"),
+        (store.robot_telemetry(&id("r1"), None, None).await.unwrap_err(), "robot_gauges"),
+        (store.pack_telemetry(&id("north"), &id("p1"), None, None).await.unwrap_err(), "pack_gauges"),
+        (store.command(&id("c1")).await.unwrap_err(), "commands"),
+    ];
+    for (error, table) in errors {
+        assert!(matches!(error, StoreError::Damaged { .. }) && error.to_string().contains(table), "{error}");
+    }
+}

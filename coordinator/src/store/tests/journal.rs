@@ -1,0 +1,218 @@
+use super::*;
+
+use crate::store::{SentCommand, TelemetryRow};
+
+#[tokio::test]
+async fn gives_back_what_was_appended() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&one_of_each()).await.unwrap();
+    assert_eq!(store.latest_schedule().await.unwrap(), Some(schedule(1)));
+    assert_eq!(store.latest_capacity().await.unwrap(), Some(capacity(8)));
+    assert_eq!(store.latest_explanation(&id("r1")).await.unwrap(), Some(explanation("r1", "it runs empty first")));
+    assert_eq!(store.events(10).await.unwrap(), [event(1, "r1 joined")]);
+    let row = TelemetryRow { gauge: gauge(1), phase: Some(RobotPhase::Working) };
+    assert_eq!(store.robot_telemetry(&id("r1"), None, None).await.unwrap(), [row]);
+    assert_eq!(store.pack_telemetry(&id("north"), &id("p1"), None, None).await.unwrap(), [gauge(1)]);
+    let command = store.command(&id("c1")).await.unwrap().unwrap();
+    assert_eq!(command.sent, SentCommand::Robot { robot: id("r1"), command: robot_command("c1", 3) });
+    assert_eq!(command.reply, Some(reply("c1", 5)));
+    assert!(store.counts().await.unwrap().values().all(|&rows| rows == 1));
+}
+
+#[tokio::test]
+async fn an_empty_store_answers_with_nothing() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&[]).await.unwrap();
+    assert_eq!(store.latest_schedule().await.unwrap(), None);
+    assert_eq!(store.latest_capacity().await.unwrap(), None);
+    assert_eq!(store.latest_explanation(&id("r1")).await.unwrap(), None);
+    assert_eq!(store.events(10).await.unwrap(), []);
+    assert_eq!(store.robot_telemetry(&id("r1"), None, None).await.unwrap(), []);
+    assert_eq!(store.unanswered_commands().await.unwrap(), []);
+    assert_eq!(store.command(&id("c1")).await.unwrap(), None);
+    assert_eq!(rows(&store).await, 0);
+}
+
+#[tokio::test]
+async fn a_log_is_ordered_bounded_and_tells_the_phase_of_each_moment() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    // More than one statement's worth, the newest first, another robot in between.
+    let mut batch: Vec<Record> = (1..=200).rev().map(|seq| robot_gauge("r1", seq)).collect();
+    batch.push(robot_gauge("r2", 50));
+    batch.push(robot_state("r1", 10, RobotPhase::Travelling));
+    batch.push(robot_state("r1", 20, RobotPhase::Charging));
+    store.append(&batch).await.unwrap();
+
+    let log = store.robot_telemetry(&id("r1"), None, None).await.unwrap();
+    assert!(log.iter().map(|row| row.gauge.seq).eq(1..=200));
+    let phase_at = |seq: usize| log[seq - 1].phase;
+    assert_eq!([phase_at(9), phase_at(10), phase_at(19)], [None, Some(RobotPhase::Travelling), Some(RobotPhase::Travelling)]);
+    assert_eq!([phase_at(20), phase_at(200)], [Some(RobotPhase::Charging); 2]);
+
+    let part = store.robot_telemetry(&id("r1"), Some(at(5)), Some(at(7))).await.unwrap();
+    assert!(part.iter().map(|row| row.gauge.seq).eq(5..=7));
+}
+
+#[tokio::test]
+async fn numbers_from_the_network_may_be_as_large_as_they_like() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    let far = Gauge { at: Timestamp::from_unix_ms(i64::MAX), seq: u64::MAX, ..gauge(0) };
+    store.append(&[Record::RobotGauge { robot: id("r1"), gauge: far.clone() }]).await.unwrap();
+    assert_eq!(store.robot_telemetry(&id("r1"), None, None).await.unwrap()[0].gauge, far);
+}
+
+#[tokio::test]
+async fn the_last_events_come_oldest_first() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&events(1..=9)).await.unwrap();
+    let last: Vec<u64> = store.events(3).await.unwrap().iter().map(|event| event.seq).collect();
+    assert_eq!(last, [7, 8, 9]);
+    assert_eq!(store.events(0).await.unwrap(), []);
+    assert_eq!(store.events(usize::MAX).await.unwrap().len(), 9);
+}
+
+#[tokio::test]
+async fn the_latest_is_what_was_appended_last_even_at_the_same_instant() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    let explain = |reason| Record::Explanations(vec![explanation("r1", reason), explanation("r2", reason)]);
+    store.append(&[Record::Capacity(capacity(8)), Record::Capacity(capacity(7)), explain("first")]).await.unwrap();
+    store.append(&[Record::Capacity(capacity(6)), explain("second")]).await.unwrap();
+    assert_eq!(store.latest_capacity().await.unwrap(), Some(capacity(6)));
+    assert_eq!(store.latest_explanation(&id("r2")).await.unwrap(), Some(explanation("r2", "second")));
+    assert_eq!(store.counts().await.unwrap()["explanations"], 2);
+}
+
+#[tokio::test]
+async fn a_batch_appended_twice_is_kept_once() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    let batch: Vec<Record> = one_of_each().into_iter().filter(|record| !matches!(record, Record::Capacity(_))).collect();
+    store.append(&batch).await.unwrap();
+    let before = store.counts().await.unwrap();
+    store.append(&batch).await.unwrap();
+    store.append(&[batch.clone(), batch].concat()).await.unwrap();
+    assert_eq!(store.counts().await.unwrap(), before);
+}
+
+#[tokio::test]
+async fn a_command_keeps_its_first_answer() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&[to_station("c2", 4), to_robot("c1", 3), to_robot("c3", 5)]).await.unwrap();
+    let unanswered = [
+        SentCommand::Robot { robot: id("r1"), command: robot_command("c1", 3) },
+        SentCommand::Station { station: id("north"), command: station_command("c2", 4) },
+        SentCommand::Robot { robot: id("r1"), command: robot_command("c3", 5) },
+    ];
+    assert_eq!(store.unanswered_commands().await.unwrap(), unanswered);
+
+    store.append(&[Record::Reply(reply("c1", 10)), Record::Reply(reply("c1", 11)), Record::Reply(reply("c3", 12))]).await.unwrap();
+    // A repetition of the command does not make it unanswered again.
+    store.append(&[to_robot("c1", 3), Record::Reply(reply("c1", 13))]).await.unwrap();
+    assert_eq!(store.unanswered_commands().await.unwrap(), unanswered[1..2]);
+    assert_eq!(store.command(&id("c1")).await.unwrap().unwrap().reply, Some(reply("c1", 10)));
+}
+
+#[tokio::test]
+async fn an_answer_to_a_command_of_an_earlier_store_does_no_harm() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&[Record::Reply(reply("c0", 10)), Record::Event(event(1, "r1 joined"))]).await.unwrap();
+    assert_eq!(store.command(&id("c0")).await.unwrap(), None);
+    assert_eq!(rows(&store).await, 1);
+}
+
+#[tokio::test]
+async fn a_batch_that_fails_half_way_leaves_nothing() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    store.append(&[Record::Event(event(5, "r1 joined")), to_robot("c1", 3), Record::Plan(schedule(2))]).await.unwrap();
+    let before = store.counts().await.unwrap();
+    let other_plan = Schedule { trigger: "r2 joined".to_owned(), ..schedule(2) };
+    let other_target = Record::RobotCommand { robot: id("r2"), command: robot_command("c1", 3) };
+    let taken = [
+        (Record::Event(event(5, "r2 joined")), "event 5"),
+        (Record::Plan(other_plan), "plan 2"),
+        (to_robot("c1", 4), "command c1"),
+        (other_target, "command c1"),
+    ];
+    for (record, name) in taken {
+        let batch = [robot_gauge("r1", 9), Record::Event(event(6, "r2 joined")), record, Record::Event(event(7, "r3 joined"))];
+        let error = store.append(&batch).await.unwrap_err();
+        assert!(matches!(&error, StoreError::Conflict { record, .. } if record == name), "{error}");
+        assert_eq!(store.counts().await.unwrap(), before);
+    }
+    // And the store goes on.
+    store.append(&one_of_each()[..2]).await.unwrap();
+    assert_eq!(rows(&store).await, before.values().sum::<u64>() + 2);
+}
+
+#[tokio::test]
+async fn refuses_what_it_could_not_give_back() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    let nan = Gauge { power_w: f64::NAN, ..gauge(1) };
+    let bad_capacity = Capacity { confidence: f64::INFINITY, ..capacity(1) };
+    let records = [
+        (Record::RobotGauge { robot: id("r1"), gauge: nan.clone() }, "a gauge of robot r1 cannot be stored: `power_w` is NaN"),
+        (Record::PackGauge { station: id("north"), pack: id("p1"), gauge: nan }, "a gauge of pack p1 of station north"),
+        (Record::Capacity(bad_capacity), "the capacity at 2026-01-01T00:00:07.000Z cannot be stored: `confidence`"),
+        (Record::Event(Event { seq: 1 << 63, ..event(1, "") }), "event 9223372036854775808 cannot be stored"),
+    ];
+    for (record, text) in records {
+        let error = store.append(&[Record::Event(event(1, "r1 joined")), record]).await.unwrap_err().to_string();
+        assert!(error.starts_with(text), "{error}");
+    }
+    assert_eq!(rows(&store).await, 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn many_tasks_append_and_read_at_once() {
+    let (_directory, path) = place();
+    let store = std::sync::Arc::new(open(&path).await);
+    let tasks: Vec<_> = (0..8_u64)
+        .map(|task| {
+            let store = store.clone();
+            tokio::spawn(async move {
+                for turn in 0..20 {
+                    let first = (task * 20 + turn) * 5 + 1;
+                    store.append(&events(first..=first + 4)).await.unwrap();
+                    // Batches are seen whole.
+                    assert_eq!(rows(&store).await % 5, 0);
+                }
+            })
+        })
+        .collect();
+    for task in tasks {
+        task.await.unwrap();
+    }
+    assert_eq!(rows(&store).await, 800);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_append_that_is_given_up_leaves_all_or_nothing() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    for patience in 0..40_u64 {
+        let first = patience * 100 + 1;
+        let batch = events(first..=first + 99);
+        let yields = async {
+            for _ in 0..patience * 8 {
+                tokio::task::yield_now().await;
+            }
+        };
+        tokio::select! {
+            biased;
+            () = yields => {}
+            done = store.append(&batch) => done.unwrap(),
+        }
+        assert_eq!(rows(&store).await % 100, 0);
+    }
+    store.append(&events(1..=100)).await.unwrap();
+}
