@@ -1,0 +1,86 @@
+//! The command line: one file per verb. Exit 0 yes, 1 no, 2 could not answer.
+
+mod compare;
+mod effects;
+mod fit;
+mod inputs;
+mod predict;
+
+use std::io::{self, Write as _};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use serde::Serialize;
+
+/// Compares energy models of batteries, robots and stations with measurements, and calibrates
+/// them.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true)]
+#[command(after_help = "Exit status: 0 yes, 1 no, 2 could not answer. Data goes to stdout, everything else to stderr.")]
+pub(crate) struct Cli {
+    /// How to print the answer.
+    #[arg(long, value_enum, default_value_t, global = true)]
+    format: Format,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum Format {
+    /// Tables for people.
+    #[default]
+    Human,
+    /// One JSON document.
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Print the catalogue of physical effects, or all about one of them.
+    Effects(effects::Args),
+    /// Predict the measured channels of a log, row by row.
+    Predict(predict::Args),
+    /// Compare a model with logs: error against the sensor floor, and where it lies.
+    Compare(compare::Args),
+    /// Calibrate the free parameters of a model on logs.
+    Fit(fit::Args),
+}
+
+/// What a verb found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Answer {
+    Yes,
+    No,
+    /// It has said on stdout why it cannot tell.
+    CannotTell,
+}
+
+pub(crate) fn main(cli: Cli) -> ExitCode {
+    let result = match cli.verb {
+        Verb::Effects(args) => effects::run(&args, cli.format),
+        Verb::Predict(args) => predict::run(&args, cli.format),
+        Verb::Compare(args) => compare::run(&args, cli.format),
+        Verb::Fit(args) => fit::run(&args, cli.format),
+    };
+    match result {
+        Ok(Answer::Yes) => ExitCode::SUCCESS,
+        Ok(Answer::No) => ExitCode::from(1),
+        Ok(Answer::CannotTell) => ExitCode::from(2),
+        Err(error) => {
+            eprintln!("lab: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Prints text or JSON on stdout. A reader that has gone away (`| head`) is no error.
+fn print(format: Format, json: &impl Serialize, human: impl FnOnce() -> String) -> anyhow::Result<()> {
+    let text = match format {
+        Format::Human => human(),
+        Format::Json => serde_json::to_string_pretty(json)? + "\n",
+    };
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        other => Ok(other?),
+    }
+}

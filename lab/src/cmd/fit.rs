@@ -1,0 +1,111 @@
+//! `lab fit`: calibrates a model on logs.
+
+use std::io::{IsTerminal as _, stderr};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use indicatif::ProgressBar;
+use lab::ModelSource;
+use lab::compare::compare;
+use lab::fit::{Step, fit, free_parameters};
+use lab::model_edit::{Change, edit, ocv_of_file};
+use lab::model_source::{Origin, parse_beside};
+use lab::output::{check_writable, directory_of, write_whole};
+use lab::prepare::Prepared;
+use lab::report::fitted::FitReport;
+
+use super::inputs::{LogArgs, ModelArg};
+use super::{Answer, Format, print};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    model: ModelArg,
+    #[command(flatten)]
+    logs: LogArgs,
+    /// Where to write the fitted model; nothing is written when left out.
+    #[arg(short, long, value_name = "MODEL2")]
+    output: Option<PathBuf>,
+    /// Also fit this parameter (or all of this effect), whatever the model says.
+    #[arg(long, value_name = "EFFECT.PARAMETER", num_args = 1..)]
+    free: Vec<String>,
+    /// Leave this parameter (or all of this effect) as it is, whatever the model says.
+    #[arg(long, value_name = "EFFECT.PARAMETER", num_args = 1..)]
+    fix: Vec<String>,
+    /// Date to record as the origin of the numbers, YYYY-MM-DD.
+    #[arg(long, value_name = "DATE", value_parser = date)]
+    date: Option<String>,
+}
+
+fn date(text: &str) -> Result<String, String> {
+    let parts: Vec<&str> = text.split('-').collect();
+    let number = |part: &str, digits: usize, max: u32| {
+        part.len() == digits && part.bytes().all(|byte| byte.is_ascii_digit()) && part.parse().is_ok_and(|n: u32| (1..=max).contains(&n))
+    };
+    match parts[..] {
+        [year, month, day] if number(year, 4, 9999) && number(month, 2, 12) && number(day, 2, 31) => Ok(text.to_owned()),
+        _ => Err("write it as YYYY-MM-DD".to_owned()),
+    }
+}
+
+pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
+    if let Some(path) = &args.output {
+        check_writable(path)?;
+    }
+    let source = args.model.load()?;
+    let model = &source.model;
+    let free = free_parameters(model, &args.free, &args.fix)?;
+    let logs = args.logs.prepare(model)?;
+    let before = compare(model, &model.values(), &logs);
+    let bar = progress_bar();
+    let fitted = fit(model, &logs, &free, &mut |step: Step| {
+        bar.set_message(format!("step {}, weighted squared error {:.4e}", step.iteration, step.cost));
+    });
+    bar.finish_and_clear();
+    let fitted = fitted?;
+    let after = compare(model, &fitted.values, &logs);
+    let mut report = FitReport::of(model, &fitted, &before, &after);
+    if let Some(path) = &args.output {
+        let changes = report.changes(&fitted, &origin(&logs, args.date.as_deref()));
+        write_model(&source, path, &changes)?;
+        report.output = Some(path.display().to_string());
+    }
+    print(format, &report, || report.human())?;
+    Ok(if report.converged { Answer::Yes } else { Answer::No })
+}
+
+/// A spinner on a terminal, and nothing elsewhere.
+fn progress_bar() -> ProgressBar {
+    if !stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new_spinner();
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
+/// What the model file says about where its numbers come from.
+fn origin(logs: &[Prepared], date: Option<&str>) -> String {
+    let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
+    let date = date.map_or_else(String::new, |date| format!(", {date}"));
+    format!("fitted by lab {} to {}{date}", env!("CARGO_PKG_VERSION"), names.join(", "))
+}
+
+fn write_model(source: &ModelSource, path: &Path, changes: &[Change]) -> anyhow::Result<()> {
+    // A table named by a relative path is not where the new file would look for it.
+    let stays = match &source.origin {
+        Origin::BuiltIn(_) => false,
+        Origin::File(from) => same_directory(from, path),
+    };
+    let inline = if stays { None } else { ocv_of_file(&source.model, &source.text) };
+    let text = edit(&source.text, changes, inline)?;
+    parse_beside(path, &text).with_context(|| format!("the fitted model would not load again, so {} was not written", path.display()))?;
+    write_whole(path, text.as_bytes())?;
+    Ok(())
+}
+
+fn same_directory(one: &Path, other: &Path) -> bool {
+    let whole = |path: &Path| directory_of(path).canonicalize();
+    matches!((whole(one), whole(other)), (Ok(one), Ok(other)) if one == other)
+}

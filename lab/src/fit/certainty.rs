@@ -1,0 +1,187 @@
+//! How well a fit determines its parameters, when residuals follow each other.
+//!
+//! Rows of one log are not independent: what the model gets wrong at one second it gets wrong at
+//! the next. Each log and channel is therefore taken to hold n (1 - rho) / (1 + rho) independent
+//! rows, with rho its lag-1 autocorrelation (an AR(1) process; rho below 0 counts as 0, and a log is worth at least one row). With A_l
+//! the share of log l in JᵀJ and s_l² its residual variance,
+//!
+//! `Cov = A⁻¹ (Σ_l s_l² (1 + rho_l) / (1 - rho_l) A_l) A⁻¹`,  `A = Σ_l A_l`.
+//!
+//! This holds while residuals are small against the curvature of the model and is too hopeful
+//! where the model is wrong in a way that one lag does not show. Parameters at a bound count as
+//! free here, which makes the others' sigmas cautious.
+
+use std::ops::Range;
+
+use energy::Channel;
+use nalgebra::{DMatrix, DVector};
+
+/// The rows of a fit that come from one channel of one log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Segment {
+    /// Index of the log.
+    pub log: usize,
+    /// The channel.
+    pub channel: Channel,
+    /// Where its rows stand in the fit.
+    pub range: Range<usize>,
+    /// Row in the log of each of them.
+    pub rows: Vec<usize>,
+}
+
+/// What one channel of one log is worth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SegmentCertainty {
+    /// Lag-1 autocorrelation of its residuals after the fit.
+    pub lag1: f64,
+    /// Independent rows that its rows are worth.
+    pub effective_rows: f64,
+}
+
+/// What a fit is worth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Certainty {
+    /// Standard deviation of each parameter; none when the logs say no more about it than its
+    /// plausible range does.
+    pub sigma: Vec<Option<f64>>,
+    /// Parameters on which no row depends at all.
+    pub silent: Vec<bool>,
+    /// Sets of parameters that the rows determine only in combination.
+    pub tangled: Vec<Vec<usize>>,
+    /// Correlation between parameters; NaN where one has no sigma.
+    pub correlation: DMatrix<f64>,
+    /// By segment of the fit.
+    pub segments: Vec<SegmentCertainty>,
+}
+
+/// Eigenvalue of the scaled normal matrix below which a direction is not determined.
+const SINGULAR: f64 = 1e-12;
+
+/// Judges a fit from its Jacobian and residuals.
+#[must_use]
+pub fn certainty(jacobian: &DMatrix<f64>, residual: &DVector<f64>, segments: &[Segment], bounds: &[(f64, f64)]) -> Certainty {
+    let n = residual.len() as f64;
+    let p = jacobian.ncols();
+    let freedom = n / (n - p as f64).max(1.0);
+    let mut normal = DMatrix::zeros(p, p);
+    let mut middle = DMatrix::zeros(p, p);
+    let mut worth = Vec::new();
+    for segment in segments {
+        let rows = segment.range.len() as f64;
+        let part = jacobian.rows(segment.range.start, segment.range.len());
+        let own = residual.rows(segment.range.start, segment.range.len());
+        let lag1 = lag1(own.as_slice(), &segment.rows);
+        let kept = lag1.clamp(0.0, (rows - 1.0) / (rows + 1.0));
+        let inflation = (1.0 + kept) / (1.0 - kept);
+        worth.push(SegmentCertainty { lag1, effective_rows: rows / inflation });
+        let share = part.tr_mul(&part);
+        middle += &share * (own.norm_squared() / rows * freedom * inflation);
+        normal += share;
+    }
+    let silent: Vec<bool> = (0..p).map(|index| normal[(index, index)] == 0.0).collect();
+    let (inverse, tangled) = inverse(&normal);
+    let covariance = &inverse * middle * &inverse;
+    let sigma: Vec<Option<f64>> = (0..p)
+        .map(|index| {
+            let sigma = covariance[(index, index)].max(0.0).sqrt();
+            let known = !silent[index] && !tangled.iter().any(|set| set.contains(&index)) && sigma < uniform_sigma(bounds[index]);
+            known.then_some(sigma)
+        })
+        .collect();
+    let correlation = DMatrix::from_fn(p, p, |i, j| match (sigma[i], sigma[j]) {
+        (Some(_), Some(_)) if i == j => 1.0,
+        (Some(a), Some(b)) if a > 0.0 && b > 0.0 => (covariance[(i, j)] / (a * b)).clamp(-1.0, 1.0),
+        _ => f64::NAN,
+    });
+    Certainty { sigma, silent, tangled, correlation, segments: worth }
+}
+
+/// Standard deviation of a parameter of which nothing but its range is known.
+#[must_use]
+pub fn uniform_sigma((min, max): (f64, f64)) -> f64 {
+    (max - min) / 12f64.sqrt()
+}
+
+/// Autocorrelation of neighbours. About zero, not about the mean: a constant error is an error.
+fn lag1(residual: &[f64], rows: &[usize]) -> f64 {
+    let neighbours = rows.windows(2).zip(residual.windows(2)).filter(|(rows, _)| rows[1] == rows[0] + 1);
+    let (mut products, mut squares) = (0.0, 0.0);
+    for (_, pair) in neighbours {
+        products += pair[0] * pair[1];
+        squares += (pair[0] * pair[0] + pair[1] * pair[1]) / 2.0;
+    }
+    if squares > 0.0 { products / squares } else { 0.0 }
+}
+
+/// Inverse of a normal matrix without the directions that it does not determine, and the sets of
+/// parameters that take part in those together.
+fn inverse(normal: &DMatrix<f64>) -> (DMatrix<f64>, Vec<Vec<usize>>) {
+    let p = normal.nrows();
+    let scale: Vec<f64> = (0..p).map(|index| normal[(index, index)].sqrt()).map(|root| if root > 0.0 { root } else { 1.0 }).collect();
+    let scaled = DMatrix::from_fn(p, p, |i, j| normal[(i, j)] / (scale[i] * scale[j]));
+    let eigen = scaled.symmetric_eigen();
+    let mut inverse = DMatrix::zeros(p, p);
+    let mut tangled: Vec<Vec<usize>> = Vec::new();
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value > SINGULAR {
+            inverse += vector * vector.transpose() / *value;
+        } else {
+            let mut set: Vec<usize> = (0..p).filter(|&index| vector[index].abs() > 0.05 && normal[(index, index)] > 0.0).collect();
+            // Several lost directions of one set are one set.
+            while let Some(known) = tangled.iter().position(|known| known.iter().any(|index| set.contains(index))) {
+                set.extend(tangled.swap_remove(known));
+            }
+            set.sort_unstable();
+            set.dedup();
+            if !set.is_empty() {
+                tangled.push(set);
+            }
+        }
+    }
+    (DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / (scale[i] * scale[j])), tangled)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDE: (f64, f64) = (-1e3, 1e3);
+
+    fn one_log(rows: usize) -> Vec<Segment> {
+        vec![Segment { log: 0, channel: Channel::VoltageV, range: 0..rows, rows: (0..rows).collect() }]
+    }
+
+    #[test]
+    fn white_residuals_give_the_textbook_sigma_of_a_mean() {
+        // Residuals +1, +1, -1, -1, ...: lag 1 is about 0, variance 1, so sigma = 1 / sqrt(n).
+        let n = 400;
+        let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
+        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE]);
+        assert!((certainty.sigma[0].unwrap() - 0.05).abs() < 2e-3, "{certainty:?}");
+    }
+
+    #[test]
+    fn residuals_that_follow_each_other_widen_sigma() {
+        // Blocks of 20 equal residuals: lag 1 = 0.9, so 400 rows are worth about 20.
+        let n = 400;
+        let residual = DVector::from_fn(n, |row, _| if (row / 20) % 2 == 0 { 1.0 } else { -1.0 });
+        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE]);
+        assert!((certainty.segments[0].effective_rows - 20.0).abs() < 3.0, "{certainty:?}");
+        assert!((certainty.sigma[0].unwrap() - 20f64.powf(-0.5)).abs() < 0.03, "{certainty:?}");
+    }
+
+    #[test]
+    fn twins_and_parameters_without_effect_have_no_sigma() {
+        let n = 100;
+        let jacobian = DMatrix::from_fn(n, 4, |row, column| match column {
+            0 | 1 => row as f64,
+            2 => 0.0,
+            _ => 1.0,
+        });
+        let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
+        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE; 4]);
+        assert_eq!(certainty.sigma.iter().map(Option::is_some).collect::<Vec<_>>(), [false, false, false, true]);
+        assert_eq!(certainty.silent, [false, false, true, false]);
+        assert_eq!(certainty.tangled, [[0, 1]]);
+    }
+}

@@ -1,0 +1,11 @@
+//! The `lab` program: compares energy models with measurements.
+
+mod cmd;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+
+fn main() -> ExitCode {
+    cmd::main(cmd::Cli::parse())
+}

@@ -1,0 +1,209 @@
+//! Facts about one log: from a TOML file beside it (same stem) or from flags.
+
+use std::collections::BTreeMap;
+
+use energy::DocumentError;
+use energy::document::{Document, hint};
+use serde::{Deserialize, Serialize};
+
+use super::Mapping;
+
+/// How the state of charge at the start was reached: it sets the branch of the hysteresis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum History {
+    /// By charging.
+    Charged,
+    /// By discharging.
+    Discharged,
+}
+
+/// What a log is used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// To fit models.
+    Train,
+    /// To judge them.
+    Holdout,
+}
+
+/// What is known about a log beside its rows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LogFacts {
+    /// Cell or robot.
+    pub id: Option<String>,
+    /// State of charge at the first row, 0..1.
+    pub soc_initial: Option<f64>,
+    /// Standard deviation of it.
+    pub soc_initial_sigma: Option<f64>,
+    /// Pack voltage after a long rest before the log, V.
+    pub rest_voltage_v: Option<f64>,
+    /// How the initial state of charge was reached.
+    pub history: Option<History>,
+    /// Temperature of the surroundings, °C, when no column holds it.
+    pub ambient_degc: Option<f64>,
+    /// What the log is used for.
+    pub role: Option<Role>,
+    /// Numbers that this logger writes when nothing was measured.
+    pub missing: Vec<f64>,
+    /// Column names and units of this logger.
+    pub columns: Vec<Mapping>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    schema: toml::Spanned<u32>,
+    id: Option<String>,
+    soc_initial: Option<toml::Spanned<f64>>,
+    soc_initial_sigma: Option<toml::Spanned<f64>>,
+    rest_voltage_v: Option<toml::Spanned<f64>>,
+    history: Option<History>,
+    ambient_degc: Option<toml::Spanned<f64>>,
+    role: Option<Role>,
+    #[allow(dead_code, reason = "for readers of the file")]
+    source: Option<String>,
+    #[serde(default)]
+    missing: Vec<f64>,
+    #[serde(default)]
+    columns: BTreeMap<String, String>,
+}
+
+/// The only version of the file so far.
+const SCHEMA: u32 = 1;
+
+impl LogFacts {
+    /// Reads the facts beside a log.
+    ///
+    /// # Errors
+    /// With line, column, allowed values and near match.
+    pub fn parse(file: &str, text: &str) -> Result<LogFacts, DocumentError> {
+        let document = Document { file, text };
+        let raw: Raw = document.parse()?;
+        if *raw.schema.get_ref() != SCHEMA {
+            let message = format!("schema = {}: this program reads schema = {SCHEMA}", raw.schema.get_ref());
+            return Err(document.error_at(raw.schema.span(), message));
+        }
+        let within = |name: &str, given: Option<toml::Spanned<f64>>, min: f64, max: f64| match given {
+            Some(value) if !(min..=max).contains(value.get_ref()) => {
+                Err(document.error_at(value.span(), out_of_range(name, *value.get_ref(), min, max)))
+            }
+            other => Ok(other.map(toml::Spanned::into_inner)),
+        };
+        let columns = raw.columns.into_iter().map(|(canonical, expression)| Mapping { canonical, expression });
+        Ok(LogFacts {
+            id: raw.id,
+            soc_initial: within("soc_initial", raw.soc_initial, SOC.0, SOC.1)?,
+            soc_initial_sigma: within("soc_initial_sigma", raw.soc_initial_sigma, SOC.0, SOC.1)?,
+            rest_voltage_v: within("rest_voltage_v", raw.rest_voltage_v, VOLTAGE_V.0, VOLTAGE_V.1)?,
+            history: raw.history,
+            ambient_degc: within("ambient_degc", raw.ambient_degc, DEGC.0, DEGC.1)?,
+            role: raw.role,
+            missing: raw.missing,
+            columns: columns.collect(),
+        })
+    }
+}
+
+const SOC: (f64, f64) = (0.0, 1.0);
+const VOLTAGE_V: (f64, f64) = (0.0, 1e4);
+const DEGC: (f64, f64) = (-100.0, 200.0);
+
+fn out_of_range(name: &str, value: f64, min: f64, max: f64) -> String {
+    format!("{name} = {value}: must be between {min} and {max}")
+}
+
+/// Facts given by flags, for all logs of a command. They win over the files beside the logs.
+#[derive(Debug, Clone, Default)]
+pub struct Overrides {
+    /// See [`LogFacts::soc_initial`].
+    pub soc_initial: Option<f64>,
+    /// See [`LogFacts::soc_initial_sigma`].
+    pub soc_initial_sigma: Option<f64>,
+    /// See [`LogFacts::rest_voltage_v`].
+    pub rest_voltage_v: Option<f64>,
+    /// See [`LogFacts::ambient_degc`].
+    pub ambient_degc: Option<f64>,
+    /// See [`LogFacts::missing`].
+    pub missing: Vec<f64>,
+    /// See [`LogFacts::columns`].
+    pub columns: Vec<Mapping>,
+}
+
+impl Overrides {
+    /// Checks the ranges that files are checked for.
+    ///
+    /// # Errors
+    /// Names the flag, its value and the range.
+    pub fn check(&self) -> Result<(), String> {
+        let given = [
+            ("--soc-initial", self.soc_initial, SOC),
+            ("--soc-initial-sigma", self.soc_initial_sigma, SOC),
+            ("--rest-voltage-v", self.rest_voltage_v, VOLTAGE_V),
+            ("--ambient-degc", self.ambient_degc, DEGC),
+        ];
+        for (name, value, (min, max)) in given {
+            if let Some(value) = value.filter(|value| !(min..=max).contains(value)) {
+                return Err(out_of_range(name, value, min, max));
+            }
+        }
+        Ok(())
+    }
+
+    /// The facts of a log with the flags laid over them.
+    #[must_use]
+    pub fn over(&self, mut facts: LogFacts) -> LogFacts {
+        // Either says where the log starts: a flag replaces whatever the file says about it.
+        if self.soc_initial.is_some() || self.rest_voltage_v.is_some() {
+            (facts.soc_initial, facts.rest_voltage_v) = (self.soc_initial, self.rest_voltage_v);
+        }
+        facts.soc_initial_sigma = self.soc_initial_sigma.or(facts.soc_initial_sigma);
+        facts.ambient_degc = self.ambient_degc.or(facts.ambient_degc);
+        facts.missing.extend(&self.missing);
+        for mapping in &self.columns {
+            facts.columns.retain(|known| known.canonical != mapping.canonical);
+            facts.columns.push(mapping.clone());
+        }
+        facts
+    }
+}
+
+/// A note when a column gets a name that no effect knows but that resembles one that is known.
+pub(super) fn misspelt(canonical: &str) -> Option<String> {
+    let hint = hint(canonical, energy::Channel::ALL.iter().map(|channel| channel.name()));
+    (!hint.is_empty()).then(|| format!("`{canonical}` is not a channel that any effect knows{hint}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_facts_and_columns() {
+        let text = "schema = 1\nid = \"cell 7\"\nsoc_initial = 0.9\nhistory = \"charged\"\nrole = \"holdout\"\n[columns]\nvoltage_v = \"mv*1e-3\"\n";
+        let facts = LogFacts::parse("log.toml", text).unwrap();
+        assert_eq!(facts.soc_initial, Some(0.9));
+        assert_eq!((facts.history, facts.role), (Some(History::Charged), Some(Role::Holdout)));
+        assert_eq!(facts.columns, [Mapping { canonical: "voltage_v".to_owned(), expression: "mv*1e-3".to_owned() }]);
+    }
+
+    #[test]
+    fn mistakes_are_placed() {
+        let error = LogFacts::parse("log.toml", "schema = 1\nsoc_inital = 1.0\n").unwrap_err().to_string();
+        assert!(error.starts_with("log.toml:2:1: ") && error.contains("did you mean `soc_initial`?"), "{error}");
+        let error = LogFacts::parse("log.toml", "schema = 1\nsoc_initial = 90.0\n").unwrap_err().to_string();
+        assert_eq!(error, "log.toml:2:15: soc_initial = 90: must be between 0 and 1");
+        let error = LogFacts::parse("log.toml", "schema = 2\n").unwrap_err().to_string();
+        assert!(error.contains("reads schema = 1"), "{error}");
+    }
+
+    #[test]
+    fn a_flag_replaces_what_the_file_says_about_the_start() {
+        let file = LogFacts { soc_initial: Some(1.0), ambient_degc: Some(20.0), ..LogFacts::default() };
+        let flags = Overrides { rest_voltage_v: Some(3.9), ..Overrides::default() };
+        let both = flags.over(file);
+        assert_eq!((both.soc_initial, both.rest_voltage_v, both.ambient_degc), (None, Some(3.9), Some(20.0)));
+        assert!(Overrides { soc_initial: Some(1.5), ..Overrides::default() }.check().unwrap_err().contains("--soc-initial = 1.5"));
+    }
+}

@@ -1,0 +1,225 @@
+//! A log: time, canonical channels and whatever else the file holds.
+
+use std::collections::BTreeMap;
+
+use energy::Channel;
+use energy::document::hint;
+
+use super::facts::misspelt;
+use super::mapping::Source;
+use super::{Cell, LogError, LogFacts, Table};
+
+/// The column that every log begins with, in seconds.
+const TIME: &str = "time_s";
+
+/// A column that is not a channel of any system.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Column {
+    /// Numbers, NaN where missing.
+    Number(Vec<f64>),
+    /// At least one cell is text; missing cells are empty.
+    Text(Vec<String>),
+}
+
+/// One recording.
+///
+/// The value of an input at row k holds over (t\[k-1\], t\[k\]]; a state such as a voltage is
+/// that at t\[k\].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Log {
+    /// The file, as the user named it.
+    pub file: String,
+    /// Short name: the file's stem.
+    pub name: String,
+    /// Time, s, strictly increasing.
+    pub time_s: Vec<f64>,
+    /// Canonical channels, NaN where missing.
+    pub channels: BTreeMap<Channel, Vec<f64>>,
+    /// Further columns.
+    pub extra: BTreeMap<String, Column>,
+    /// What is known beside the rows.
+    pub facts: LogFacts,
+    /// What the reader should know but that stops nothing.
+    pub notes: Vec<String>,
+}
+
+impl Log {
+    /// How many rows there are.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Names of all columns.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(TIME).chain(self.channels.keys().map(|channel| channel.name())).chain(self.extra.keys().map(String::as_str))
+    }
+
+    /// Applies names, units and the contract of logs to the cells of any format.
+    ///
+    /// # Errors
+    /// Names the line and the column.
+    pub fn from_table(file: &str, table: &Table, facts: LogFacts) -> Result<Log, LogError> {
+        let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
+        let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
+        let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
+        let reader = Reader { file, table, missing: &facts.missing };
+        let time_s = reader.time_s(mapped.get(TIME).copied())?;
+        let mut notes = Vec::new();
+        let (mut channels, mut extra) = (BTreeMap::new(), BTreeMap::new());
+        let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
+        let unmapped = table.names.iter().enumerate().map(|(index, name)| (name.as_str(), own(index)));
+        let unmapped = unmapped.filter(|(name, _)| !mapped.contains_key(name));
+        for (name, source) in unmapped.chain(mapped.iter().map(|(&name, &source)| (name, source))) {
+            if name == TIME {
+                continue;
+            }
+            match Channel::from_name(name) {
+                Some(channel) => {
+                    channels.insert(channel, reader.numbers(name, source)?);
+                }
+                None => {
+                    notes.extend(mapped.get(name).and_then(|_| misspelt(name)).map(|note| format!("{file}: {note}")));
+                    extra.insert(name.to_owned(), reader.any(source));
+                }
+            }
+        }
+        let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
+        Ok(Log { file: file.to_owned(), name: stem, time_s, channels, extra, facts, notes })
+    }
+}
+
+struct Reader<'a> {
+    file: &'a str,
+    table: &'a Table,
+    missing: &'a [f64],
+}
+
+impl Reader<'_> {
+    fn row_error(&self, row: usize, message: String) -> LogError {
+        LogError::Row { file: self.file.to_owned(), line: self.table.lines[row], message }
+    }
+
+    fn time_s(&self, mapped: Option<Source>) -> Result<Vec<f64>, LogError> {
+        let whole = |message: String| LogError::Whole { file: self.file.to_owned(), message };
+        let names = &self.table.names;
+        let source = match (mapped, names.iter().position(|name| name == TIME)) {
+            (Some(source), _) => source,
+            (None, Some(0)) => Source::Column { index: 0, scale: 1.0, offset: 0.0 },
+            (None, Some(index)) => {
+                return Err(whole(format!("`{TIME}` is column {}; it must be the first column, or say --column {TIME}={TIME}", index + 1)));
+            }
+            (None, None) => {
+                let near = hint(TIME, names.iter().map(String::as_str));
+                let first = names.first().map_or("SOURCE", String::as_str);
+                return Err(whole(format!(
+                    "no `{TIME}` column{near} The first column must be `{TIME}` in seconds, found `{first}`; map it: --column {TIME}={first}"
+                )));
+            }
+        };
+        let time_s = self.numbers(TIME, source)?;
+        if time_s.len() < 2 {
+            return Err(whole(format!("{} rows; a log needs at least 2", time_s.len())));
+        }
+        if let Some(row) = time_s.iter().position(|time| time.is_nan()) {
+            return Err(self.row_error(row, format!("column `{TIME}`: every row needs a time")));
+        }
+        if let Some(row) = (1..time_s.len()).find(|&row| time_s[row] <= time_s[row - 1]) {
+            let (now, before) = (time_s[row], time_s[row - 1]);
+            let what = if now == before { "stands still" } else { "goes backwards" };
+            return Err(self.row_error(row, format!("column `{TIME}`: time {what}: {now} s after {before} s")));
+        }
+        Ok(time_s)
+    }
+
+    fn numbers(&self, name: &str, source: Source) -> Result<Vec<f64>, LogError> {
+        let (index, scale, offset) = match source {
+            Source::Column { index, scale, offset } => (index, scale, offset),
+            Source::Constant(value) => return Ok(vec![value; self.table.lines.len()]),
+        };
+        let read = |(row, cell): (usize, &Cell)| match cell {
+            Cell::Text(text) => {
+                let from = &self.table.names[index];
+                let via = if from == name { String::new() } else { format!(" (made from `{from}`)") };
+                Err(self.row_error(row, format!("column `{name}`{via}: `{text}` is not a number")))
+            }
+            cell => Ok(self.value(cell) * scale + offset),
+        };
+        self.table.columns[index].iter().enumerate().map(read).collect()
+    }
+
+    fn any(&self, source: Source) -> Column {
+        let (index, scale, offset) = match source {
+            Source::Column { index, scale, offset } => (index, scale, offset),
+            Source::Constant(value) => return Column::Number(vec![value; self.table.lines.len()]),
+        };
+        let cells = &self.table.columns[index];
+        if cells.iter().any(|cell| matches!(cell, Cell::Text(_))) {
+            let text = |cell: &Cell| match cell {
+                Cell::Text(text) => text.clone(),
+                Cell::Number(number) => number.to_string(),
+                Cell::Missing => String::new(),
+            };
+            return Column::Text(cells.iter().map(text).collect());
+        }
+        Column::Number(cells.iter().map(|cell| self.value(cell) * scale + offset).collect())
+    }
+
+    fn value(&self, cell: &Cell) -> f64 {
+        match cell {
+            Cell::Number(number) if !self.missing.contains(number) => *number,
+            _ => f64::NAN,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measurement::{Mapping, read_log};
+
+    fn read(text: &str, columns: &[&str]) -> Result<Log, String> {
+        let columns: Vec<Mapping> = columns.iter().map(|text| text.parse().unwrap()).collect();
+        let facts = LogFacts { columns, missing: vec![-9999.0], ..LogFacts::default() };
+        read_log("dir/a.csv", text.as_bytes(), facts).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn channels_extras_gaps_and_units_find_their_place() {
+        let log =
+            read("time_s,temp_K,current_a,floor\n0,298.15,1,mud\n5,-9999,,grass\n60,300.15,2,\n", &["temperature_degc=temp_K*1-273.15"]);
+        let log = log.unwrap();
+        assert_eq!(log.name, "a");
+        assert_eq!(log.time_s, [0.0, 5.0, 60.0]);
+        let degc = &log.channels[&Channel::TemperatureDegc];
+        assert!((degc[0] - 25.0).abs() < 1e-9 && degc[1].is_nan() && (degc[2] - 27.0).abs() < 1e-9);
+        assert!(log.channels[&Channel::CurrentA][1].is_nan());
+        assert_eq!(log.extra["floor"], Column::Text(vec!["mud".to_owned(), "grass".to_owned(), String::new()]));
+        assert!(log.extra.contains_key("temp_K"));
+    }
+
+    #[test]
+    fn a_number_can_stand_for_a_column() {
+        let log = read("time_s,current_a\n0,1\n1,1\n", &["cycle_count=120"]).unwrap();
+        assert_eq!(log.channels[&Channel::CycleCount], [120.0, 120.0]);
+    }
+
+    #[test]
+    fn text_in_a_number_names_file_line_and_column() {
+        let error = read("time_s,voltage_v\n0,4.1\n1,low\n", &[]).unwrap_err();
+        assert_eq!(error, "dir/a.csv:3: column `voltage_v`: `low` is not a number");
+        let error = read("time_s,u\n0,4.1\n1,low\n", &["voltage_v=u"]).unwrap_err();
+        assert_eq!(error, "dir/a.csv:3: column `voltage_v` (made from `u`): `low` is not a number");
+    }
+
+    #[test]
+    fn time_must_come_first_and_increase() {
+        assert_eq!(read("time_s\n0\n2\n1\n", &[]).unwrap_err(), "dir/a.csv:4: column `time_s`: time goes backwards: 1 s after 2 s");
+        assert_eq!(read("time_s\n0\n0\n", &[]).unwrap_err(), "dir/a.csv:3: column `time_s`: time stands still: 0 s after 0 s");
+        assert!(read("time_s,a\n0,1\n,1\n", &[]).unwrap_err().contains("every row needs a time"));
+        assert!(read("time,a\n0,1\n1,1\n", &[]).unwrap_err().contains("--column time_s=time"));
+        assert!(read("a,time_s\n0,1\n1,2\n", &[]).unwrap_err().contains("must be the first column"));
+        assert!(read("time_s,a\n0,1\n", &[]).unwrap_err().contains("at least 2"));
+        assert!(read("t_ms,a\n0,1\n1000,1\n", &["time_s=t_ms/1000"]).is_ok());
+    }
+}

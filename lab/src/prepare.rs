@@ -1,0 +1,305 @@
+//! A log as a model sees it: inputs without holes, where to start, what to judge.
+
+use energy::document::hint;
+use energy::{Channel, Facts, Model, Start, System};
+
+use crate::measurement::Log;
+
+/// What a model predicts and a log has measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// The channel.
+    pub channel: Channel,
+    /// Measurements, NaN where missing.
+    pub observed: Vec<f64>,
+    /// Rows that count: measured, preceded by an interval, and with every needed input known.
+    pub used: Vec<bool>,
+    /// The known sensor floor, in the channel's unit; 0 when the model states none.
+    pub floor: f64,
+}
+
+/// A log made ready for one model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prepared {
+    /// Name of the log.
+    pub name: String,
+    /// Time, s.
+    pub time_s: Vec<f64>,
+    /// Inputs; the value at row k holds over (t\[k-1\], t\[k\]]. A missing value is the next known
+    /// one, since that holds since the last known one.
+    pub inputs: Vec<(Channel, Vec<f64>)>,
+    /// Where the log starts.
+    pub start: Start,
+    /// What the log has measured of that which the model predicts.
+    pub targets: Vec<Target>,
+}
+
+/// Why a log does not fit a model.
+#[derive(Debug, thiserror::Error)]
+pub enum PrepareError {
+    /// A column is not there.
+    #[error(
+        "{file}: no column `{channel}`, which {needed_by} needs{hint} Columns: {columns}. Map one with --column {channel}=SOURCE, or give one number for all rows: --column {channel}=NUMBER"
+    )]
+    MissingChannel {
+        /// The log.
+        file: String,
+        /// The channel.
+        channel: &'static str,
+        /// Who needs it.
+        needed_by: String,
+        /// Nearest column, or nothing.
+        hint: String,
+        /// What the log has.
+        columns: String,
+    },
+    /// A column is there but holds no number.
+    #[error("{file}: column `{channel}`, which {needed_by} needs, holds no number")]
+    EmptyChannel {
+        /// The log.
+        file: String,
+        /// The channel.
+        channel: &'static str,
+        /// Who needs it.
+        needed_by: String,
+    },
+    /// Nobody says how full the battery is at the start.
+    #[error(
+        "{file}: the state of charge at the first row is not known: give --soc-initial (0 to 1), or --rest-voltage-v (pack voltage after a long rest), or soc_initial / rest_voltage_v in {facts}"
+    )]
+    NoStart {
+        /// The log.
+        file: String,
+        /// The file for facts beside it.
+        facts: String,
+    },
+    /// The rest voltage cannot be one of this battery.
+    #[error("{file}: rest_voltage_v = {rest_v} is {per_cell_v:.3} V per cell; the OCV table reaches from {low_v} to {high_v} V")]
+    RestVoltage {
+        /// The log.
+        file: String,
+        /// Given, V.
+        rest_v: f64,
+        /// Per cell, V.
+        per_cell_v: f64,
+        /// Lowest of the table, V.
+        low_v: f64,
+        /// Highest of the table, V.
+        high_v: f64,
+    },
+    /// There is nothing to compare with.
+    #[error("{file}: nothing to compare with: a {system} model predicts {predicted}{hint} Columns: {columns}")]
+    NoTarget {
+        /// The log.
+        file: String,
+        /// The system.
+        system: &'static str,
+        /// What its models predict.
+        predicted: String,
+        /// Nearest column, or nothing.
+        hint: String,
+        /// What the log has.
+        columns: String,
+    },
+}
+
+/// Channels that this model predicts. Temperature is predicted only when an effect moves it;
+/// otherwise a measured temperature is an input.
+#[must_use]
+pub fn predicted_channels(model: &Model) -> Vec<Channel> {
+    let moved = |channel| model.effects().any(|effect| effect.spec().channel == channel);
+    let targets = model.system.targets().iter().copied();
+    targets.filter(|&channel| channel != Channel::TemperatureDegc || moved(channel)).collect()
+}
+
+/// Channels that a step of a battery computes.
+const INSIDE_A_BATTERY: &[Channel] = &[
+    Channel::VoltageV,
+    Channel::PowerW,
+    Channel::Soc,
+    Channel::CapacityAh,
+    Channel::CellCurrentA,
+    Channel::OcvV,
+    Channel::OverpotentialV,
+    Channel::HeatW,
+];
+
+/// Slack beyond the ends of the OCV table that a rest voltage may have, V per cell.
+const REST_SLACK_V: f64 = 0.1;
+
+/// Makes a log ready for a model.
+///
+/// # Errors
+/// Names the missing column and who needs it, or what is not known about the start.
+pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
+    let predicted = predicted_channels(model);
+    let computed =
+        |channel: Channel| predicted.contains(&channel) || (model.system == System::Battery && INSIDE_A_BATTERY.contains(&channel));
+    let needed = needed_inputs(model, computed);
+    let mut known = vec![true; log.rows()];
+    let mut inputs = Vec::new();
+    for (&channel, values) in log.channels.iter().filter(|(channel, _)| !computed(**channel)) {
+        let needed_by = needed.iter().find(|(needed, _)| *needed == channel).map(|(_, by)| by);
+        match (held(values), needed_by) {
+            (Some(held), Some(_)) => {
+                known.iter_mut().zip(values).for_each(|(known, value)| *known &= value.is_finite());
+                inputs.push((channel, held));
+            }
+            (Some(held), None) => inputs.push((channel, held)),
+            (None, Some(by)) => {
+                return Err(PrepareError::EmptyChannel { file: log.file.clone(), channel: channel.name(), needed_by: by.clone() });
+            }
+            (None, None) => {}
+        }
+    }
+    if let (Some(ambient_degc), false) = (log.facts.ambient_degc, log.channels.contains_key(&Channel::AmbientDegc)) {
+        inputs.push((Channel::AmbientDegc, vec![ambient_degc; log.rows()]));
+    }
+    for (channel, needed_by) in needed {
+        if !inputs.iter().any(|(present, _)| *present == channel) {
+            return Err(missing(log, channel, needed_by));
+        }
+    }
+    let targets = predicted.iter().filter_map(|&channel| {
+        let observed = log.channels.get(&channel)?.clone();
+        let used: Vec<bool> = (0..log.rows()).map(|row| row > 0 && observed[row].is_finite() && known[row]).collect();
+        used.contains(&true).then(|| Target { channel, observed, used, floor: model.sensor(channel).floor() })
+    });
+    let targets = targets.collect();
+    let start = start(model, log, &inputs)?;
+    Ok(Prepared { name: log.name.clone(), time_s: log.time_s.clone(), inputs, start, targets })
+}
+
+/// Like [`prepare`], keeps only the targets named in `only` (all when empty), and refuses a log in
+/// which none of them was measured.
+///
+/// # Errors
+/// As [`prepare`]; further names what could have been compared.
+pub fn prepare_to_judge(model: &Model, log: &Log, only: &[Channel]) -> Result<Prepared, PrepareError> {
+    let mut prepared = prepare(model, log)?;
+    let wanted = |channel: Channel| only.is_empty() || only.contains(&channel);
+    prepared.targets.retain(|target| wanted(target.channel));
+    if !prepared.targets.is_empty() {
+        return Ok(prepared);
+    }
+    let predicted: Vec<&str> = predicted_channels(model).iter().filter(|channel| wanted(**channel)).map(|channel| channel.name()).collect();
+    let near = predicted.iter().map(|name| hint(name, log.columns())).find(|hint| !hint.is_empty());
+    Err(PrepareError::NoTarget {
+        file: log.file.clone(),
+        system: model.system.name(),
+        predicted: predicted.join(", "),
+        hint: near.unwrap_or_else(|| ".".to_owned()),
+        columns: log.columns().collect::<Vec<_>>().join(", "),
+    })
+}
+
+fn needed_inputs(model: &Model, computed: impl Fn(Channel) -> bool) -> Vec<(Channel, String)> {
+    let system = model.system.inputs().iter().map(|&channel| (channel, format!("every {} model", model.system.name())));
+    let effects =
+        model.effects().flat_map(|effect| effect.spec().needs.iter().map(|&channel| (channel, format!("effect `{}`", effect.spec().id))));
+    let mut needed: Vec<(Channel, String)> = Vec::new();
+    for (channel, by) in system.chain(effects) {
+        if !computed(channel) && !needed.iter().any(|(known, _)| *known == channel) {
+            needed.push((channel, by));
+        }
+    }
+    needed
+}
+
+/// The values with every hole filled by the next known value, at the end by the last one.
+fn held(values: &[f64]) -> Option<Vec<f64>> {
+    let mut next = *values.iter().rev().find(|value| value.is_finite())?;
+    let mut filled = values.to_vec();
+    for value in filled.iter_mut().rev() {
+        if value.is_finite() {
+            next = *value;
+        } else {
+            *value = next;
+        }
+    }
+    Some(filled)
+}
+
+fn missing(log: &Log, channel: Channel, needed_by: String) -> PrepareError {
+    let hint = hint(channel.name(), log.columns());
+    PrepareError::MissingChannel {
+        file: log.file.clone(),
+        channel: channel.name(),
+        needed_by,
+        hint: if hint.is_empty() { ".".to_owned() } else { hint },
+        columns: log.columns().collect::<Vec<_>>().join(", "),
+    }
+}
+
+fn start(model: &Model, log: &Log, inputs: &[(Channel, Vec<f64>)]) -> Result<Start, PrepareError> {
+    let first = |channel| log.channels.get(&channel).and_then(|values| values.iter().copied().find(|value| value.is_finite()));
+    let temperature_degc = first(Channel::TemperatureDegc).or(first(Channel::AmbientDegc)).or(log.facts.ambient_degc);
+    let cycles = inputs.iter().find(|(channel, _)| *channel == Channel::CycleCount).map(|(_, values)| values[0]);
+    let mut start = Start::at_soc(0.0);
+    start.temperature_degc = temperature_degc.unwrap_or(start.temperature_degc);
+    start.cycle_count = cycles.unwrap_or(start.cycle_count);
+    let Facts::Battery(facts) = &model.facts else { return Ok(start) };
+    start.soc = match (log.facts.soc_initial, log.facts.rest_voltage_v) {
+        (Some(soc), _) => soc,
+        (None, Some(rest_v)) => {
+            let per_cell_v = rest_v / f64::from(facts.series);
+            let (_, table_v) = facts.ocv.points();
+            let (low_v, high_v) = (table_v[0], table_v[table_v.len() - 1]);
+            if !(low_v - REST_SLACK_V..=high_v + REST_SLACK_V).contains(&per_cell_v) {
+                return Err(PrepareError::RestVoltage { file: log.file.clone(), rest_v, per_cell_v, low_v, high_v });
+            }
+            facts.ocv.soc(per_cell_v)
+        }
+        (None, None) => return Err(PrepareError::NoStart { file: log.file.clone(), facts: format!("{}.toml", log.name) }),
+    };
+    Ok(start)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load_model;
+    use crate::measurement::{LogFacts, read_log};
+
+    fn log(text: &str, facts: LogFacts) -> Log {
+        read_log("run.csv", text.as_bytes(), facts).unwrap()
+    }
+
+    fn full() -> LogFacts {
+        LogFacts { soc_initial: Some(1.0), ..LogFacts::default() }
+    }
+
+    #[test]
+    fn a_missing_input_is_named_with_who_needs_it_and_what_comes_near() {
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let error = prepare(&model, &log("time_s,current\n0,1\n1,1\n", full())).unwrap_err().to_string();
+        assert!(error.contains("no column `current_a`, which every battery model needs; did you mean `current`?"), "{error}");
+        let robot = load_model("explorer-robot").unwrap().model;
+        let error = prepare(&robot, &log("time_s,speed_kmh\n0,1\n1,1\n", LogFacts::default())).unwrap_err().to_string();
+        assert!(error.contains("no column `speed_mps`, which effect `motion` needs; did you mean `speed_kmh`?"), "{error}");
+    }
+
+    #[test]
+    fn the_first_row_unmeasured_rows_and_rows_of_unknown_current_do_not_count() {
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let text = "time_s,current_a,voltage_v\n0,1,4.1\n1,,4.0\n2,2,\n3,2,4.0\n4,,\n";
+        let prepared = prepare_to_judge(&model, &log(text, full()), &[]).unwrap();
+        assert_eq!(prepared.targets[0].used, [false, false, false, true, false]);
+        assert_eq!(prepared.inputs, [(Channel::CurrentA, vec![1.0, 2.0, 2.0, 2.0, 2.0])]);
+    }
+
+    #[test]
+    fn the_start_comes_from_the_fact_or_the_rest_voltage_or_is_asked_for() {
+        let model = load_model("explorer-3s1p-1320mah").unwrap().model;
+        let text = "time_s,current_a,voltage_v,ambient_degc,cycle_count\n0,1,12,20,0\n1,1,12,20,0\n";
+        let error = prepare(&model, &log(text, LogFacts::default())).unwrap_err().to_string();
+        assert!(error.contains("--soc-initial") && error.contains("run.toml"), "{error}");
+        let rest = |volts| LogFacts { rest_voltage_v: Some(volts), ..LogFacts::default() };
+        let middle_v = 3.0 * model.battery().ocv.voltage_v(0.5_f64);
+        let prepared = prepare(&model, &log(text, rest(middle_v))).unwrap();
+        assert!((prepared.start.soc - 0.5).abs() < 1e-9);
+        assert_eq!(prepared.start.temperature_degc, 20.0);
+        let error = prepare(&model, &log(text, rest(3.9))).unwrap_err().to_string();
+        assert!(error.contains("1.300 V per cell"), "{error}");
+    }
+}

@@ -1,0 +1,7 @@
+//! What people and programs read: terminal tables and JSON structures.
+
+pub mod effects;
+pub mod fitted;
+pub mod prediction;
+pub mod quantity;
+pub mod table;

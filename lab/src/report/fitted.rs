@@ -1,0 +1,286 @@
+//! Fits for people and for JSON.
+
+use energy::Model;
+use serde::Serialize;
+
+use crate::compare::{ChannelError, Comparison};
+use crate::fit::{Fit, SegmentCertainty, Side, uniform_sigma};
+use crate::model_edit::Change;
+
+use super::quantity::{quantity, unit_of, with_sigma};
+use super::table::{numbers_from, table, text};
+
+/// How a parameter came out of a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// The logs determine it.
+    Determined,
+    /// It rests on its least plausible value.
+    AtMin,
+    /// It rests on its greatest plausible value.
+    AtMax,
+    /// The logs say no more about it than its plausible range does.
+    Flat,
+}
+
+/// One fitted parameter.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FittedParameter {
+    /// Its effect.
+    pub effect: &'static str,
+    /// Its name, with unit.
+    pub name: &'static str,
+    /// Unit; empty for a pure number.
+    pub unit: &'static str,
+    /// Value before the fit.
+    pub before: f64,
+    /// Value after the fit.
+    pub value: f64,
+    /// Standard deviation, honest under autocorrelation; null when flat.
+    pub sigma: Option<f64>,
+    /// Least plausible value.
+    pub min: f64,
+    /// Greatest plausible value.
+    pub max: f64,
+    /// How it came out.
+    pub state: State,
+}
+
+/// Error of one channel of one log, before and after.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FittedLog {
+    /// Name of the log.
+    pub log: String,
+    /// Canonical name of the channel.
+    pub channel: &'static str,
+    /// Unit of RMS and floor.
+    pub unit: &'static str,
+    /// Rows that count.
+    pub rows: usize,
+    /// Known sensor floor; null when the model states none.
+    pub floor: Option<f64>,
+    /// RMS of observed minus predicted before the fit.
+    pub rms_before: f64,
+    /// RMS after it.
+    pub rms_after: f64,
+    /// Lag-1 autocorrelation of the residuals after it.
+    pub lag1: f64,
+    /// Independent rows that the rows are worth.
+    pub effective_rows: f64,
+}
+
+/// Everything that `lab fit` says.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FitReport {
+    /// Version of this structure.
+    pub schema: u32,
+    /// Name of the model.
+    pub model: String,
+    /// Version of the program.
+    pub version: &'static str,
+    /// Whether the search ended at a minimum.
+    pub converged: bool,
+    /// Steps taken.
+    pub iterations: usize,
+    /// The free parameters.
+    pub parameters: Vec<FittedParameter>,
+    /// Correlation between them, in the same order; null where one is flat.
+    pub correlation: Vec<Vec<f64>>,
+    /// By log and channel.
+    pub logs: Vec<FittedLog>,
+    /// What to know about the result, one sentence each.
+    pub words: Vec<String>,
+    /// The file written; null when none was asked for.
+    pub output: Option<String>,
+}
+
+/// Growth of RMS beyond which a channel of a log is reported to fit worse than before.
+const WORSE: f64 = 1.02;
+/// Correlation beyond which two parameters are reported to move together.
+const TOGETHER: f64 = 0.95;
+
+impl FitReport {
+    /// Puts a report together.
+    #[must_use]
+    pub fn of(model: &Model, fit: &Fit, before: &Comparison, after: &Comparison) -> FitReport {
+        let parameters: Vec<FittedParameter> = (0..fit.free.len()).map(|index| parameter(model, fit, index)).collect();
+        let p = parameters.len();
+        let correlation = (0..p).map(|i| (0..p).map(|j| fit.certainty.correlation[(i, j)]).collect()).collect();
+        // Comparisons and fits list channels of logs in the same order.
+        let errors = before.errors.iter().zip(&after.errors).zip(&fit.certainty.segments);
+        let log = |((before, after), worth): ((&ChannelError, &ChannelError), &SegmentCertainty)| FittedLog {
+            log: after.log.clone(),
+            channel: after.channel,
+            unit: after.unit,
+            rows: after.size.rows,
+            floor: after.floor,
+            rms_before: before.size.rms,
+            rms_after: after.size.rms,
+            lag1: worth.lag1,
+            effective_rows: worth.effective_rows,
+        };
+        let logs: Vec<FittedLog> = errors.map(log).collect();
+        FitReport {
+            schema: 1,
+            model: model.name.clone(),
+            version: env!("CARGO_PKG_VERSION"),
+            converged: fit.solution.converged,
+            iterations: fit.solution.iterations,
+            words: words(&parameters, &logs, fit),
+            parameters,
+            correlation,
+            logs,
+            output: None,
+        }
+    }
+
+    /// What to write into the model's text. A parameter on which no row depends keeps its number
+    /// and its source; one that is otherwise flat gets the deviation of its plausible range.
+    #[must_use]
+    pub fn changes(&self, fit: &Fit, source: &str) -> Vec<Change> {
+        let moved = self.parameters.iter().zip(&fit.certainty.silent).filter(|(_, silent)| !**silent);
+        let change = |(p, _): (&FittedParameter, &bool)| Change {
+            effect: p.effect.to_owned(),
+            parameter: p.name.to_owned(),
+            value: p.value,
+            sigma: p.sigma.unwrap_or_else(|| uniform_sigma((p.min, p.max))),
+            range: (p.min, p.max),
+            source: source.to_owned(),
+        };
+        moved.map(change).collect()
+    }
+
+    /// The report as people read it.
+    #[must_use]
+    pub fn human(&self) -> String {
+        let mut errors = table(&["log", "channel", "rows", "independent", "RMS before", "RMS after", "floor"]);
+        for log in &self.logs {
+            errors.add_row([
+                log.log.clone(),
+                log.channel.to_owned(),
+                log.rows.to_string(),
+                format!("{:.1}", log.effective_rows),
+                quantity(log.rms_before, log.unit),
+                quantity(log.rms_after, log.unit),
+                log.floor.map_or_else(|| "unknown".to_owned(), |floor| quantity(floor, log.unit)),
+            ]);
+        }
+        numbers_from(&mut errors, 2);
+        let mut parameters = table(&["parameter", "before", "after", "range", ""]);
+        for p in &self.parameters {
+            parameters.add_row([
+                format!("{}.{}", p.effect, p.name),
+                quantity(p.before, p.unit),
+                with_sigma(p.value, p.sigma, p.unit),
+                format!("{} .. {}", p.min, p.max),
+                match p.state {
+                    State::Determined => "",
+                    State::AtMin => "at its least",
+                    State::AtMax => "at its greatest",
+                    State::Flat => "not determined",
+                }
+                .to_owned(),
+            ]);
+        }
+        let mut whole = format!("{}: fit of {}\n\n{}\n{}", self.model, count(self.parameters.len()), text(&errors), text(&parameters));
+        if self.parameters.len() > 1 {
+            whole += &format!("\n{}", text(&self.correlation_table()));
+        }
+        if !self.words.is_empty() {
+            whole += &format!("\n{}\n", self.words.join("\n"));
+        }
+        if let Some(output) = &self.output {
+            whole += &format!("\nWritten to {output}\n");
+        }
+        whole
+    }
+
+    fn correlation_table(&self) -> comfy_table::Table {
+        let numbers: Vec<String> = (1..=self.parameters.len()).map(|number| number.to_string()).collect();
+        let header: Vec<&str> = ["", "correlation"].into_iter().chain(numbers.iter().map(String::as_str)).collect();
+        let mut matrix = table(&header);
+        for (index, p) in self.parameters.iter().enumerate() {
+            let cell = |value: &f64| if value.is_nan() { "-".to_owned() } else { format!("{value:.2}") };
+            let row = [numbers[index].clone(), format!("{}.{}", p.effect, p.name)];
+            matrix.add_row(row.into_iter().chain(self.correlation[index][..=index].iter().map(cell)));
+        }
+        numbers_from(&mut matrix, 2);
+        matrix
+    }
+}
+
+fn count(parameters: usize) -> String {
+    if parameters == 1 { "1 parameter".to_owned() } else { format!("{parameters} parameters") }
+}
+
+fn parameter(model: &Model, fit: &Fit, index: usize) -> FittedParameter {
+    let known = &model.parameters()[fit.free[index]];
+    let sigma = fit.certainty.sigma[index];
+    let state = match (fit.solution.bound[index], sigma) {
+        (Some(Side::Min), _) => State::AtMin,
+        (Some(Side::Max), _) => State::AtMax,
+        (None, None) => State::Flat,
+        (None, Some(_)) => State::Determined,
+    };
+    FittedParameter {
+        effect: known.effect,
+        name: known.name,
+        unit: unit_of(known.name),
+        before: known.value,
+        value: fit.values[fit.free[index]],
+        sigma,
+        min: known.min,
+        max: known.max,
+        state,
+    }
+}
+
+fn words(parameters: &[FittedParameter], logs: &[FittedLog], fit: &Fit) -> Vec<String> {
+    let name = |p: &FittedParameter| format!("{}.{}", p.effect, p.name);
+    let certainty = &fit.certainty;
+    let mut words = Vec::new();
+    if !fit.solution.converged {
+        words.push(format!("The search did not end within {} steps: the numbers are not a minimum.", fit.solution.iterations));
+    }
+    for log in logs.iter().filter(|log| log.rms_after > WORSE * log.rms_before) {
+        let (before, after) = (quantity(log.rms_before, log.unit), quantity(log.rms_after, log.unit));
+        let where_ = format!("{} in {}", log.channel, log.log);
+        words.push(format!(
+            "{where_} fits worse than before ({before}, now {after}): the other logs or channels pull the parameters away from it."
+        ));
+    }
+    for set in &certainty.tangled {
+        let names: Vec<String> = set.iter().map(|&index| name(&parameters[index])).collect();
+        let first = names.first().map_or("", String::as_str);
+        let all = names.join(", ");
+        words.push(format!("These logs determine {all} only in combination: fix one of them, for example --fix {first}."));
+    }
+    for (index, p) in parameters.iter().enumerate() {
+        let bound = |side, value| {
+            let value = quantity(value, p.unit);
+            format!("{} rests on its {side} plausible value, {value}: the model lacks an effect, or the range is wrong.", name(p))
+        };
+        match p.state {
+            State::AtMin => words.push(bound("least", p.min)),
+            State::AtMax => words.push(bound("greatest", p.max)),
+            State::Flat if certainty.silent[index] => {
+                words.push(format!("{} is not determined: no row of these logs depends on it. It keeps its value.", name(p)));
+            }
+            State::Flat if !certainty.tangled.iter().any(|set| set.contains(&index)) => {
+                words.push(format!("{} is not determined: these logs say no more about it than its plausible range.", name(p)));
+            }
+            State::Flat | State::Determined => {}
+        }
+    }
+    for i in 0..parameters.len() {
+        for j in 0..i {
+            let correlation = certainty.correlation[(i, j)];
+            if correlation.abs() > TOGETHER {
+                let pair = format!("{} and {}", name(&parameters[j]), name(&parameters[i]));
+                words.push(format!("{pair} move together (correlation {correlation:.2}): these logs hardly tell them apart."));
+            }
+        }
+    }
+    words
+}

@@ -1,0 +1,182 @@
+//! The command line: what users get wrong, what they are told, and exit codes.
+
+use std::fs;
+use std::path::Path;
+
+use crate::commands::{Outcome, lab, lab_in};
+
+const CELL: &str = "enertech-lco-2280mah";
+
+/// Compares one log, given as text, with the built-in cell.
+fn compare(log: &str, more: &[&str]) -> Outcome {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("run.csv"), log).unwrap();
+    let arguments = [&["compare", "--model", CELL, "--log", "run.csv", "--soc-initial", "1"], more].concat();
+    lab_in(directory.path(), &arguments)
+}
+
+fn refuses(outcome: &Outcome, words: &[&str]) {
+    assert_eq!(outcome.code, 2, "{}{}", outcome.stdout, outcome.stderr);
+    assert_eq!(outcome.stdout, "");
+    for words in words {
+        assert!(outcome.stderr.contains(words), "`{words}` is not in: {}", outcome.stderr);
+    }
+}
+
+#[test]
+fn the_catalogue_is_printed() {
+    let outcome = lab(&["effects"]);
+    assert_eq!(outcome.code, 0);
+    insta::assert_snapshot!(outcome.stdout);
+}
+
+#[test]
+fn every_effect_has_a_card_and_a_json_entry() {
+    let outcome = lab(&["effects", "--format", "json"]);
+    let json = outcome.json();
+    let all = json.as_array().unwrap();
+    assert_eq!(all.len(), energy::catalogue().len());
+    for effect in all {
+        let id = format!("{}/{}", effect["system"].as_str().unwrap(), effect["id"].as_str().unwrap());
+        let card = lab(&["effects", &id]);
+        assert_eq!(card.code, 0, "{}", card.stderr);
+        assert!(card.stdout.contains(effect["equation"].as_str().unwrap()), "{}", card.stdout);
+    }
+}
+
+#[test]
+fn an_unknown_effect_is_answered_with_the_nearest() {
+    refuses(&lab(&["effects", "ohmc"]), &["no effect `ohmc`; did you mean `ohmic`?"]);
+    refuses(&lab(&["effects", "station/convertr"]), &["did you mean `station/converter"]);
+    refuses(&lab(&["effects", "idle", "--system", "station"]), &["no effect `idle`"]);
+}
+
+#[test]
+fn a_converter_is_found_in_the_system_that_is_meant() {
+    let title = |arguments: &[&str]| lab(arguments).stdout.lines().next().map(str::to_owned);
+    assert_eq!(title(&["effects", "robot/converter"]).as_deref(), Some("robot/converter: Converter loss"));
+    let station = energy::catalogue().iter().map(|effect| effect.spec()).find(|spec| spec.title == "Bay converter efficiency").unwrap();
+    let expected = format!("station/{}: {}", station.id, station.title);
+    assert_eq!(title(&["effects", &format!("station/{}", station.id)]), Some(expected));
+}
+
+#[test]
+fn an_unknown_model_and_an_unknown_parameter_are_answered_with_the_nearest() {
+    let log = ["--log", "discharge-1c.csv"];
+    refuses(&lab(&[&["compare", "--model", "enertech-lco"], &log[..]].concat()), &["did you mean `enertech-lco-2280mah`?"]);
+    let outcome = lab(&[&["fit", "--model", CELL, "--free", "ohmic.resistance"], &log[..]].concat());
+    refuses(&outcome, &["--free ohmic.resistance: the model has no such parameter; did you mean `ohmic.resistance_ohm`?"]);
+    let outcome = lab(&[&["fit", "--model", CELL, "--fix", "ohmic"], &log[..]].concat());
+    refuses(&outcome, &["no parameter of enertech-lco-2280mah is free", "--free EFFECT.PARAMETER"]);
+}
+
+#[test]
+fn a_mistake_in_a_model_is_placed() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = energy::built_in("explorer-robot").unwrap().replace("idle_w =", "idel_w =");
+    fs::write(directory.path().join("robot.toml"), text).unwrap();
+    fs::write(directory.path().join("run.csv"), "time_s,power_w,speed_mps\n0,3,0\n1,3,0\n").unwrap();
+    let outcome = lab_in(directory.path(), &["compare", "--model", "robot.toml", "--log", "run.csv"]);
+    refuses(&outcome, &["robot.toml:12:1: effect `idle` has no parameter `idel_w`; did you mean `idle_w`?"]);
+}
+
+#[test]
+fn a_missing_column_is_named_with_who_needs_it() {
+    let outcome = compare("time_s,current,voltage_v\n0,1,4.1\n1,1,4.1\n", &[]);
+    refuses(
+        &outcome,
+        &["run.csv: no column `current_a`, which every battery model needs; did you mean `current`?", "--column current_a=SOURCE"],
+    );
+    let outcome = compare("time_s,current_a,voltage\n0,1,4.1\n1,1,4.1\n", &[]);
+    refuses(&outcome, &["nothing to compare with: a battery model predicts voltage_v; did you mean `voltage`?"]);
+    // Mapped, the same log is compared.
+    let outcome = compare("time_s,current,mv\n0,1,4100\n1,1,4100\n", &["--column", "current_a=current", "--column", "voltage_v=mv/1000"]);
+    assert_eq!(outcome.code, 1, "{}", outcome.stderr);
+}
+
+#[test]
+fn targets_can_be_chosen_among_what_the_model_predicts() {
+    let outcome = compare("time_s,current_a,voltage_v\n0,0,4.18\n1,0,4.18\n", &["--target", "voltage"]);
+    refuses(&outcome, &["--target voltage: the model does not predict it; did you mean `voltage_v`? It predicts: voltage_v"]);
+    assert_eq!(compare("time_s,current_a,voltage_v\n0,0,4.181\n1,0,4.1815\n", &["--target", "voltage_v"]).code, 0);
+}
+
+#[test]
+fn what_is_wrong_in_a_log_is_placed() {
+    refuses(&compare("time_s,current_a,voltage_v\n0,1,4.1\n1,x,4.1\n", &[]), &["run.csv:3: column `current_a`: `x` is not a number"]);
+    refuses(
+        &compare("time_s,current_a,voltage_v\n5,1,4.1\n1,1,4.1\n", &[]),
+        &["run.csv:3: column `time_s`: time goes backwards: 1 s after 5 s"],
+    );
+    refuses(
+        &compare("time_s,current_a,voltage_v\n0,,4.1\n1,NaN,4.1\n", &[]),
+        &["column `current_a`, which every battery model needs, holds no number"],
+    );
+    refuses(&compare("time_s,current_a\n0,1\n1,1\n", &["--column", "voltage_v=u"]), &["the log has no column `u`"]);
+}
+
+#[test]
+fn missing_cells_do_not_count() {
+    let log = "time_s,current_a,voltage_v\n0,0,4.18\n1,0,\n2,0,NaN\n3,0,-9999\n4,0,4.18\n";
+    let json = compare(log, &["--missing", "-9999", "--format", "json"]).json();
+    assert_eq!(json["errors"][0]["rows"], 1);
+}
+
+#[test]
+fn a_start_that_nobody_knows_is_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("run.csv"), "time_s,current_a,voltage_v\n0,0,3.8\n1,0,3.8\n").unwrap();
+    let arguments = ["compare", "--model", CELL, "--log", "run.csv"];
+    refuses(&lab_in(directory.path(), &arguments), &["--soc-initial", "--rest-voltage-v", "run.toml"]);
+    fs::write(directory.path().join("run.toml"), "schema = 1\nrest_voltage_v = 3.8\n").unwrap();
+    assert_eq!(lab_in(directory.path(), &arguments).code, 0);
+    fs::write(directory.path().join("run.toml"), "schema = 1\nrest_volts = 3.8\n").unwrap();
+    refuses(&lab_in(directory.path(), &arguments), &["run.toml:2:1:", "did you mean `rest_voltage_v`?"]);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_refused_before_the_work() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().to_str().unwrap();
+    refuses(&lab(&["fit", "--model", CELL, "--log", "discharge-1c.csv", "-o", out]), &["it is a directory; name a file"]);
+    refuses(&lab(&["predict", "--model", CELL, "--log", "discharge-1c.csv", "-o", out]), &["it is a directory; name a file"]);
+    let nowhere = Path::new(out).join("no/out.csv");
+    refuses(&lab(&["predict", "--model", CELL, "--log", "discharge-1c.csv", "-o", nowhere.to_str().unwrap()]), &["there is no directory"]);
+}
+
+#[test]
+fn a_robot_log_is_fitted_with_its_own_columns() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut log = "t,watts,v_kmh\n".to_owned();
+    for second in 0..200 {
+        let driving = (second / 20) % 2;
+        let speed_mps = 0.3 * f64::from(driving);
+        // 4 W idle and 0.5 kg of rolling at 0.02 through 40 %, through the converter of the model.
+        let load_w = 4.0 + 0.5 * 9.806_65 * 0.02 * speed_mps / 0.4;
+        log += &format!("{second},{},{}\n", load_w / 0.9 + 0.02, speed_mps * 3.6);
+    }
+    fs::write(directory.path().join("drive.csv"), log).unwrap();
+    let facts = "schema = 1\n[columns]\ntime_s = \"t\"\npower_w = \"watts\"\nspeed_mps = \"v_kmh/3.6\"\n";
+    fs::write(directory.path().join("drive.toml"), facts).unwrap();
+    let arguments =
+        ["fit", "--model", "explorer-robot", "--free", "idle.idle_w", "--log", "drive.csv", "-o", "fitted.toml", "--format", "json"];
+    let outcome = lab_in(directory.path(), &arguments);
+    assert_eq!(outcome.code, 0, "{}", outcome.stderr);
+    assert!((outcome.json()["parameters"][0]["value"].as_f64().unwrap() - 4.0).abs() < 1e-6);
+    let outcome = lab_in(directory.path(), &["compare", "--model", "fitted.toml", "--log", "drive.csv"]);
+    assert_eq!(outcome.code, 0, "{}{}", outcome.stdout, outcome.stderr);
+    assert!(outcome.stdout.contains("standing still"), "{}", outcome.stdout);
+}
+
+#[test]
+fn wrong_usage_exits_with_2() {
+    assert_eq!(lab(&["compare"]).code, 2);
+    assert_eq!(lab(&["fit", "--model", CELL, "--log", "discharge-1c.csv", "--date", "yesterday"]).code, 2);
+    refuses(
+        &lab(&["compare", "--model", CELL, "--log", "discharge-1c.csv", "--soc-initial", "90"]),
+        &["--soc-initial = 90: must be between 0 and 1"],
+    );
+    refuses(&lab(&["compare", "--model", CELL, "--log", "none.csv"]), &["cannot read the log none.csv"]);
+    refuses(&lab(&["compare", "--model", CELL, "--log", "LICENSE"]), &["no log format for `.`"]);
+    refuses(&lab(&["compare", "--model", CELL, "--log", "discharge-1c.csv", "discharge-1c.csv"]), &["is given twice"]);
+}
