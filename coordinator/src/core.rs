@@ -194,7 +194,7 @@ impl Core {
     }
 
     fn basis(&self, now: Timestamp) -> Basis<'_> {
-        Basis { now, fleet: &self.fleet, models: &self.models, settings: &self.settings, running: &self.running }
+        Basis { now, fleet: &self.fleet, models: &self.models, settings: &self.settings, running: &self.running, promised: &self.promised }
     }
 
     // Beliefs.

@@ -18,14 +18,17 @@
 //! ```
 
 pub mod answers;
+pub mod cmd;
 pub mod config;
 pub mod core;
 pub mod fleet;
 pub mod forecast;
 pub mod models;
 pub mod need;
+pub mod scenario;
 pub mod scheduler;
 pub mod service_run;
+pub mod sim;
 pub mod store;
 pub mod view;
 

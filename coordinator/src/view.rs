@@ -1,6 +1,6 @@
 //! Makes the planning problem from beliefs, models and services that have begun.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
@@ -28,6 +28,8 @@ pub struct Basis<'a> {
     pub settings: &'a Settings,
     /// Services that have begun.
     pub running: &'a BTreeMap<RobotId, ServiceRun>,
+    /// Robots that the last plan promised a service.
+    pub promised: &'a BTreeSet<RobotId>,
 }
 
 impl Basis<'_> {
@@ -64,6 +66,7 @@ impl Basis<'_> {
             wanted_s,
             drain_soc_per_s,
             weight: state.mission.weight,
+            promised: self.promised.contains(id),
             options: options.collect(),
         }
     }

@@ -210,7 +210,7 @@ mod tests {
         run.channels[Channel::RobotsDocked] = 3.0;
         let shares: f64 = run.step_explained(1.0).iter().map(|(_, share)| share).sum();
         assert!((40.0 + shares - run.channels[Channel::PackPowerW]).abs() < 1e-12);
-        // By hand: ((40 + 3 x 4.19) / 0.88) / 0.86 + 0.2 + 4.5.
-        assert!((run.channels[Channel::PackPowerW] - ((40.0 + 12.57) / 0.88 / 0.86 + 4.7)).abs() < 1e-9);
+        // By hand: ((40 + 3 x 4.19) / 0.88) / 0.84 + 0.2 + 5.5.
+        assert!((run.channels[Channel::PackPowerW] - ((40.0 + 12.57) / 0.88 / 0.84 + 5.7)).abs() < 1e-9);
     }
 }

@@ -123,6 +123,12 @@ impl Agent {
         self.outputs.pop_front()
     }
 
+    /// State of charge by the gauge.
+    #[must_use]
+    pub fn soc(&self) -> energy::Estimate {
+        self.gauge.soc()
+    }
+
     fn act(&mut self, action: &RobotAction) -> Outcome {
         use RobotPhase::{Charged, Charging, Docked, Stranded, Travelling, Waiting, Working};
         match (action, self.phase) {

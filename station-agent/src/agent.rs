@@ -136,6 +136,16 @@ impl Agent {
         self.outputs.pop_front()
     }
 
+    /// State of charge of every pack by its gauge.
+    pub fn socs(&self) -> impl Iterator<Item = (&PackId, energy::Estimate)> {
+        self.packs.iter().map(|pack| (&pack.id, pack.gauge.soc()))
+    }
+
+    /// The robot in each bay.
+    pub fn bays(&self) -> impl Iterator<Item = Option<&RobotId>> {
+        self.bays.iter().map(|bay| bay.robot.as_ref())
+    }
+
     fn act(&mut self, action: &StationAction) -> Outcome {
         if !self.powered {
             return refused(Rejection::NotPossible, "the station has no power");

@@ -10,7 +10,10 @@ use super::problem::{OptionView, Problem, RobotView, Way};
 pub fn construct(problem: &Problem, policy: &dyn Policy) -> Plan {
     let mut books: Vec<Book> = problem.stations.iter().map(Book::new).collect();
     let mut plan = Plan::default();
-    for (place, index) in policy.rank(problem).into_iter().enumerate() {
+    // Promises that were given come first, so that a newcomer cannot take what was promised.
+    let mut order = policy.rank(problem);
+    order.sort_by_key(|&index| !problem.robots[index].promised);
+    for (place, index) in order.into_iter().enumerate() {
         let robot = &problem.robots[index];
         let tried: Vec<(&OptionView, Result<Slot, Refusal>)> =
             robot.options.iter().map(|option| (option, books[option.station].slot(problem, robot, option))).collect();

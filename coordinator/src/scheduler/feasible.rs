@@ -10,6 +10,9 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::problem::{OptionView, Problem, RobotView, StationView, Way};
 use crate::need::Need;
 
+/// A promise that was given is kept as long as it is more likely than not that it can be.
+const KEEP_CONFIDENCE: f64 = 0.5;
+
 /// Where and when a robot is serviced. Times are seconds from the problem's now.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slot {
@@ -139,9 +142,10 @@ impl Book {
             return Err(Refusal::EmptyBefore { start_s, empty_s: robot.empty_s });
         }
         let total = self.total(station, &slot.5, end_s);
-        let (probability, short_wh) = covered(station, &total, problem.confidence);
-        if probability < problem.confidence {
-            return Err(Refusal::Energy { short_wh, probability, confidence: problem.confidence });
+        let confidence = if robot.promised { KEEP_CONFIDENCE } else { problem.confidence };
+        let (probability, short_wh) = covered(station, &total, confidence);
+        if probability < confidence {
+            return Err(Refusal::Energy { short_wh, probability, confidence });
         }
         let packs = self.paying(station, &total, &slot.5);
         Ok(Slot {

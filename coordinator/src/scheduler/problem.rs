@@ -32,6 +32,8 @@ pub struct RobotView {
     pub drain_soc_per_s: f64,
     /// Worth of its work.
     pub weight: f64,
+    /// Whether the last plan promised it a service.
+    pub promised: bool,
     /// Ways to service it.
     pub options: Vec<OptionView>,
 }

@@ -90,6 +90,18 @@ impl RobotBody {
         self.place == Place::Mission && self.returning_s <= 0.0 && !self.depleted
     }
 
+    /// Whether the robot ran empty outside a bay.
+    #[must_use]
+    pub fn stranded(&self) -> bool {
+        self.depleted && self.place != Place::InBay
+    }
+
+    /// Load inputs of the last step.
+    #[must_use]
+    pub fn inputs<const N: usize>(&self, channels: [Channel; N]) -> [f64; N] {
+        channels.map(|channel| self.load.channels[channel])
+    }
+
     fn load_w(&mut self, dt_s: f64, moving: bool) -> f64 {
         for &(channel, value) in &self.working {
             self.load.channels[channel] = if moving { value } else { 0.0 };

@@ -1,0 +1,214 @@
+//! One run as configurations: the same types that the live processes read.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{Context, ensure};
+use node::files::{ModelRef, ReducedModel};
+use node::{ClockConfig, NetworkConfig};
+
+use super::file::{Changes, RobotEntry, RunEntry, Scenario, StationEntry};
+use crate::config::{Config, PolicyConfig, StationConfig};
+
+/// Configurations of every process of a fleet.
+#[derive(Debug, Clone)]
+pub struct Deployment {
+    /// The coordinator.
+    pub coordinator: Config,
+    /// Robot agents with their simulated bodies.
+    pub robots: Vec<robot_agent::Config>,
+    /// Station agents with their simulated bodies.
+    pub stations: Vec<station_agent::Config>,
+}
+
+impl Scenario {
+    /// Configurations for one run.
+    ///
+    /// # Errors
+    /// When a change names no model, or names an effect of every model at once.
+    pub fn deploy(&self, run: &RunEntry, seed: u64) -> anyhow::Result<Deployment> {
+        let mut policy = self.policy.as_ref().map_or_else(PolicyConfig::default, |policy| policy.get_ref().clone());
+        if let Some(name) = &run.policy {
+            policy.name.clone_from(name);
+            policy.settings().with_context(|| format!("run \"{}\"", run.name))?;
+        }
+        self.check_changes(run)?;
+        let mut coordinator = Config {
+            schema: 1,
+            site: self.site.clone(),
+            store: PathBuf::from("tender.db"),
+            policy,
+            robots: BTreeMap::new(),
+            batteries: BTreeMap::new(),
+            stations: BTreeMap::new(),
+            network: NetworkConfig::coordinator(),
+            clock: None,
+        };
+        let believed = |name: &str| self.reference(name, &[&self.believed, &run.believed]);
+        let truth = |name: &str| self.reference(name, &[&self.world]);
+        let mut robots = Vec::new();
+        for entry in self.robot.iter().map(toml::Spanned::get_ref) {
+            for index in 0..entry.len() {
+                let config =
+                    self.robot_config(entry, index, seed.wrapping_mul(1_000_003).wrapping_add(robots.len() as u64), &believed, &truth)?;
+                coordinator.robots.insert(config.id.clone(), believed(&entry.battery));
+                robots.push(config);
+            }
+        }
+        let mut stations = Vec::new();
+        for (index, entry) in self.station.iter().map(toml::Spanned::get_ref).enumerate() {
+            let seed = seed.wrapping_mul(1_000_003).wrapping_add(500_000 + 1000 * index as u64);
+            let config = StationConfig {
+                load: believed(&entry.load),
+                load_s: entry.load_s,
+                unload_s: entry.unload_s,
+                swap_s: entry.swap_s,
+                packs: entry.packs.iter().map(|pack| (pack.id.clone(), believed(&pack.battery))).collect(),
+            };
+            coordinator.stations.insert(entry.id.clone(), config);
+            stations.push(self.station_config(entry, seed, &believed, &truth)?);
+        }
+        Ok(Deployment { coordinator, robots, stations })
+    }
+
+    fn robot_config(
+        &self,
+        entry: &RobotEntry,
+        index: usize,
+        seed: u64,
+        believed: &dyn Fn(&str) -> ModelRef,
+        truth: &dyn Fn(&str) -> ModelRef,
+    ) -> anyhow::Result<robot_agent::Config> {
+        let config = robot_agent::Config {
+            schema: 1,
+            id: entry.robot(index)?,
+            site: self.site.clone(),
+            battery: believed(&entry.battery),
+            load: Some(believed(&entry.load)),
+            mission: entry.mission.clone(),
+            travel_s: entry.travel_s.iter().map(|(station, values)| (station.clone(), values.at(index))).collect(),
+            publish: self.publish,
+            source: robot_agent::SourceConfig::Sim {
+                battery: truth(&entry.battery),
+                load: truth(&entry.load),
+                soc: entry.soc.at(index),
+                temperature_degc: self.temperature_degc,
+                seed,
+            },
+            network: NetworkConfig::agent(),
+            clock: None,
+        };
+        config.check().with_context(|| format!("robot {}", config.id))?;
+        Ok(config)
+    }
+
+    fn station_config(
+        &self,
+        entry: &StationEntry,
+        seed: u64,
+        believed: &dyn Fn(&str) -> ModelRef,
+        truth: &dyn Fn(&str) -> ModelRef,
+    ) -> anyhow::Result<station_agent::Config> {
+        let bays = (1..=entry.bays).map(|number| proto::BayId::new(format!("bay-{number}"))).collect::<Result<_, _>>()?;
+        let true_pack = |pack: &super::PackEntry| station_agent::TruePack { battery: truth(&pack.battery), soc: pack.soc };
+        let config = station_agent::Config {
+            schema: 1,
+            id: entry.id.clone(),
+            site: self.site.clone(),
+            bays,
+            packs: entry
+                .packs
+                .iter()
+                .map(|pack| station_agent::PackConfig { id: pack.id.clone(), battery: believed(&pack.battery) })
+                .collect(),
+            spares: entry.spares.iter().map(|spare| station_agent::SpareConfig { id: spare.id.clone(), soc: spare.soc }).collect(),
+            publish: self.publish,
+            source: station_agent::SourceConfig::Sim {
+                load: truth(&entry.load),
+                packs: entry.packs.iter().map(|pack| (pack.id.clone(), true_pack(pack))).collect(),
+                load_s: entry.load_s,
+                unload_s: entry.unload_s,
+                swap_s: entry.swap_s,
+                temperature_degc: self.temperature_degc,
+                seed,
+            },
+            network: NetworkConfig::agent(),
+            clock: None,
+        };
+        config.check().with_context(|| format!("station {}", config.id))?;
+        Ok(config)
+    }
+
+    /// Names of all models that stations and robots use.
+    #[must_use]
+    pub fn model_names(&self) -> Vec<&str> {
+        let stations = self.station.iter().map(toml::Spanned::get_ref);
+        let robots = self.robot.iter().map(toml::Spanned::get_ref);
+        let mut names: Vec<&str> = stations
+            .flat_map(|station| std::iter::once(station.load.as_str()).chain(station.packs.iter().map(|pack| pack.battery.as_str())))
+            .chain(robots.flat_map(|robot| [robot.battery.as_str(), robot.load.as_str()]))
+            .collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
+    fn check_changes(&self, run: &RunEntry) -> anyhow::Result<()> {
+        let names = self.model_names();
+        for changes in [&self.world, &self.believed, &run.believed] {
+            for key in changes.without.keys().chain(changes.replace.keys()) {
+                let hint = || energy::document::hint(key, names.iter().copied());
+                ensure!(
+                    key == "*" || names.contains(&key.as_str()),
+                    "no station or robot has a model `{key}`{} Used: {}",
+                    hint(),
+                    names.join(", ")
+                );
+            }
+            let every = changes.without.get("*");
+            ensure!(
+                every.is_none_or(|ids| ids == &["*"]),
+                "without: for every model only \"*\" = [\"*\"] is possible: models have different effects"
+            );
+            ensure!(!changes.replace.contains_key("*"), "replace: one model cannot stand for all");
+        }
+        Ok(())
+    }
+
+    fn reference(&self, name: &str, changes: &[&Changes]) -> ModelRef {
+        let mut model = name.to_owned();
+        let mut without: Vec<String> = Vec::new();
+        for changes in changes {
+            if let Some(other) = changes.replace.get(name) {
+                model.clone_from(other);
+            }
+            for key in [name, "*"] {
+                without.extend(changes.without.get(key).into_iter().flatten().cloned());
+            }
+        }
+        let model = if energy::built_in(&model).is_some() {
+            model
+        } else {
+            let path = self.folder.join(&model);
+            std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned()
+        };
+        if without.is_empty() { ModelRef::Name(model) } else { ModelRef::Reduced(ReducedModel { model, without }) }
+    }
+}
+
+impl Deployment {
+    /// The same fleet on another network and a faster clock.
+    pub fn place(&mut self, endpoint: &str, clock: ClockConfig) {
+        self.coordinator.network.listen = vec![endpoint.to_owned()];
+        self.coordinator.clock = Some(clock);
+        for (network, own_clock) in self
+            .robots
+            .iter_mut()
+            .map(|config| (&mut config.network, &mut config.clock))
+            .chain(self.stations.iter_mut().map(|config| (&mut config.network, &mut config.clock)))
+        {
+            network.connect = vec![endpoint.to_owned()];
+            *own_clock = Some(clock);
+        }
+    }
+}

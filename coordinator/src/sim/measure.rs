@@ -1,0 +1,66 @@
+//! What is counted in a run.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use proto::{Capacity, Event, EventKind, RobotId, Schedule};
+
+/// What a run came to.
+#[derive(Debug, Clone, Default)]
+pub struct Measured {
+    /// Every metric by name; see [`crate::scenario::METRICS`].
+    pub metrics: BTreeMap<String, f64>,
+    /// The first plan.
+    pub first_plan: Option<Schedule>,
+    /// What each pack could service at the first plan.
+    pub first_capacity: Option<Capacity>,
+    served: BTreeSet<RobotId>,
+    broken: BTreeSet<RobotId>,
+    switches: u32,
+    depleted: u32,
+    swaps: u32,
+    /// True state of charge of every pack when the last service so far was done.
+    socs_after_services: Vec<(String, f64)>,
+}
+
+impl Measured {
+    pub(super) fn event(&mut self, event: &Event, socs: impl FnOnce() -> Vec<(String, f64)>) {
+        match (event.kind, &event.robot) {
+            (EventKind::ServiceDone, Some(robot)) => {
+                self.served.insert(robot.clone());
+                self.socs_after_services = socs();
+            }
+            (EventKind::PromiseBroken, Some(robot)) => drop(self.broken.insert(robot.clone())),
+            (EventKind::PackSelected, _) => self.switches += 1,
+            (EventKind::PackDepleted, _) => self.depleted += 1,
+            _ => {}
+        }
+    }
+
+    pub(super) fn swap(&mut self) {
+        self.swaps += 1;
+    }
+
+    pub(super) fn finish(&mut self, stranded: usize, pack_energy_wh: f64, mission_s: f64, socs: Vec<(String, f64)>) {
+        // A promise that was broken and then kept after all is a kept one.
+        let broken = self.broken.difference(&self.served).count();
+        let promised = self.first_plan.as_ref().map_or(0, |plan| plan.services.len());
+        let per_pack = self.first_capacity.as_ref().map_or(0, |capacity| capacity.robots_promised);
+        let counted = [
+            ("services_promised", promised as f64),
+            ("robots_promised", f64::from(per_pack)),
+            ("robots_served", self.served.len() as f64),
+            ("promises_broken", broken as f64),
+            ("robots_stranded", stranded as f64),
+            ("packs_depleted", f64::from(self.depleted)),
+            ("pack_switches", f64::from(self.switches)),
+            ("swaps", f64::from(self.swaps)),
+            ("pack_energy_wh", pack_energy_wh),
+            ("mission_h", mission_s / energy::units::S_PER_H),
+        ];
+        self.metrics.extend(counted.map(|(name, value)| (name.to_owned(), value)));
+        let after = std::mem::take(&mut self.socs_after_services);
+        let after = if after.is_empty() { socs.clone() } else { after };
+        self.metrics.extend(after.into_iter().map(|(pack, soc)| (format!("soc_after_services.{pack}"), soc)));
+        self.metrics.extend(socs.into_iter().map(|(pack, soc)| (format!("soc.{pack}"), soc)));
+    }
+}
