@@ -22,6 +22,9 @@ use crate::service_run::{How, ServiceRun, Stage, Step};
 use crate::store::Record;
 use crate::view::Basis;
 
+/// How many different refusals are told; a flood of bad messages must not fill the memory.
+const REFUSED_MAX: usize = 1000;
+
 /// What reaches the coordinator.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
@@ -312,7 +315,7 @@ impl Core {
 
     /// Says once what is wrong with an input, however often it comes.
     fn refuse(&mut self, now: Timestamp, what: String) {
-        if self.refused.insert(what.clone()) {
+        if self.refused.len() < REFUSED_MAX && self.refused.insert(what.clone()) {
             self.event(now, EventKind::InputRefused, None, None, None, what);
         }
     }

@@ -27,6 +27,7 @@ pub mod models;
 pub mod need;
 pub mod scenario;
 pub mod scheduler;
+pub mod service;
 pub mod service_run;
 pub mod sim;
 pub mod store;

@@ -18,15 +18,32 @@ struct Cli {
 enum Command {
     /// Runs a scenario faster than real time and checks what it expects.
     Simulate(cmd::simulate::Args),
+    /// Runs beside a fleet: the live service.
+    Run(cmd::run::Args),
+    /// Shows the schedule, what each pack can still service, and why.
+    Schedule(cmd::schedule::Args),
+    /// Starts a whole demonstration fleet on this machine.
+    Demo(cmd::demo::Args),
+    #[command(hide = true)]
+    Agent(cmd::demo::AgentArgs),
 }
 
 fn main() -> ExitCode {
+    let command = Cli::parse().command;
     node::files::log_to_stderr("coordinator");
-    let result = match Cli::parse().command {
-        Command::Simulate(args) => cmd::simulate::execute(&args),
-    };
-    result.unwrap_or_else(|error| {
+    execute(command).unwrap_or_else(|error| {
         eprintln!("coordinator: {error:#}");
         ExitCode::from(2)
     })
+}
+
+fn execute(command: Command) -> anyhow::Result<ExitCode> {
+    let live = || tokio::runtime::Builder::new_multi_thread().enable_all().build();
+    match command {
+        Command::Simulate(args) => cmd::simulate::execute(&args),
+        Command::Run(args) => live()?.block_on(cmd::run::execute(&args)),
+        Command::Schedule(args) => live()?.block_on(cmd::schedule::execute(&args)),
+        Command::Demo(args) => live()?.block_on(cmd::demo::execute(&args)),
+        Command::Agent(args) => live()?.block_on(cmd::demo::agent(&args)),
+    }
 }

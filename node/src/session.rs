@@ -116,24 +116,37 @@ impl Link {
         put.congestion_control(CongestionControl::Drop).await.map_err(|error| anyhow!("{error}"))
     }
 
-    /// Asks once and returns the first valid answer, if any comes in time.
-    pub async fn ask<Q: Message, A: Message>(&self, key: &Key, question: Option<&Q>, timeout: Duration) -> Option<A> {
+    /// Asks once and returns the first answer that can be read. Nobody answering is no error:
+    /// who asks decides whether to ask again.
+    pub async fn ask<Q: Message, A: Message>(&self, key: &Key, question: Option<&Q>, timeout: Duration) -> Answer<A> {
         let mut get = self.session.get(key.build(&self.site)).timeout(timeout);
         if let Some(question) = question {
             get = get.payload(encode(question));
         }
-        let replies = get.await.ok()?;
+        let Ok(replies) = get.await else { return Answer::Nobody };
+        let mut refused = None;
         while let Ok(reply) = replies.recv_async().await {
             match reply.result() {
                 Ok(sample) => match decode(&sample.payload().to_bytes()) {
-                    Ok(answer) => return Some(answer),
-                    Err(error) => warn!("an answer on {} was refused: {error}", sample.key_expr()),
+                    Ok(answer) => return Answer::Given(answer),
+                    Err(error) => refused = Some(error.to_string()),
                 },
-                Err(error) => warn!("{}", error.payload().try_to_string().unwrap_or_default()),
+                Err(error) => refused = Some(error.payload().try_to_string().unwrap_or_default().into_owned()),
             }
         }
-        None
+        refused.map_or(Answer::Nobody, Answer::Refused)
     }
+}
+
+/// What came of a question.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Answer<A> {
+    /// An answer.
+    Given(A),
+    /// Somebody was there but did not answer, and said why.
+    Refused(String),
+    /// Nobody was there, or not in time.
+    Nobody,
 }
 
 /// Decodes what came with a sample or query.

@@ -1,1 +1,241 @@
-//! (being written)
+//! `coordinator schedule`: asks the running coordinator over Zenoh, or reads its store when none
+//! runs.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::Subcommand;
+use comfy_table::{Cell, CellAlignment};
+use node::NetworkConfig;
+use proto::{Capacity, Event, Explanation, Key, Message, Mode, RobotId, Schedule, SiteId};
+
+use super::{Format, table, text};
+use crate::config::Config;
+use crate::service;
+use crate::store::{Reader, Store};
+
+/// Shows what the coordinator has decided.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: Option<What>,
+    /// The coordinator's configuration: tells site, address and store.
+    #[arg(long, value_name = "FILE", default_value = "coordinator.toml", global = true)]
+    config: PathBuf,
+    /// The store to read when no coordinator answers.
+    #[arg(long, value_name = "FILE", global = true)]
+    store: Option<PathBuf>,
+    /// Address of the coordinator or router.
+    #[arg(long, value_name = "ADDRESS", global = true)]
+    connect: Vec<String>,
+    /// How to print.
+    #[arg(long, value_enum, default_value_t, global = true)]
+    format: Format,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Who docks where and when, and who does not.
+    Show,
+    /// How many robots each pack can still service.
+    Capacity,
+    /// Why a robot is serviced as it is.
+    Explain {
+        /// The robot.
+        robot: RobotId,
+    },
+    /// What happened last, from the store.
+    History {
+        /// How many events.
+        #[arg(long, default_value_t = 40)]
+        events: usize,
+    },
+}
+
+/// Where answers come from.
+struct Place {
+    network: NetworkConfig,
+    site: SiteId,
+    store: PathBuf,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When neither a coordinator answers nor a store can be read, or the robot is not known.
+pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
+    let place = place(args)?;
+    match args.what.as_ref().unwrap_or(&What::Show) {
+        What::Show => {
+            let schedule: Schedule = match live(&place, &Key::Schedule).await? {
+                Some(schedule) => schedule,
+                None => stored(&place).await?.latest_schedule().await?.context("the store holds no plan yet")?,
+            };
+            print(args.format, &schedule, show);
+        }
+        What::Capacity => {
+            let capacity: Capacity = match live(&place, &Key::Capacity).await? {
+                Some(capacity) => capacity,
+                None => stored(&place).await?.latest_capacity().await?.context("the store holds no capacity yet")?,
+            };
+            print(args.format, &capacity, show_capacity);
+        }
+        What::Explain { robot } => {
+            let explanation: Explanation = match live(&place, &Key::Explain(robot.clone())).await? {
+                Some(explanation) => explanation,
+                None => {
+                    let unknown = || format!("the store holds nothing about robot {robot}");
+                    stored(&place).await?.latest_explanation(robot).await?.with_context(unknown)?
+                }
+            };
+            print(args.format, &explanation, show_explanation);
+        }
+        What::History { events } => {
+            let events = stored(&place).await?.events(*events).await?;
+            match args.format {
+                Format::Table => events.iter().for_each(show_event),
+                Format::Json => println!("{}", serde_json::to_string_pretty(&events)?),
+            }
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn place(args: &Args) -> anyhow::Result<Place> {
+    // Flags alone are enough; a configuration that is named, or lies here, says the rest.
+    let config = if args.config.exists() || (args.store.is_none() && args.connect.is_empty()) {
+        Some(Config::read(&args.config).context("`coordinator schedule` needs --config, or --store, or --connect")?)
+    } else {
+        None
+    };
+    let connect = match (&config, args.connect.is_empty()) {
+        (_, false) => args.connect.clone(),
+        (Some(config), true) => [config.network.listen.clone(), config.network.connect.clone()].concat(),
+        (None, true) => Vec::new(),
+    };
+    let store = match (&args.store, &config) {
+        (Some(store), _) => store.clone(),
+        (None, Some(config)) => service::store_path(config, Some(&args.config)),
+        (None, None) => PathBuf::from("tender.db"),
+    };
+    let site = match &config {
+        Some(config) => config.site.clone(),
+        None => SiteId::new("site")?,
+    };
+    Ok(Place { network: NetworkConfig { connect, listen: Vec::new(), lease_s: 10.0 }, site, store })
+}
+
+async fn live<M: Message>(place: &Place, key: &Key) -> anyhow::Result<Option<M>> {
+    if place.network.connect.is_empty() {
+        return Ok(None);
+    }
+    let answer = service::ask(&place.network, &place.site, key).await?;
+    if answer.is_none() {
+        eprintln!("no coordinator answers at {}: reading {}", place.network.connect.join(", "), place.store.display());
+    }
+    Ok(answer)
+}
+
+async fn stored(place: &Place) -> anyhow::Result<Reader> {
+    Ok(Store::open_read_only(&place.store).await?)
+}
+
+fn print<M: Message>(format: Format, message: &M, show: impl Fn(&M)) {
+    match format {
+        Format::Table => show(message),
+        Format::Json => println!("{}", proto::encode_pretty(message)),
+    }
+}
+
+fn clock(at: proto::Timestamp) -> String {
+    at.to_string().chars().skip(11).take(8).collect()
+}
+
+pub(super) fn show(schedule: &Schedule) {
+    println!("plan {} of {} by {} ({})", schedule.plan, schedule.at, schedule.policy, schedule.trigger);
+    let mut services = table();
+    services.set_header(["robot", "status", "how", "where", "leave", "start", "end", "pack energy", "from"]);
+    for service in &schedule.services {
+        let how = match &service.mode {
+            Mode::Recharge { to_soc } => format!("recharge to {:.0} %", to_soc * 100.0),
+            Mode::Swap { spare } => format!("exchange for {spare}"),
+        };
+        let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
+        services.add_row([
+            service.robot.to_string(),
+            service.status.to_string(),
+            how,
+            format!("{}{bay}", service.station),
+            clock(service.leave),
+            clock(service.start),
+            clock(service.end),
+            format!("{:.1} ± {:.1} Wh", service.pack_energy_wh.value, service.pack_energy_wh.sigma),
+            service.packs.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+        ]);
+    }
+    if schedule.services.is_empty() {
+        println!("no service is planned");
+    } else {
+        print!("{}", text(&services));
+    }
+    for unserved in &schedule.unserved {
+        println!("unserved: {}: {}", unserved.robot, unserved.reasons.join("; "));
+    }
+}
+
+fn show_capacity(capacity: &Capacity) {
+    let confidence = capacity.confidence * 100.0;
+    let mut packs = table();
+    packs.set_header([
+        "station",
+        "pack",
+        "remaining",
+        "usable",
+        "one service",
+        "robots expected",
+        &format!("at {confidence:.0} %"),
+        "short for one more",
+    ]);
+    for pack in &capacity.packs {
+        let wh = |estimate: proto::Estimate| format!("{:.1} ± {:.1} Wh", estimate.value, estimate.sigma);
+        packs.add_row([
+            Cell::new(&pack.station),
+            Cell::new(&pack.pack),
+            Cell::new(wh(pack.remaining_wh)),
+            Cell::new(wh(pack.usable_wh)),
+            Cell::new(wh(pack.service_wh)),
+            Cell::new(pack.robots_expected).set_alignment(CellAlignment::Right),
+            Cell::new(pack.robots_promised).set_alignment(CellAlignment::Right),
+            Cell::new(format!("{:.1} Wh", pack.short_for_next_wh)).set_alignment(CellAlignment::Right),
+        ]);
+    }
+    print!("{}", text(&packs));
+    println!("{} robots expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
+    if let Some(pack) = capacity.packs.first() {
+        let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
+        println!("where the energy of one service goes (Wh): {}", causes.join(", "));
+    }
+}
+
+fn show_explanation(explanation: &Explanation) {
+    println!("{} at {}", explanation.robot, explanation.at);
+    match &explanation.service {
+        Some(service) => {
+            let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
+            println!("  {} at {}{bay}, {} to {}", service.status, service.station, clock(service.start), clock(service.end));
+        }
+        None => println!("  no service"),
+    }
+    for reason in &explanation.reasons {
+        println!("  - {reason}");
+    }
+    for alternative in &explanation.alternatives {
+        let start = alternative.start.map_or_else(|| "not now".to_owned(), |start| format!("could begin {}", clock(start)));
+        println!("  {} at {}: {start} {}", alternative.mode, alternative.station, alternative.why_not.join("; "));
+    }
+}
+
+fn show_event(event: &Event) {
+    println!("{} {:<18} {}", event.at, event.kind.to_string(), event.text);
+}

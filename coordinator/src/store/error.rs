@@ -134,6 +134,13 @@ mod code {
 }
 
 impl StoreError {
+    /// Whether the same batch may be taken later: the disk was full, locked or failing, and
+    /// nothing is wrong with the records.
+    #[must_use]
+    pub fn may_pass(&self) -> bool {
+        !matches!(self, StoreError::Refused { .. } | StoreError::Conflict { .. })
+    }
+
     /// What a database error met while `doing` something means to the user.
     pub(super) fn database(path: &Path, doing: &'static str, source: sqlx::Error) -> Self {
         let path = path.to_owned();

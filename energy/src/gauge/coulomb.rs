@@ -122,11 +122,15 @@ impl CoulombCounter {
     fn prediction(&mut self) -> Predicted {
         let soc = self.soc();
         let drawn_w = self.power_w.max(0.0);
+        // Near rest, noise is most of the power: there only a change that matters to the forecast
+        // counts, which takes no power below this for one.
+        let idle_w = REST_CURRENT_SHARE * self.model.battery().stored_wh();
         let fresh = self.predicted.filter(|last| {
-            (last.soc - soc.value).abs() < FRESH_SOC && (last.power_w - self.power_w).abs() <= FRESH_POWER * last.power_w.abs()
+            let power_moved_w = (last.power_w - self.power_w).abs();
+            (last.soc - soc.value).abs() < FRESH_SOC && power_moved_w <= FRESH_POWER * last.power_w.abs() + idle_w
         });
         fresh.unwrap_or_else(|| {
-            let charging = self.power_w < -REST_CURRENT_SHARE * self.model.battery().stored_wh();
+            let charging = self.power_w < -idle_w;
             let predicted = Predicted {
                 soc: soc.value,
                 power_w: self.power_w,

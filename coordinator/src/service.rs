@@ -1,0 +1,283 @@
+//! The core on tokio and Zenoh.
+//!
+//! ```text
+//!   Zenoh ──> inputs ──> Core::handle ──> poll ──> records ──> store (one batch at a time)
+//!                                            └──> commands ──> query; the answer is an input
+//! ```
+//!
+//! What a command rests on is in the store before the command leaves. When the store cannot be
+//! written, the fleet is served on: events and commands wait in memory, old telemetry is dropped.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use node::session::{Answer, decoded};
+use node::{Clock, Link};
+use proto::{Key, Message, Pattern, SiteId, encode};
+use tokio::sync::mpsc;
+use tracing::{error, info, warn};
+use zenoh::query::Query;
+use zenoh::sample::{Sample, SampleKind};
+
+use crate::config::Config;
+use crate::core::{Core, Input, Numbering, Output};
+use crate::store::{Record, Store};
+
+/// Telemetry that waits for the core; beyond this the newest is dropped, and said so.
+const TELEMETRY_QUEUE: usize = 65_536;
+/// Records that wait while the store cannot be written; beyond this telemetry is dropped.
+const RECORDS_MAX: usize = 100_000;
+/// Longest real time between two writes of telemetry.
+const FLUSH: Duration = Duration::from_millis(500);
+/// Shortest real time that an answer to a command is waited for.
+const ANSWER_MIN: Duration = Duration::from_secs(1);
+
+/// A coordinator at work.
+struct Service {
+    link: Link,
+    clock: Clock,
+    core: Core,
+    store: Store,
+    records: Vec<Record>,
+    store_failed: bool,
+    answers: mpsc::UnboundedSender<Input>,
+    patience_s: f64,
+}
+
+/// Runs until the process is told to stop.
+///
+/// # Errors
+/// When models, store or network cannot be had.
+pub async fn run(config: &Config, path: Option<&Path>) -> anyhow::Result<()> {
+    let (settings, models) = config.load(path)?;
+    let place = store_path(config, path);
+    let store = Store::open(&place).await?;
+    let numbering = Numbering { epoch: store.epoch(), event: store.next_event_seq().await?, plan: store.next_plan().await? };
+    let link = Link::open(&config.network, config.site.clone()).await?;
+    let alive = Key::CoordinatorAlive.build(&link.site);
+    let _alive = link.session.liveliness().declare_token(alive).await.map_err(|e| anyhow!("{e}"))?;
+
+    let (telemetry_in, mut telemetry) = mpsc::channel(TELEMETRY_QUEUE);
+    let (news_in, mut news) = mpsc::unbounded_channel();
+    let (questions_in, mut questions) = mpsc::unbounded_channel();
+    let _subscribers = subscribe(&link, &telemetry_in, &news_in).await?;
+    let _queryables = answer(&link, &questions_in).await?;
+    info!("coordinator of site {} is up: store {}, listening on {}", link.site, place.display(), config.network.listen.join(", "));
+
+    let clock = Clock::new(config.clock);
+    let core = Core::new(settings, models, numbering);
+    let patience_s = settings.deadline_s;
+    let mut service = Service { link, clock, core, store, records: Vec::new(), store_failed: false, answers: news_in.clone(), patience_s };
+    let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
+    ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+    let mut flushes = tokio::time::interval(FLUSH);
+    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+    loop {
+        tokio::select! {
+            Some(input) = news.recv() => service.take(input).await,
+            Some(input) = telemetry.recv() => service.take(input).await,
+            _ = ticks.tick() => service.take(Input::Tick).await,
+            _ = flushes.tick() => service.flush().await,
+            Some(query) = questions.recv() => service.tell(&query).await,
+            _ = tokio::signal::ctrl_c() => break,
+            _ = terminate.recv() => break,
+        }
+    }
+    service.flush().await;
+    service.store.close().await;
+    info!("coordinator of site {} has stopped", service.link.site);
+    Ok(())
+}
+
+/// Where the store is: beside the configuration unless it says an absolute path.
+#[must_use]
+pub fn store_path(config: &Config, path: Option<&Path>) -> std::path::PathBuf {
+    path.and_then(Path::parent).map_or_else(|| config.store.clone(), |folder| folder.join(&config.store))
+}
+
+/// Whatever must live as long as the service.
+type Kept = Vec<Box<dyn std::any::Any + Send>>;
+
+/// Turns what comes over Zenoh into inputs. Gauges may be dropped under pressure, the rest not.
+async fn subscribe(link: &Link, telemetry: &mpsc::Sender<Input>, news: &mpsc::UnboundedSender<Input>) -> anyhow::Result<Kept> {
+    let mut kept: Kept = Vec::new();
+    for pattern in [Pattern::AllRobotGauges, Pattern::AllPackGauges, Pattern::AllRobotStates, Pattern::AllStationStates] {
+        let (telemetry, news) = (telemetry.clone(), news.clone());
+        let subscriber = link.session.declare_subscriber(pattern.build(&link.site)).callback(move |sample| {
+            let input = input_of(&sample);
+            match input {
+                Input::RobotGauge(..) | Input::PackGauge(..) => {
+                    if telemetry.try_send(input).is_err() {
+                        warn!("gauge messages come faster than they can be taken in; some are dropped");
+                    }
+                }
+                other => drop(news.send(other)),
+            }
+        });
+        kept.push(Box::new(subscriber.await.map_err(|e| anyhow!("{e}"))?));
+    }
+    let news = news.clone();
+    let lives = link.session.liveliness().declare_subscriber(Pattern::AllAlive.build(&link.site)).history(true).callback(move |sample| {
+        let alive = sample.kind() == SampleKind::Put;
+        let input = match Key::parse(sample.key_expr().as_str()) {
+            Ok((_, Key::RobotAlive(robot))) => Input::RobotAlive(robot, alive),
+            Ok((_, Key::StationAlive(station))) => Input::StationAlive(station, alive),
+            _ => return,
+        };
+        let _ = news.send(input);
+    });
+    kept.push(Box::new(lives.await.map_err(|e| anyhow!("{e}"))?));
+    Ok(kept)
+}
+
+/// Serves questions about schedule, capacity and single robots.
+async fn answer(link: &Link, questions: &mpsc::UnboundedSender<Query>) -> anyhow::Result<Kept> {
+    let mut kept: Kept = Vec::new();
+    let keys = [Key::Schedule.build(&link.site), Key::Capacity.build(&link.site), Pattern::AllExplains.build(&link.site)];
+    for key in keys {
+        let questions = questions.clone();
+        let queryable = link.session.declare_queryable(key).callback(move |query| {
+            let _ = questions.send(query);
+        });
+        kept.push(Box::new(queryable.await.map_err(|e| anyhow!("{e}"))?));
+    }
+    Ok(kept)
+}
+
+/// One sample as an input; what cannot be read becomes a refusal that names it.
+fn input_of(sample: &Sample) -> Input {
+    let key = sample.key_expr().as_str();
+    let read = || -> Result<Input, String> {
+        let payload = sample.payload();
+        let text = |error: &dyn std::fmt::Display| format!("{key}: {error}");
+        let (_, parsed) = Key::parse(key).map_err(|e| text(&e))?;
+        Ok(match parsed {
+            Key::RobotGauge(robot) => Input::RobotGauge(robot, decoded(payload).map_err(|e| text(&e))?),
+            Key::RobotState(robot) => Input::RobotState(robot, decoded(payload).map_err(|e| text(&e))?),
+            Key::StationState(station) => Input::StationState(station, decoded(payload).map_err(|e| text(&e))?),
+            Key::PackGauge(station, pack) => Input::PackGauge(station, pack, decoded(payload).map_err(|e| text(&e))?),
+            _ => return Err(format!("{key}: nothing is expected under this key")),
+        })
+    };
+    read().unwrap_or_else(Input::Refused)
+}
+
+impl Service {
+    async fn take(&mut self, input: Input) {
+        self.core.handle(self.clock.now(), input);
+        let mut commands = Vec::new();
+        while let Some(output) = self.core.poll() {
+            match output {
+                Output::Record(Record::Event(event)) => {
+                    info!("{}: {}", event.kind, event.text);
+                    self.records.push(Record::Event(event));
+                }
+                Output::Record(record) => self.records.push(record),
+                command => commands.push(command),
+            }
+        }
+        if commands.is_empty() {
+            return;
+        }
+        self.flush().await;
+        for command in commands {
+            match command {
+                Output::ToRobot(robot, command) => self.send(Key::RobotCommand(robot), command),
+                Output::ToStation(station, command) => self.send(Key::StationCommand(station), command),
+                Output::Record(_) => {}
+            }
+        }
+    }
+
+    /// Sends a command; its answer comes back as an input. No answer: the core sends it again.
+    fn send<M: Message + Send + Sync + 'static>(&self, key: Key, command: M) {
+        let (link, answers) = (self.link.clone(), self.answers.clone());
+        let timeout = self.clock.real(self.patience_s).max(ANSWER_MIN);
+        tokio::spawn(async move {
+            match link.ask(&key, Some(&command), timeout).await {
+                Answer::Given(reply) => drop(answers.send(Input::Reply(reply))),
+                Answer::Refused(why) => drop(answers.send(Input::Refused(format!("{}: {why}", key.build(&link.site))))),
+                Answer::Nobody => {}
+            }
+        });
+    }
+
+    /// Writes what waits. A record that the store will never take is dropped, and said so; when
+    /// the disk is full all wait, and old telemetry makes room.
+    async fn flush(&mut self) {
+        if self.records.is_empty() {
+            return;
+        }
+        match self.store.append(&self.records).await {
+            Ok(()) => {
+                self.records.clear();
+                if std::mem::take(&mut self.store_failed) {
+                    info!("the store can be written again");
+                }
+            }
+            Err(failure) => {
+                if !std::mem::replace(&mut self.store_failed, true) {
+                    error!("{failure}; the fleet is served on, events wait in memory");
+                }
+                if !failure.may_pass() {
+                    self.append_singly().await;
+                }
+                if self.records.len() > RECORDS_MAX {
+                    self.records.retain(|record| !is_telemetry(record));
+                    warn!("telemetry was dropped: the store cannot be written");
+                }
+            }
+        }
+    }
+
+    /// One bad record must not hold back the others.
+    async fn append_singly(&mut self) {
+        for record in std::mem::take(&mut self.records) {
+            if let Err(failure) = self.store.append(std::slice::from_ref(&record)).await {
+                if failure.may_pass() {
+                    self.records.push(record);
+                } else {
+                    error!("a record was dropped: {failure}");
+                }
+            }
+        }
+    }
+
+    async fn tell(&self, query: &Query) {
+        let now = self.clock.now();
+        let said = match Key::parse(query.key_expr().as_str()) {
+            Ok((_, Key::Schedule)) => Ok(encode(self.core.schedule())),
+            Ok((_, Key::Capacity)) => Ok(encode(&self.core.capacity(now))),
+            Ok((_, Key::Explain(robot))) => self.core.explain(now, &robot).map(|explanation| encode(&explanation)),
+            Ok(_) => Err("nothing is told under this key".to_owned()),
+            Err(error) => Err(error.to_string()),
+        };
+        let sent = match said {
+            Ok(bytes) => query.reply(query.key_expr().clone(), bytes).await,
+            Err(why) => query.reply_err(why).await,
+        };
+        if let Err(failure) = sent {
+            warn!("an answer was not sent: {failure}");
+        }
+    }
+}
+
+fn is_telemetry(record: &Record) -> bool {
+    matches!(record, Record::RobotGauge { .. } | Record::PackGauge { .. } | Record::RobotState { .. } | Record::StationState { .. })
+}
+
+/// Asks a running coordinator.
+///
+/// # Errors
+/// When it refuses to answer, with its reason. Nobody there is `Ok(None)`.
+pub async fn ask<M: Message>(network: &node::NetworkConfig, site: &SiteId, key: &Key) -> anyhow::Result<Option<M>> {
+    let Ok(link) = Link::try_open(network, site.clone()).await else { return Ok(None) };
+    let answer = link.ask::<M, M>(key, None, Duration::from_secs(2)).await;
+    let closed = link.session.close().await.map_err(|e| anyhow!("{e}")).context("closing the session");
+    match answer {
+        Answer::Given(message) => closed.map(|()| Some(message)),
+        Answer::Refused(why) => Err(anyhow!("{why}")),
+        Answer::Nobody => Ok(None),
+    }
+}
