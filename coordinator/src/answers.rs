@@ -8,7 +8,7 @@ use proto::{
 use crate::forecast;
 use crate::models::from_wire;
 use crate::scheduler::capacity::{PackQuestion, capacity as count};
-use crate::scheduler::{Book, Plan, Planned, Way};
+use crate::scheduler::{Book, Plan, Planned, Problem, Way};
 use crate::service_run::{How, ServiceRun};
 use crate::view::Basis;
 
@@ -109,11 +109,11 @@ pub fn capacity(basis: &Basis<'_>) -> Capacity {
     count(basis.now, &questions, basis.settings.confidence)
 }
 
-/// Why a robot is serviced as it is.
+/// Why a robot is serviced as it is, from the problem that the last plan solved.
 ///
 /// # Errors
 /// When the robot is not known, with the nearest that is.
-pub fn explain(basis: &Basis<'_>, plan: &Plan, schedule: &Schedule, robot: &RobotId) -> Result<Explanation, String> {
+pub fn explain(basis: &Basis<'_>, problem: &Problem, plan: &Plan, schedule: &Schedule, robot: &RobotId) -> Result<Explanation, String> {
     let Some(belief) = basis.fleet.robots.get(robot) else {
         let known = || basis.fleet.robots.keys().map(AsRef::as_ref);
         let hint = energy::document::hint(robot.as_ref(), known());
@@ -139,12 +139,11 @@ pub fn explain(basis: &Basis<'_>, plan: &Plan, schedule: &Schedule, robot: &Robo
         (None, Some(rejected)) => reasons.extend(rejected.reasons.iter().cloned()),
         (None, None) => reasons.push("no service is planned".to_owned()),
     }
-    Ok(Explanation { at: basis.now, robot: robot.clone(), service, reasons, alternatives: alternatives(basis, robot) })
+    Ok(Explanation { at: basis.now, robot: robot.clone(), service, reasons, alternatives: alternatives(schedule, problem, robot) })
 }
 
 /// Every way of servicing a robot, as if nothing but what has begun were promised.
-fn alternatives(basis: &Basis<'_>, robot: &RobotId) -> Vec<Alternative> {
-    let problem = basis.problem();
+fn alternatives(schedule: &Schedule, problem: &Problem, robot: &RobotId) -> Vec<Alternative> {
     let Some(view) = problem.robots.iter().find(|view| view.robot == *robot) else { return Vec::new() };
     let tried = view.options.iter().map(|option| {
         let station = &problem.stations[option.station];
@@ -152,8 +151,8 @@ fn alternatives(basis: &Basis<'_>, robot: &RobotId) -> Vec<Alternative> {
             Way::Recharge { .. } => "recharge",
             Way::Swap { .. } => "swap",
         };
-        let (start, why_not) = match Book::new(station).slot(&problem, view, option) {
-            Ok(slot) => (Some(basis.now.plus_s(slot.start_s)), Vec::new()),
+        let (start, why_not) = match Book::new(station).slot(problem, view, option) {
+            Ok(slot) => (Some(schedule.at.plus_s(slot.start_s)), Vec::new()),
             Err(refusal) => (None, vec![refusal.to_string()]),
         };
         Alternative { station: station.station.clone(), mode: mode.to_owned(), start, why_not }

@@ -17,7 +17,7 @@ use proto::{
 use crate::answers;
 use crate::fleet::{Fleet, newer};
 use crate::models::{Models, Settings};
-use crate::scheduler::{Plan, Planned, construct};
+use crate::scheduler::{Plan, Planned, Problem, construct};
 use crate::service_run::{How, ServiceRun, Stage, Step};
 use crate::store::Record;
 use crate::view::Basis;
@@ -101,6 +101,8 @@ pub struct Core {
     fleet: Fleet,
     running: BTreeMap<RobotId, ServiceRun>,
     asked: BTreeMap<CommandId, Asked>,
+    /// The problem that the last plan solved.
+    problem: Problem,
     plan: Plan,
     schedule: Schedule,
     promised: BTreeSet<RobotId>,
@@ -132,6 +134,7 @@ impl Core {
             fleet: Fleet::default(),
             running: BTreeMap::new(),
             asked: BTreeMap::new(),
+            problem: Problem { confidence: settings.confidence, robots: Vec::new(), stations: Vec::new() },
             plan: Plan::default(),
             schedule,
             promised: BTreeSet::new(),
@@ -187,7 +190,7 @@ impl Core {
     /// # Errors
     /// When the robot is not known, with the nearest that is.
     pub fn explain(&self, now: Timestamp, robot: &RobotId) -> Result<Explanation, String> {
-        answers::explain(&self.basis(now), &self.plan, &self.schedule, robot)
+        answers::explain(&self.basis(now), &self.problem, &self.plan, &self.schedule, robot)
     }
 
     /// What is believed of robots and stations.
@@ -344,7 +347,8 @@ impl Core {
 
     fn make_plan(&mut self, now: Timestamp) {
         let trigger = self.trigger.take().unwrap_or_default();
-        self.plan = construct(&self.basis(now).problem(), self.settings.policy);
+        self.problem = self.basis(now).problem();
+        self.plan = construct(&self.problem, self.settings.policy);
         self.planned = Some(now);
         let number = self.numbering.plan;
         self.numbering.plan += 1;

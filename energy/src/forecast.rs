@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model, Run, Start, propagate};
+use crate::{Channel, Estimate, Model, Run, Start, propagate, propagate_all};
 
 /// A discharge at constant power, to the end of discharge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,10 +125,10 @@ pub fn remaining_wh(model: &Arc<Model>, soc: Estimate, temperature_degc: f64, po
 /// Energy and time of a charge to `target_soc`, each with its deviation.
 #[must_use]
 pub fn charge_estimate(model: &Arc<Model>, soc: Estimate, target_soc: f64, temperature_degc: f64) -> (Estimate, Estimate) {
-    let inputs = uncertain(model, soc);
-    let at = |x: &[f64]| charge(&mut run_at(model, x, temperature_degc), target_soc);
-    let energy_wh = propagate(&inputs, |x| x[1] * at(x).energy_wh);
-    let time_s = propagate(&inputs, |x| x[1] * at(x).time_s);
+    let [energy_wh, time_s] = propagate_all(&uncertain(model, soc), |x| {
+        let charge = charge(&mut run_at(model, x, temperature_degc), target_soc);
+        [x[1] * charge.energy_wh, x[1] * charge.time_s]
+    });
     (energy_wh, time_s)
 }
 

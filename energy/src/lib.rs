@@ -34,7 +34,7 @@ pub mod units;
 pub use channel::{Channel, Channels};
 pub use document::DocumentError;
 pub use effect::{Effect, EffectSpec, ParameterSpec, Phase, catalogue, find};
-pub use estimate::{Estimate, propagate};
+pub use estimate::{Estimate, propagate, propagate_all};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
 pub use ocv::OcvTable;
 pub use params::{built_in, built_in_names, load_model};

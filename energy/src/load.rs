@@ -52,19 +52,29 @@ impl Run<f64> {
         }
         // Under a steady power the last current is a close start; a discharge lets it rise slowly.
         let mut current_a = if power_w > 0.0 { self.channels[Channel::CurrentA].max(0.0) } else { 0.0 };
+        let mut slope = None;
+        let mut before_w = f64::INFINITY;
         for _ in 0..ITERATIONS_MAX {
             let voltage_v = self.trial_v(current_a, dt_s);
             let missing_w = power_w - current_a * voltage_v;
             if missing_w.abs() <= POWER_TOLERANCE * power_w.abs() {
                 return Ok(current_a);
             }
-            let nudge_a = 1e-4 * (1.0 + current_a.abs());
-            let slope_v = ((current_a + nudge_a) * self.trial_v(current_a + nudge_a, dt_s) - current_a * voltage_v) / nudge_a;
+            // Where it bends more, near the power limit, the slope is taken anew.
+            if missing_w.abs() > 0.1 * before_w.abs() {
+                slope = None;
+            }
+            before_w = missing_w;
+            // The curve bends so little over one step that its first slope serves all iterations.
+            let slope_v = *slope.get_or_insert_with(|| {
+                let nudge_a = 1e-4 * (1.0 + current_a.abs());
+                ((current_a + nudge_a) * self.trial_v(current_a + nudge_a, dt_s) - current_a * voltage_v) / nudge_a
+            });
             if slope_v > 0.0 {
                 current_a += missing_w / slope_v;
             } else if current_a > 0.0 && missing_w < 0.0 {
                 // The start was beyond the limit of a smaller power: come from the other side.
-                current_a = 0.0;
+                (current_a, slope) = (0.0, None);
             } else {
                 break;
             }

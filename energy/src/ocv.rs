@@ -8,7 +8,13 @@ use crate::real::Real;
 pub struct OcvTable {
     soc: Vec<f64>,
     voltage_v: Vec<f64>,
+    /// The segment at the beginning of each of [`BUCKETS`] equal parts of the table: where a
+    /// search begins, so that it ends after a step or two.
+    buckets: Vec<usize>,
 }
+
+/// Parts that the table is divided into for searching.
+const BUCKETS: usize = 256;
 
 impl OcvTable {
     /// Checks and keeps a table: at least two points, `soc` strictly increasing, voltages finite
@@ -40,7 +46,11 @@ impl OcvTable {
                 ));
             }
         }
-        Ok(Self { soc, voltage_v })
+        let mut table = Self { soc, voltage_v, buckets: Vec::new() };
+        let (first, last) = (table.soc[0], table.soc[table.soc.len() - 1]);
+        let begins = (0..BUCKETS).map(|bucket| first + (last - first) * bucket as f64 / BUCKETS as f64);
+        table.buckets = begins.map(|soc| table.soc.partition_point(|&knot| knot <= soc).clamp(1, table.soc.len() - 1) - 1).collect();
+        Ok(table)
     }
 
     /// Points of the table.
@@ -50,6 +60,7 @@ impl OcvTable {
     }
 
     /// Open-circuit voltage of one cell at `soc`, V.
+    #[inline]
     pub fn voltage_v<S: Real>(&self, soc: S) -> S {
         let low = self.segment(soc.re());
         let slope = self.slope(low);
@@ -77,10 +88,19 @@ impl OcvTable {
         self.soc[high - 1] + (voltage_v - self.voltage_v[high - 1]) / self.slope(high - 1)
     }
 
+    #[inline]
     fn segment(&self, soc: f64) -> usize {
-        self.soc.partition_point(|&knot| knot <= soc).clamp(1, self.soc.len() - 1) - 1
+        let (first, last) = (self.soc[0], self.soc[self.soc.len() - 1]);
+        // A float becomes an index by saturation: below the table 0, above it the last bucket.
+        let bucket = ((soc - first) / (last - first) * BUCKETS as f64) as usize;
+        let mut segment = self.buckets[bucket.min(BUCKETS - 1)];
+        while segment + 2 < self.soc.len() && self.soc[segment + 1] <= soc {
+            segment += 1;
+        }
+        segment
     }
 
+    #[inline]
     fn slope(&self, low: usize) -> f64 {
         (self.voltage_v[low + 1] - self.voltage_v[low]) / (self.soc[low + 1] - self.soc[low])
     }
@@ -99,6 +119,17 @@ mod tests {
         assert!((table().voltage_v(0.25_f64) - 3.35).abs() < 1e-12);
         assert!((table().voltage_v(1.1_f64) - 4.3).abs() < 1e-12);
         assert!((table().voltage_v(-0.1_f64) - 2.86).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_search_finds_the_segment_that_a_plain_search_finds() {
+        let knots: Vec<f64> = vec![0.0, 0.001, 0.002, 0.3, 0.5, 0.501, 0.9, 1.0];
+        let table = OcvTable::new(knots.clone(), (0..8).map(f64::from).collect()).unwrap();
+        for step in -100..=1100 {
+            let soc = f64::from(step) / 1000.0;
+            let plain = knots.partition_point(|&knot| knot <= soc).clamp(1, knots.len() - 1) - 1;
+            assert_eq!(table.segment(soc), plain, "{soc}");
+        }
     }
 
     #[test]

@@ -33,6 +33,7 @@ impl Scenario {
             policy.settings().with_context(|| format!("run \"{}\"", run.name))?;
         }
         self.check_changes(run)?;
+        self.check_models(run)?;
         let mut coordinator = Config {
             schema: 1,
             site: self.site.clone(),
@@ -171,6 +172,20 @@ impl Scenario {
                 "without: for every model only \"*\" = [\"*\"] is possible: models have different effects"
             );
             ensure!(!changes.replace.contains_key("*"), "replace: one model cannot stand for all");
+        }
+        Ok(())
+    }
+
+    /// A misspelt name is told here: further on it is a path like any other.
+    fn check_models(&self, run: &RunEntry) -> anyhow::Result<()> {
+        let replacing = [&self.world, &self.believed, &run.believed].into_iter().flat_map(|changes| changes.replace.values());
+        for name in self.model_names().into_iter().chain(replacing.map(String::as_str)) {
+            ensure!(
+                energy::built_in_names().any(|known| known == name) || self.folder.join(name).exists(),
+                "no model `{name}`: neither built in nor a file{} Built in: {}",
+                energy::document::hint(name, energy::built_in_names()),
+                energy::built_in_names().collect::<Vec<_>>().join(", ")
+            );
         }
         Ok(())
     }

@@ -106,7 +106,14 @@ pub(super) fn check(metric: &str, expectation: &Expectation, packs: &[&str]) -> 
         }
         _ => {}
     }
-    if let Expectation::Between(Range { min: Some(min), max: Some(max) }) = expectation
+    let bounds = match *expectation {
+        Expectation::Exactly(value) => [Some(value), None],
+        Expectation::Between(Range { min, max }) => [min, max],
+    };
+    if bounds.iter().flatten().any(|bound| bound.is_nan()) {
+        return Err(format!("{metric}: NaN is no expectation: nothing is equal to it"));
+    }
+    if let [Some(min), Some(max)] = bounds
         && min > max
     {
         return Err(format!("{metric}: min = {min} lies above max = {max}"));

@@ -291,6 +291,12 @@ impl Scenario {
         let stations = self.station.iter().map(Spanned::get_ref);
         let packs: Vec<String> = stations.flat_map(|station| station.packs.iter().map(move |pack| name(station, pack))).collect();
         let packs: Vec<&str> = packs.iter().map(String::as_str).collect();
+        let mut names = BTreeSet::new();
+        for run in &self.run {
+            if !names.insert(&run.get_ref().name) {
+                return Err(document.error_at(run.span(), format!("run \"{}\" appears twice", run.get_ref().name)));
+            }
+        }
         for expected in self.run.iter().map(|run| &run.get_ref().expect).chain([&self.expect]) {
             for (metric, expectation) in expected {
                 let at = |message: String| document.error_at(metric.span(), message);

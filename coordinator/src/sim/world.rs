@@ -53,6 +53,8 @@ struct Robot {
     agent: robot_agent::Agent,
     body: RobotBody,
     mission_s: f64,
+    /// Packs that it was given so far: each has its own log.
+    exchanges: u32,
 }
 
 struct Station {
@@ -117,7 +119,7 @@ impl World {
                 telemetry.battery(config.id.as_ref(), agent.soc(), ambient_degc);
                 telemetry.table(&load_stem(&config.id), "power_w,speed_mps,pitch_rad,payload_kg");
             }
-            robots.insert(config.id.clone(), Robot { agent, body, mission_s: 0.0 });
+            robots.insert(config.id.clone(), Robot { agent, body, mission_s: 0.0, exchanges: 0 });
         }
         let mut stations = BTreeMap::new();
         for config in &deployment.stations {
@@ -185,8 +187,12 @@ impl World {
             if robot.body.at_work() {
                 robot.mission_s += STEP_S;
             }
+            if let (Some(telemetry), Some(soc)) = (&mut self.telemetry, observation.exchanged) {
+                robot.exchanges += 1;
+                telemetry.battery(&battery_stem(id, robot.exchanges), soc, self.ambient_degc);
+            }
             if let (Some(telemetry), Some(sample)) = (&mut self.telemetry, &observation.sample) {
-                telemetry.battery_row(id.as_ref(), time_s, sample, self.ambient_degc);
+                telemetry.battery_row(&battery_stem(id, robot.exchanges), time_s, sample, self.ambient_degc);
                 if observation.place != Place::InBay && !observation.depleted {
                     let [speed, pitch, payload] = robot.body.inputs([Channel::SpeedMps, Channel::PitchRad, Channel::PayloadKg]);
                     let power_w = sample.current_a * sample.voltage_v;
@@ -228,6 +234,11 @@ fn socs(stations: &BTreeMap<StationId, Station>) -> Vec<(String, f64)> {
     let alone = stations.len() == 1;
     let name = |station: &StationId, pack: &proto::PackId| if alone { pack.to_string() } else { format!("{station}.{pack}") };
     stations.iter().flat_map(|(id, station)| station.body.true_socs().map(move |(pack, soc)| (name(id, pack), soc))).collect()
+}
+
+/// A robot's first pack has the robot's name, the others are counted from 2.
+fn battery_stem(robot: &RobotId, exchanges: u32) -> String {
+    if exchanges == 0 { robot.to_string() } else { format!("{robot}-pack-{}", exchanges + 1) }
 }
 
 fn load_stem(robot: &RobotId) -> String {
@@ -277,6 +288,8 @@ fn log_station(
     let Some(sample) = active.map(|reading| reading.sample).filter(|_| observation.powered) else { return };
     let [charge_w, docked, lift] = [Channel::ChargePowerW, Channel::RobotsDocked, Channel::LiftActive].map(|c| station.body.truth(c));
     let (current_a, voltage_v) = (sample.current_a, sample.voltage_v);
+    // An empty sum is -0.
+    let charge_w = charge_w + 0.0;
     let mut row = format!("{time_s},{charge_w:.4},{docked},{lift},{current_a:.4},{voltage_v:.4},{:.4}", current_a * voltage_v);
     for bay in station.agent.bays() {
         let draw = bay.and_then(|robot| station.body.draws().find(|(id, _)| *id == robot).and_then(|(_, draw)| draw));

@@ -35,6 +35,8 @@ pub struct CoulombCounter {
     temperature_degc: f64,
     rest: Option<Rest>,
     predicted: Option<Predicted>,
+    /// Energy of a full pack, and the power that it was predicted for.
+    full: Option<(f64, Estimate)>,
 }
 
 /// Deviation of the state of charge by origin. What offset and gain do is the same error every
@@ -75,7 +77,7 @@ impl CoulombCounter {
     #[must_use]
     pub fn new(model: Arc<Model>, soc: Estimate, temperature_degc: f64) -> Self {
         let drift = Drift { start_sigma: soc.sigma, ..Drift::default() };
-        Self { model, soc: soc.value, drift, power_w: 0.0, temperature_degc, rest: None, predicted: None }
+        Self { model, soc: soc.value, drift, power_w: 0.0, temperature_degc, rest: None, predicted: None, full: None }
     }
 
     /// Starts from the voltage of a rested pack, by the OCV table.
@@ -129,6 +131,15 @@ impl CoulombCounter {
             let power_moved_w = (last.power_w - self.power_w).abs();
             (last.soc - soc.value).abs() < FRESH_SOC && power_moved_w <= FRESH_POWER * last.power_w.abs() + idle_w
         });
+        let full = self.full.filter(|full| (full.0 - drawn_w).abs() <= FRESH_POWER * full.0 + idle_w);
+        let full_wh = match full {
+            Some((_, full_wh)) => full_wh,
+            None => {
+                let full_wh = forecast::remaining_wh(&self.model, Estimate::exact(1.0), self.temperature_degc, drawn_w);
+                self.full = Some((drawn_w, full_wh));
+                full_wh
+            }
+        };
         fresh.unwrap_or_else(|| {
             let charging = self.power_w < -idle_w;
             let predicted = Predicted {
@@ -136,7 +147,7 @@ impl CoulombCounter {
                 power_w: self.power_w,
                 moved_wh: 0.0,
                 remaining_wh: forecast::remaining_wh(&self.model, soc, self.temperature_degc, drawn_w),
-                full_wh: forecast::remaining_wh(&self.model, Estimate::exact(1.0), self.temperature_degc, drawn_w),
+                full_wh,
                 time_to_full_s: charging.then(|| forecast::charge_estimate(&self.model, soc, 1.0, self.temperature_degc).1),
             };
             self.predicted = Some(predicted);
