@@ -101,6 +101,8 @@ pub struct Core {
     fleet: Fleet,
     running: BTreeMap<RobotId, ServiceRun>,
     asked: BTreeMap<CommandId, Asked>,
+    /// When each station was last told to select a pack.
+    selected: BTreeMap<StationId, Timestamp>,
     /// The problem that the last plan solved.
     problem: Problem,
     plan: Plan,
@@ -134,6 +136,7 @@ impl Core {
             fleet: Fleet::default(),
             running: BTreeMap::new(),
             asked: BTreeMap::new(),
+            selected: BTreeMap::new(),
             problem: Problem { confidence: settings.confidence, robots: Vec::new(), stations: Vec::new() },
             plan: Plan::default(),
             schedule,
@@ -466,8 +469,10 @@ impl Core {
     fn select_packs(&mut self, now: Timestamp) {
         for id in self.models.stations.keys().cloned().collect::<Vec<_>>() {
             let Some(next) = answers::next_pack(&self.basis(now), &id) else { continue };
-            let asked = |asked: &Asked| matches!(&asked.command, AskedCommand::Station(station, c) if *station == id && matches!(c.action, StationAction::SelectPack { .. }));
-            if !self.asked.values().any(asked) {
+            // The station's word that it has switched takes a while: ask again only after that.
+            let waiting = self.selected.get(&id).is_some_and(|asked| now.seconds_since(*asked) < self.settings.deadline_s);
+            if !waiting {
+                self.selected.insert(id.clone(), now);
                 self.ask_station(now, &id, StationAction::SelectPack { pack: next }, None);
             }
         }

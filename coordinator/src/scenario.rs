@@ -15,3 +15,6 @@ mod file;
 pub use deploy::Deployment;
 pub use expect::{Expectation, METRICS, Verdict};
 pub use file::{Changes, PackEntry, RobotEntry, RunEntry, Scenario, SpareEntry, StationEntry};
+
+#[cfg(test)]
+mod tests;

@@ -24,3 +24,6 @@ pub use feasible::{Book, Refusal, Slot};
 pub use plan::{Plan, Planned, Rejected};
 pub use policy::{Policy, policies, policy};
 pub use problem::{BayView, OptionView, PackView, Problem, RobotView, SpareView, StationView, Way};
+
+#[cfg(test)]
+mod tests;

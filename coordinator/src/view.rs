@@ -15,6 +15,9 @@ use crate::need::Need;
 use crate::scheduler::{BayView, OptionView, PackView, Problem, RobotView, SpareView, StationView, Way};
 use crate::service_run::{How, ServiceRun, Stage};
 
+/// Share of the time to empty after which a service is wanted whatever the state of charge.
+const QUEUE_SHARE: f64 = 0.9;
+
 /// Everything that a problem is made from.
 #[derive(Clone, Copy)]
 pub struct Basis<'a> {
@@ -51,7 +54,10 @@ impl Basis<'_> {
         let soc = from_wire(gauge.soc);
         let stored_wh = battery.battery().stored_wh();
         let drain_soc_per_s = (state.drain_w.value / stored_wh / S_PER_H).max(1e-12);
-        let wanted_s = ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0);
+        let empty_s = self.empty_s(gauge, state);
+        // A heavy load may empty a pack soon after it reaches the level at which a service is
+        // wanted, or before: it comes while there is time left for a queue.
+        let wanted_s = ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0).min(QUEUE_SHARE * empty_s);
         let options = stations.iter().enumerate().flat_map(|(index, station)| {
             state.travel.get(&station.station).map_or_else(Vec::new, |travel| {
                 let ready_s = travel.time_s.max(wanted_s);
@@ -62,7 +68,7 @@ impl Basis<'_> {
         RobotView {
             robot: id.clone(),
             soc,
-            empty_s: self.empty_s(gauge, state),
+            empty_s,
             wanted_s,
             drain_soc_per_s,
             weight: state.mission.weight,

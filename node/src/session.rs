@@ -86,13 +86,13 @@ impl Link {
                 Ok(session) => return Ok(Self { session, site }),
                 Err(error) if patient => {
                     if !waited {
-                        warn!("waiting for {}: {error}", network.connect.join(", "));
+                        warn!("nobody answers at {} yet: {}; waiting", network.connect.join(", "), brief(&error));
                         waited = true;
                     }
                     tokio::time::sleep(Duration::from_millis(200)).await;
                 }
                 Err(error) => {
-                    return Err(anyhow!("{error}")).with_context(|| format!("cannot listen on {}", network.listen.join(", ")));
+                    return Err(anyhow!("{}", brief(&error))).with_context(|| format!("cannot listen on {}", network.listen.join(", ")));
                 }
             }
         }
@@ -136,6 +136,12 @@ impl Link {
         }
         refused.map_or(Answer::Nobody, Answer::Refused)
     }
+}
+
+/// An error of the network library without its trace of source files.
+fn brief(error: &zenoh::Error) -> String {
+    let text = error.to_string();
+    text.split(" at /").next().unwrap_or(&text).trim_end_matches([' ', '!', '.']).to_owned()
 }
 
 /// What came of a question.

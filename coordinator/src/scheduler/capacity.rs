@@ -66,7 +66,7 @@ impl Need {
 }
 
 fn answer(question: &PackQuestion, confidence: f64) -> PackCapacity {
-    let enough = |robots: u32, confidence: f64| margin(question.usable_wh, need(question, robots).estimate(), confidence).0 >= confidence;
+    let enough = |robots: u32, confidence: f64| question.bays > 0 && margin(question.usable_wh, need(question, robots).estimate(), confidence).0 >= confidence;
     let count = |confidence: f64| (1..=ROBOTS_MAX).take_while(|&robots| enough(robots, confidence)).last().unwrap_or(0);
     let (expected, promised) = (count(0.5), count(confidence));
     let (_, short_wh) = margin(question.usable_wh, need(question, promised + 1).estimate(), confidence);
@@ -122,7 +122,8 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_pack_serves_nobody() {
+    fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
         assert_eq!(answer(&question(0.0, 3), 0.95).robots_expected, 0);
+        assert_eq!(answer(&question(70.0, 0), 0.95).robots_expected, 0);
     }
 }

@@ -90,7 +90,8 @@ pub struct Book {
     bays: Vec<(BayId, Option<f64>)>,
     lift: Vec<(f64, f64)>,
     swap_free_s: f64,
-    spares: Vec<SpareId>,
+    /// With their state of charge, the fullest first.
+    spares: Vec<(SpareId, f64)>,
     need: Need,
     until_s: f64,
 }
@@ -99,11 +100,13 @@ impl Book {
     /// A book that holds what has begun.
     #[must_use]
     pub fn new(station: &StationView) -> Self {
+        let mut spares: Vec<_> = station.spares.iter().map(|spare| (spare.spare.clone(), spare.soc.value)).collect();
+        spares.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
         Self {
             bays: station.bays.iter().map(|bay| (bay.bay.clone(), bay.free_s)).collect(),
             lift: station.lift_busy.clone(),
             swap_free_s: station.swap_free_s,
-            spares: station.spares.iter().map(|spare| spare.spare.clone()).collect(),
+            spares,
             need: station.committed.clone(),
             until_s: station.committed_until_s,
         }
@@ -132,8 +135,12 @@ impl Book {
                 (Some(bay), None, Some(*to_soc), start_s, end_s, need)
             }
             Way::Swap { need } => {
-                let spare = self.spares.first().ok_or(Refusal::NoSpare)?.clone();
                 let start_s = ready_s.max(self.swap_free_s);
+                let (spare, soc) = self.spares.first().cloned().ok_or(Refusal::NoSpare)?;
+                // A spare that is no fuller than the robot's own pack helps nobody.
+                if soc <= robot.soc.value - robot.drain_soc_per_s * start_s {
+                    return Err(Refusal::NoSpare);
+                }
                 (None, Some(spare), None, start_s, start_s + station.handling.swap_s, need.clone())
             }
         };
@@ -173,7 +180,7 @@ impl Book {
             self.lift.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
         if let Some(spare) = &slot.spare {
-            self.spares.retain(|id| id != spare);
+            self.spares.retain(|(id, _)| id != spare);
             self.swap_free_s = slot.end_s;
         }
         self.need = self.need.plus(&slot.need);

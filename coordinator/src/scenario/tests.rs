@@ -1,0 +1,167 @@
+//! `scenarios/default.toml` names every key of the format. What the keys are is asked from serde:
+//! a table with an unknown key is refused with the list of known ones.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use super::expect::Range;
+use super::*;
+use crate::config::PolicyConfig;
+
+const DEFAULT: &str = include_str!("../../../scenarios/default.toml");
+const UNKNOWN: &str = "zzzzzzzz";
+
+fn parse(text: &str) -> Result<Scenario, String> {
+    Scenario::parse(Path::new("default.toml"), text).map_err(|error| error.to_string())
+}
+
+/// Where a value lies in the file: keys, and indices of lists.
+#[derive(Debug, Clone)]
+enum Step {
+    Key(String),
+    Index(usize),
+}
+
+fn tables(value: &Value, at: &[Step], found: &mut Vec<Vec<Step>>) {
+    let deeper = |step: Step| [at, &[step]].concat();
+    match value {
+        Value::Table(table) => {
+            found.push(at.to_vec());
+            table.iter().for_each(|(key, value)| tables(value, &deeper(Step::Key(key.clone())), found));
+        }
+        Value::Array(values) => {
+            values.iter().enumerate().for_each(|(index, value)| tables(value, &deeper(Step::Index(index)), found));
+        }
+        _ => {}
+    }
+}
+
+fn table_at<'a>(root: &'a mut Value, at: &[Step]) -> &'a mut Table {
+    let value = at.iter().fold(root, |value, step| match step {
+        Step::Key(key) => &mut value.as_table_mut().unwrap()[key.as_str()],
+        Step::Index(index) => &mut value.as_array_mut().unwrap()[*index],
+    });
+    value.as_table_mut().unwrap()
+}
+
+/// Known keys of the table in which serde found the unknown one; none when any key may stand there.
+fn known_keys(error: &str) -> Option<BTreeSet<String>> {
+    let (_, expected) = error.split_once(&format!("unknown field `{UNKNOWN}`, expected "))?;
+    Some(expected.split('`').skip(1).step_by(2).map(str::to_owned).collect())
+}
+
+/// Keys of the format that a file does not use, by the table that could hold them, and how many
+/// tables have known keys.
+fn unused_keys(text: &str) -> (BTreeMap<String, Vec<String>>, usize) {
+    let root: Value = toml::from_str(text).map(Value::Table).unwrap();
+    let mut places = Vec::new();
+    tables(&root, &[], &mut places);
+    let (mut unused, mut structs) = (BTreeMap::new(), 0);
+    for place in places {
+        let mut changed = root.clone();
+        let table = table_at(&mut changed, &place);
+        let present: BTreeSet<String> = table.keys().cloned().collect();
+        table.insert(UNKNOWN.to_owned(), Value::Boolean(true));
+        let error = parse(&toml::to_string(&changed).unwrap()).expect_err("an unknown key or a wrong value");
+        let Some(known) = known_keys(&error).or_else(|| keys_of_a_range(&error, &present)) else { continue };
+        structs += 1;
+        let lacking: Vec<String> = known.difference(&present).cloned().collect();
+        if !lacking.is_empty() {
+            unused.insert(format!("{place:?}"), lacking);
+        }
+    }
+    (unused, structs)
+}
+
+/// The error of an untagged enum hides which of its variants came near, so the range is asked
+/// itself.
+fn keys_of_a_range(error: &str, present: &BTreeSet<String>) -> Option<BTreeSet<String>> {
+    let error = error.contains("untagged enum Expectation").then(|| toml::from_str::<Range>(&format!("{UNKNOWN} = true")))?;
+    let known = known_keys(&error.unwrap_err().to_string())?;
+    // Not [expect] itself, whose keys are metrics.
+    (!present.is_empty() && present.is_subset(&known)).then_some(known)
+}
+
+#[test]
+fn default_toml_names_every_key_of_the_format() {
+    parse(DEFAULT).unwrap();
+    let (unused, structs) = unused_keys(DEFAULT);
+    assert!(unused.is_empty(), "scenarios/default.toml lacks {unused:#?}");
+    // The file, policy, publish, three changes, station, pack, spare, robot, mission, run, range.
+    assert_eq!(structs, 13, "has serde's message changed, or is a new table missing here?");
+}
+
+#[test]
+fn a_key_that_default_toml_would_lack_is_found() {
+    for line in ["seed = 1", "resend_s = 5", "state_period_s = 10", "swap_s = 60", "count = 2", "weight = 1.0", "min = 20"] {
+        let key = line.split(' ').next().unwrap();
+        let mut without = DEFAULT.replace(&format!("\n{line}\n"), "\n");
+        if key == "count" {
+            without = without.replace("soc = [0.22, 0.25]", "soc = 0.2").replace("[60, 120]", "60");
+        }
+        let found: Vec<String> = unused_keys(&without).0.into_values().flatten().collect();
+        assert_eq!(found, [key]);
+    }
+}
+
+#[test]
+fn every_line_of_default_toml_that_sets_something_has_a_comment_before_it() {
+    let mut before = "";
+    for (number, line) in DEFAULT.lines().enumerate() {
+        let sets = !line.is_empty() && !line.starts_with('#');
+        assert!(!sets || before.starts_with('#'), "default.toml:{}: `{line}` has no comment before it", number + 1);
+        before = line;
+    }
+}
+
+#[test]
+fn every_metric_is_explained_in_default_toml() {
+    for (metric, _) in METRICS {
+        assert!(DEFAULT.contains(&format!("#   {metric}")), "{metric}");
+    }
+}
+
+#[test]
+fn values_in_default_toml_are_the_defaults() {
+    let written = parse(DEFAULT).unwrap();
+    let least = parse("schema = 1\nname = \"least\"\nduration_s = 1\n").unwrap();
+    assert_eq!(*written.policy.as_ref().unwrap().get_ref(), PolicyConfig::default());
+    assert_eq!(written.publish, least.publish);
+    assert_eq!((&written.site, written.seed, written.temperature_degc), (&least.site, least.seed, least.temperature_degc));
+    assert_eq!((&written.world, &written.believed), (&least.world, &least.believed));
+    assert_eq!(written.robot[0].get_ref().mission, robot_agent::Mission::default());
+    let station = "schema = 1\nname = \"s\"\nduration_s = 1\n[[station]]\nid = \"s\"\nload = \"mds-station\"\nbays = 1\nload_s = 1\nunload_s = 1\npacks = [{ id = \"p\", battery = \"mds-3s4p-7600mah\", soc = 1.0 }]\n";
+    let least = parse(station).unwrap();
+    assert_eq!(written.station[0].get_ref().swap_s, least.station[0].get_ref().swap_s);
+    assert!(least.station[0].get_ref().spares.is_empty());
+}
+
+#[test]
+fn expectations_that_nothing_can_meet_are_refused() {
+    let with = |expect: &str| parse(&format!("schema = 1\nname = \"e\"\nduration_s = 1\n[expect]\n{expect}\n")).unwrap_err();
+    assert!(with("swaps = nan").contains("swaps: NaN is no expectation"), "{}", with("swaps = nan"));
+    assert!(with("swaps = { min = nan }").contains("swaps: NaN is no expectation"));
+    assert!(with("swaps = { min = 2, max = 1 }").contains("swaps: min = 2 lies above max = 1"));
+}
+
+#[test]
+fn two_runs_of_one_name_are_refused() {
+    let error = parse("schema = 1\nname = \"r\"\nduration_s = 1\n[[run]]\nname = \"a\"\n[[run]]\nname = \"a\"\n").unwrap_err();
+    assert!(error.contains(":6:1: run \"a\" appears twice"), "{error}");
+}
+
+#[test]
+fn a_hidden_effect_is_left_out_of_every_belief_and_of_no_truth() {
+    let text = DEFAULT.replace(
+        "[run.believed]\n# As in [believed]. Default {}.\nwithout = {}",
+        "[run.believed]\nwithout = { \"mds-station\" = [\"lift\"] }",
+    );
+    let scenario = parse(&text).unwrap();
+    let deployment = scenario.deploy(&scenario.runs()[0], 1).unwrap();
+    let believed = deployment.coordinator.load(None).unwrap().1.stations.into_values().next().unwrap().load;
+    assert!(believed.effects().all(|effect| effect.spec().id != "lift"));
+    let station_agent::SourceConfig::Sim { load, .. } = &deployment.stations[0].source;
+    assert!(load.load(None).unwrap().effects().any(|effect| effect.spec().id == "lift"));
+}

@@ -1,0 +1,147 @@
+//! `coordinator simulate`: exit codes and what it says about mistakes.
+
+use std::path::Path;
+
+use super::{SMALL, simulate};
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("small.toml"), SMALL).unwrap();
+    folder
+}
+
+/// Replaces `old` by `new` in the small scenario and gives the exit code and stderr.
+fn changed(folder: &Path, old: &str, new: &str) -> (i32, String) {
+    assert!(SMALL.contains(old), "{old}");
+    std::fs::write(folder.join("changed.toml"), SMALL.replace(old, new)).unwrap();
+    let answer = simulate(folder, &["changed.toml"]);
+    assert!(answer.code == 0 || answer.code == 1 || answer.stdout.is_empty(), "{}", answer.stdout);
+    (answer.code, answer.stderr)
+}
+
+#[test]
+fn as_expected_is_exit_0_and_not_as_expected_is_exit_1() {
+    let folder = folder();
+    let answer = simulate(folder.path(), &["small.toml"]);
+    assert_eq!(answer.code, 0, "{}", answer.stderr);
+    assert!(answer.stdout.contains("[expect]: 1 of 1 hold"), "{}", answer.stdout);
+    std::fs::write(folder.path().join("one.toml"), SMALL.replace("robots_served = 0", "robots_served = 1")).unwrap();
+    let answer = simulate(folder.path(), &["one.toml"]);
+    assert_eq!(answer.code, 1);
+    assert!(answer.stdout.contains("✗ expected 1") && answer.stdout.contains("[expect]: 0 of 1 hold"), "{}", answer.stdout);
+    let answer = simulate(folder.path(), &["one.toml", "--format", "json", "--seed", "7"]);
+    assert_eq!(answer.code, 1);
+    let json: serde_json::Value = serde_json::from_str(&answer.stdout).unwrap();
+    assert_eq!((&json["seed"], &json["runs"][0]["expect"][0]["holds"]), (&7.into(), &false.into()));
+}
+
+#[test]
+fn what_cannot_be_read_is_exit_2() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    std::fs::write(folder.path().join("empty.toml"), "").unwrap();
+    std::fs::write(folder.path().join("bytes.toml"), [0xff, 0xfe, 0x00]).unwrap();
+    for (file, said) in [
+        ("missing.toml", "cannot read missing.toml"),
+        ("sub", "cannot read sub"),
+        ("empty.toml", "empty.toml:1:1: missing field `schema`"),
+        ("bytes.toml", "bytes.toml"),
+    ] {
+        let answer = simulate(folder.path(), &[file]);
+        assert_eq!((answer.code, answer.stdout.as_str()), (2, ""), "{file}: {}", answer.stderr);
+        assert!(answer.stderr.contains(said), "{file}: {}", answer.stderr);
+    }
+}
+
+/// What is replaced in the small scenario, by what, and what must be said about it.
+const MISTAKES: &[(&str, &str, &[&str])] = &[
+    ("duration_s = 5", "duraton_s = 5", &["changed.toml:3:1: unknown field `duraton_s`", "did you mean `duration_s`?"]),
+    ("schema = 1", "schema = 2", &["changed.toml:1:10: schema = 2", "reads schema = 1"]),
+    ("duration_s = 5", "duration_s = -5", &["changed.toml:3:14: duration_s = -5: must be above 0"]),
+    ("duration_s = 5", "duration_s = nan", &["changed.toml:3:14: duration_s = NaN"]),
+    ("duration_s = 5", "duration_s = \"5\"", &["changed.toml:3:14: "]),
+    ("soc = 0.5", "soc = 1.5", &["changed.toml:13:1: robot explorer: soc = 1.5: must be between 0 and 1"]),
+    ("soc = 0.5", "soc = nan", &["changed.toml:13:1: robot explorer: soc = NaN: must be between 0 and 1"]),
+    ("soc = 0.5", "soc = [0.5]", &["robot explorer: soc has 1 numbers for 2 robots"]),
+    ("soc = 1.0 }", "soc = -0.1 }", &["station mds-1: pack pack-1: soc = -0.1: must be between 0 and 1"]),
+    ("travel_s.mds-1", "travel_s.mds-2", &["unknown station mds-2", "did you mean `mds-1`?"]),
+    ("load_s = 30\nunload_s", "load_s = inf\nunload_s", &["station mds-1: load_s = inf: must be a number >= 0"]),
+    (
+        "[[run]]",
+        "[[robot]]\nid = \"explorer-1\"\nbattery = \"explorer-3s1p-1320mah\"\nload = \"explorer-robot\"\nsoc = 0.5\ntravel_s = {}\n[[run]]",
+        &["changed.toml:20:1: robot explorer-1 appears twice"],
+    ),
+    ("id = \"mds-1\"", "id = \"a/b\"", &["changed.toml:7:6: `a/b` is not a station id", "A-Z a-z 0-9 _ -"]),
+    ("id = \"explorer\"", "id = \"a/b\"", &["changed.toml:13:1: `a/b-1` is not a robot id"]),
+    ("count = 2", "count = 0", &["robot explorer: count = 0: must be between 1 and 100000"]),
+    ("explorer-3s1p-1320mah", "explorer-3s1p-1320ma", &["no model `explorer-3s1p-1320ma`", "did you mean `explorer-3s1p-1320mah`?"]),
+    ("load = \"mds-station\"", "load = \"explorer-robot\"", &["explorer-robot", "station"]),
+    ("[\"lift\"]", "[\"lft\"]", &["has no effect `lft`; it has robot_own_load, charger_efficiency"]),
+    ("{ \"mds-station\" = [\"lift\"] }", "{ \"mds-staton\" = [\"lift\"] }", &["`mds-staton`", "did you mean `mds-station`?"]),
+    ("robots_served = 0", "robots_serve = 0", &["changed.toml:24:1: `robots_serve` is not measured", "did you mean `robots_served`?"]),
+    ("robots_served = 0", "soc.pack-2 = 0", &["changed.toml:24:1: "]),
+    ("robots_served = 0", "\"soc.pack-2\" = 0", &["there is no pack pack-2", "did you mean `pack-1`?"]),
+    ("\"least_slack\"", "\"least_slak\"", &["changed.toml:4:1: policy.name = \"least_slak\"", "did you mean `least_slack`?"]),
+];
+
+#[test]
+fn every_mistake_in_a_scenario_is_exit_2_and_says_what_is_allowed() {
+    let folder = folder();
+    for (old, new, said) in MISTAKES {
+        let (code, stderr) = changed(folder.path(), old, new);
+        assert_eq!(code, 2, "{new}: {stderr}");
+        for part in *said {
+            assert!(stderr.contains(part), "{new}: {part:?} is not in: {stderr}");
+        }
+        assert!(!stderr.contains("panicked"), "{new}: {stderr}");
+    }
+}
+
+#[test]
+fn a_run_or_model_that_is_not_there_is_exit_2() {
+    let folder = folder();
+    std::fs::write(folder.path().join("syntax.toml"), "x = = 1\n").unwrap();
+    let pack = energy::built_in("mds-3s4p-7600mah").unwrap();
+    std::fs::write(folder.path().join("negative.toml"), pack.replace("capacity_ah = 7.6", "capacity_ah = -7.6")).unwrap();
+    let table = "enertech-lco-2280mah-ocv.csv";
+    std::fs::write(folder.path().join(table), energy::built_in(table).unwrap()).unwrap();
+    for (option, value, said) in [
+        ("--run", "plane", "there is no such run; did you mean `plain`?"),
+        ("--model", "syntax.toml", "syntax.toml:1:5: "),
+        ("--model", "negative.toml", "capacity_ah = -7.6: must be between"),
+        ("--model", "mds-staton", "did you mean `mds-station`?"),
+        ("--seed", "none", "invalid value 'none'"),
+    ] {
+        let answer = simulate(folder.path(), &["small.toml", option, value]);
+        assert_eq!((answer.code, answer.stdout.as_str()), (2, ""), "{option} {value}: {}", answer.stderr);
+        assert!(answer.stderr.contains(said), "{option} {value}: {}", answer.stderr);
+    }
+}
+
+#[test]
+fn out_writes_trace_and_schedule_and_leaves_nothing_half_written() {
+    let folder = folder();
+    let answer = simulate(folder.path(), &["small.toml", "--out", "new/out"]);
+    assert_eq!(answer.code, 0, "{}", answer.stderr);
+    let names = |at: &Path| {
+        let mut names: Vec<String> = std::fs::read_dir(at).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(&folder.path().join("new/out")), ["schedule.json", "trace.txt"]);
+    let trace = std::fs::read_to_string(folder.path().join("new/out/trace.txt")).unwrap();
+    assert!(trace.contains("plan_made") && trace.ends_with('\n'), "{trace}");
+    let schedule = std::fs::read_to_string(folder.path().join("new/out/schedule.json")).unwrap();
+    serde_json::from_str::<serde_json::Value>(&schedule).unwrap();
+
+    let before = names(folder.path());
+    for option in ["--out", "--telemetry"] {
+        for place in ["small.toml", "small.toml/below"] {
+            let answer = simulate(folder.path(), &["small.toml", option, place]);
+            assert_eq!(answer.code, 2, "{option} {place}");
+            assert!(answer.stderr.contains("cannot make small.toml"), "{}", answer.stderr);
+        }
+    }
+    assert_eq!(names(folder.path()), before);
+    assert_eq!(std::fs::read_to_string(folder.path().join("small.toml")).unwrap(), SMALL);
+}

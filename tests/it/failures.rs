@@ -1,0 +1,107 @@
+//! What goes wrong in a fleet, and what users are told then.
+
+use std::time::Duration;
+
+use node::Link;
+use proto::{EventKind, Key, RobotId};
+use tests::{Fleet, program, workspace};
+
+fn fleet() -> anyhow::Result<Fleet> {
+    Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 50.0)
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn a_second_coordinator_on_the_same_store_is_refused() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let _first = fleet.coordinator()?;
+    fleet_up(&fleet)?;
+    let second = program("coordinator").args(["run", "--config"]).arg(fleet.path("coordinator.toml")).output()?;
+    assert_eq!(second.status.code(), Some(2));
+    assert!(text(&second.stderr).contains("is in use by process"), "{}", text(&second.stderr));
+    Ok(())
+}
+
+#[test]
+fn a_port_in_use_is_named_and_nothing_is_left_behind() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let address = fleet.deployment.coordinator.network.listen[0].clone();
+    let _taken = std::net::TcpListener::bind(address.trim_start_matches("tcp/"))?;
+    let refused = program("coordinator").args(["run", "--config"]).arg(fleet.path("coordinator.toml")).output()?;
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains(&format!("cannot listen on {address}")), "{}", text(&refused.stderr));
+    Ok(())
+}
+
+#[test]
+fn without_a_coordinator_the_schedule_comes_from_the_store_or_says_that_there_is_none() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let nothing = fleet.schedule(&["show"])?;
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(text(&nothing.stderr).contains("there is no store at"), "{}", text(&nothing.stderr));
+
+    let mut coordinator = fleet.coordinator()?;
+    let _agents = fleet.agents()?;
+    fleet.wait_for("plan", Duration::from_secs(60), |event| event.kind == EventKind::PlanMade)?;
+    coordinator.kill();
+    let stored = fleet.schedule(&["show"])?;
+    assert!(stored.status.success(), "{}", text(&stored.stderr));
+    assert!(text(&stored.stderr).contains("no coordinator answers"), "{}", text(&stored.stderr));
+    assert!(text(&stored.stdout).contains("explorer-1"), "{}", text(&stored.stdout));
+    let explained = fleet.schedule(&["explain", "explorer-1"])?;
+    assert!(explained.status.success(), "{}", text(&explained.stderr));
+    Ok(())
+}
+
+#[test]
+fn a_killed_robot_is_noticed_and_an_unknown_one_is_named() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let _coordinator = fleet.coordinator()?;
+    let mut agents = fleet.agents()?;
+    fleet.wait_for("plan", Duration::from_secs(60), |event| event.kind == EventKind::PlanMade)?;
+    agents.last_mut().expect("three robots").kill();
+    fleet.wait_for("loss", Duration::from_secs(30), |event| event.kind == EventKind::Lost && event.text.contains("explorer-3"))?;
+    let unknown = fleet.schedule(&["explain", "explorer-9"])?;
+    assert_eq!(unknown.status.code(), Some(2));
+    let message = text(&unknown.stderr);
+    assert!(message.contains("robot explorer-9 is not known") && message.contains("did you mean `explorer-"), "{message}");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn messages_of_another_version_and_garbage_are_refused_by_name() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let _coordinator = fleet.coordinator()?;
+    let site = fleet.deployment.coordinator.site.clone();
+    let link = Link::open(&fleet.network(), site.clone()).await?;
+    let key = Key::RobotGauge(RobotId::new("explorer-1")?).build(&site);
+    for (key, payload, part) in [
+        (key.clone(), r#"{"schema":"tender.gauge/2"}"#, "tender.gauge/2"),
+        (key.clone(), r#"{"schema":"tender.gauge/1","soc":"#, "JSON"),
+        (Key::RobotState(RobotId::new("stranger")?).build(&site), include_str!("../../proto/golden/robot-state.json"), "is not configured"),
+    ] {
+        // A client's first messages may find no route yet: say it until it is heard.
+        let mut heard = false;
+        for _ in 0..100 {
+            link.session.put(key.clone(), payload).await.map_err(|error| anyhow::anyhow!("{error}"))?;
+            tokio::time::sleep(Duration::from_millis(300)).await;
+            let events = tokio::task::block_in_place(|| fleet.events()).unwrap_or_default();
+            heard = events.iter().any(|event| event.kind == EventKind::InputRefused && event.text.contains(part));
+            if heard {
+                break;
+            }
+        }
+        anyhow::ensure!(heard, "{part} was not refused; {:?}", tokio::task::block_in_place(|| fleet.events()));
+    }
+    Ok(())
+}
+
+/// Waits until the coordinator has made its store.
+fn fleet_up(fleet: &Fleet) -> anyhow::Result<()> {
+    let up = tests::patiently(Duration::from_secs(30), || fleet.events().is_ok());
+    anyhow::ensure!(up, "the coordinator did not come up");
+    Ok(())
+}

@@ -1,0 +1,5 @@
+//! Whole-system tests: real processes over real Zenoh on loopback.
+
+mod decisions;
+mod failures;
+mod replay;

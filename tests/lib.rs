@@ -1,0 +1,198 @@
+//! What the whole-system tests share: the real programs, a fleet of them, and patience.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, ensure};
+use coordinator::scenario::{Deployment, Scenario};
+use node::{ClockConfig, NetworkConfig};
+use serde::Serialize;
+
+/// Root of the workspace.
+#[must_use]
+pub fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace holds this crate").to_owned()
+}
+
+/// A program of the workspace, built when it is not.
+///
+/// # Panics
+/// When it does not build.
+#[must_use]
+pub fn program(name: &'static str) -> Command {
+    static BUILT: OnceLock<std::collections::BTreeMap<&'static str, PathBuf>> = OnceLock::new();
+    let built = BUILT.get_or_init(|| {
+        let path = |name: &'static str| {
+            let build = escargot::CargoBuild::new().manifest_path(workspace().join("Cargo.toml")).package(name).bin(name);
+            let build = if cfg!(debug_assertions) { build } else { build.release() };
+            (name, build.run().unwrap_or_else(|error| panic!("{name} does not build: {error}")).path().to_owned())
+        };
+        ["coordinator", "robot-agent", "station-agent"].map(path).into()
+    });
+    Command::new(&built[name])
+}
+
+/// A program at work, ended when the test is.
+#[derive(Debug)]
+pub struct Running(Child);
+
+impl Running {
+    /// Kills the process at once, as a power cut would.
+    pub fn kill(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+
+    /// Whether the process has ended.
+    pub fn ended(&mut self) -> bool {
+        self.0.try_wait().is_ok_and(|status| status.is_some())
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// Starts a program in the background.
+///
+/// # Errors
+/// When it cannot be started.
+pub fn start(mut command: Command) -> anyhow::Result<Running> {
+    command.stdin(Stdio::null()).stdout(Stdio::null());
+    Ok(Running(command.spawn().with_context(|| format!("{command:?}"))?))
+}
+
+/// A fleet described by a scenario, as files of real programs.
+#[derive(Debug)]
+pub struct Fleet {
+    /// Folder of configurations and store.
+    pub folder: tempfile::TempDir,
+    /// What the files say.
+    pub deployment: Deployment,
+}
+
+impl Fleet {
+    /// Writes a fleet's configurations, on a free port and a clock of this speed.
+    ///
+    /// # Errors
+    /// When the scenario or a file is not good.
+    pub fn new(scenario: &Path, speed: f64) -> anyhow::Result<Self> {
+        let scenario = Scenario::parse(scenario, &node::files::read_text(scenario)?)?;
+        let runs = scenario.runs();
+        let mut deployment = scenario.deploy(runs.last().context("no run")?, scenario.seed)?;
+        let port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+        let clock = ClockConfig { speed, origin_unix_ms: node::clock::unix_ms() };
+        deployment.place(&format!("tcp/127.0.0.1:{port}"), clock);
+        let fleet = Self { folder: tempfile::tempdir()?, deployment };
+        fleet.write()?;
+        Ok(fleet)
+    }
+
+    /// Writes the configurations again, after a change.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write(&self) -> anyhow::Result<()> {
+        self.put("coordinator.toml", &self.deployment.coordinator)?;
+        for station in &self.deployment.stations {
+            self.put(&format!("{}.toml", station.id), station)?;
+        }
+        for robot in &self.deployment.robots {
+            self.put(&format!("{}.toml", robot.id), robot)?;
+        }
+        Ok(())
+    }
+
+    fn put<T: Serialize>(&self, name: &str, config: &T) -> anyhow::Result<()> {
+        node::files::write_text(&self.path(name), &toml::to_string(config)?)
+    }
+
+    /// A file of the fleet.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Starts the coordinator.
+    ///
+    /// # Errors
+    /// When it cannot be started.
+    pub fn coordinator(&self) -> anyhow::Result<Running> {
+        let mut command = program("coordinator");
+        command.args(["run", "--config"]).arg(self.path("coordinator.toml"));
+        start(command)
+    }
+
+    /// Starts every station and robot.
+    ///
+    /// # Errors
+    /// When one cannot be started.
+    pub fn agents(&self) -> anyhow::Result<Vec<Running>> {
+        let stations = self.deployment.stations.iter().map(|station| ("station-agent", station.id.to_string()));
+        let robots = self.deployment.robots.iter().map(|robot| ("robot-agent", robot.id.to_string()));
+        let agent = |(name, id): (&'static str, String)| {
+            let mut command = program(name);
+            command.args(["run", "--config"]).arg(self.path(&format!("{id}.toml")));
+            start(command)
+        };
+        stations.chain(robots).map(agent).collect()
+    }
+
+    /// How a program of the test's own reaches the fleet.
+    #[must_use]
+    pub fn network(&self) -> NetworkConfig {
+        NetworkConfig { connect: self.deployment.coordinator.network.listen.clone(), listen: Vec::new(), lease_s: 10.0 }
+    }
+
+    /// Runs `coordinator schedule ...` and waits for it.
+    ///
+    /// # Errors
+    /// When it cannot be started.
+    pub fn schedule(&self, arguments: &[&str]) -> anyhow::Result<Output> {
+        let mut command = program("coordinator");
+        command.arg("schedule").args(arguments).arg("--config").arg(self.path("coordinator.toml"));
+        Ok(command.stdin(Stdio::null()).output()?)
+    }
+
+    /// Everything that the store says has happened.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn events(&self) -> anyhow::Result<Vec<proto::Event>> {
+        let output = self.schedule(&["history", "--events", "100000", "--format", "json"])?;
+        ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        Ok(serde_json::from_slice(&output.stdout)?)
+    }
+
+    /// Waits until the history holds such an event.
+    ///
+    /// # Errors
+    /// When it does not in time; the error holds the history.
+    pub fn wait_for(&self, what: &str, limit: Duration, found: impl Fn(&proto::Event) -> bool) -> anyhow::Result<()> {
+        let mut last = Vec::new();
+        let came = patiently(limit, || {
+            last = self.events().unwrap_or_default();
+            last.iter().any(&found)
+        });
+        let texts: Vec<String> = last.iter().map(|event| format!("{} {}", event.kind, event.text)).collect();
+        ensure!(came, "no {what} within {limit:?}; what happened:\n{}", texts.join("\n"));
+        Ok(())
+    }
+}
+
+/// Looks again and again until it is so, or the time is up.
+#[allow(clippy::disallowed_methods, reason = "tests of real processes wait in real time")]
+pub fn patiently(limit: Duration, mut so: impl FnMut() -> bool) -> bool {
+    let begin = Instant::now();
+    while begin.elapsed() < limit {
+        if so() {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    so()
+}
