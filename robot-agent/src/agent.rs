@@ -264,3 +264,6 @@ impl Agent {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

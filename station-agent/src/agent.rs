@@ -295,3 +295,6 @@ impl Agent {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

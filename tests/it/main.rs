@@ -3,3 +3,4 @@
 mod decisions;
 mod failures;
 mod replay;
+mod tidy;

@@ -66,7 +66,9 @@ impl Need {
 }
 
 fn answer(question: &PackQuestion, confidence: f64) -> PackCapacity {
-    let enough = |robots: u32, confidence: f64| question.bays > 0 && margin(question.usable_wh, need(question, robots).estimate(), confidence).0 >= confidence;
+    let enough = |robots: u32, confidence: f64| {
+        question.bays > 0 && margin(question.usable_wh, need(question, robots).estimate(), confidence).0 >= confidence
+    };
     let count = |confidence: f64| (1..=ROBOTS_MAX).take_while(|&robots| enough(robots, confidence)).last().unwrap_or(0);
     let (expected, promised) = (count(0.5), count(confidence));
     let (_, short_wh) = margin(question.usable_wh, need(question, promised + 1).estimate(), confidence);

@@ -1,0 +1,127 @@
+//! Commands: sent with an id, sent again until answered, given up at their deadline.
+
+use proto::{
+    Command, CommandId, CommandReply, EventKind, Outcome, RobotAction, RobotCommand, RobotId, StationAction, StationCommand, StationId,
+    Timestamp,
+};
+
+use super::{Core, Output};
+use crate::answers;
+use crate::service_run::Stage;
+use crate::store::Record;
+
+/// A command that waits for its answer.
+#[derive(Debug, Clone)]
+pub(super) struct Asked {
+    command: AskedCommand,
+    /// The service that it carries on and the stage that follows.
+    service: Option<(RobotId, Stage)>,
+    sent: Timestamp,
+    deadline: Timestamp,
+}
+
+#[derive(Debug, Clone)]
+pub(super) enum AskedCommand {
+    Robot(RobotId, RobotCommand),
+    Station(StationId, StationCommand),
+}
+
+impl Core {
+    pub(super) fn next_command<A>(&mut self, now: Timestamp, action: A) -> Command<A> {
+        self.commands += 1;
+        let id = CommandId::new(format!("c{}-{}", self.numbering.epoch, self.commands)).expect("a valid id");
+        Command { id, epoch: self.numbering.epoch, at: now, deadline: now.plus_s(self.settings.deadline_s), action }
+    }
+
+    pub(super) fn ask_robot(&mut self, now: Timestamp, robot: &RobotId, action: RobotAction, then: Stage) {
+        let command = self.next_command(now, action);
+        self.record(Record::RobotCommand { robot: robot.clone(), command: command.clone() });
+        let text = format!("{} to {robot}: {}", command.id, answers::robot_action(&command.action));
+        self.event(now, EventKind::CommandSent, Some(robot), None, None, text);
+        let asked = AskedCommand::Robot(robot.clone(), command.clone());
+        self.remember(now, command.id.clone(), command.deadline, asked, Some((robot.clone(), then)));
+        self.outputs.push_back(Output::ToRobot(robot.clone(), command));
+    }
+
+    pub(super) fn ask_station(&mut self, now: Timestamp, station: &StationId, action: StationAction, service: Option<(RobotId, Stage)>) {
+        let command = self.next_command(now, action);
+        self.record(Record::StationCommand { station: station.clone(), command: command.clone() });
+        let text = format!("{} to {station}: {}", command.id, answers::station_action(&command.action));
+        self.event(now, EventKind::CommandSent, service.as_ref().map(|(robot, _)| robot).cloned().as_ref(), Some(station), None, text);
+        let asked = AskedCommand::Station(station.clone(), command.clone());
+        self.remember(now, command.id.clone(), command.deadline, asked, service);
+        self.outputs.push_back(Output::ToStation(station.clone(), command));
+    }
+
+    pub(super) fn remember(
+        &mut self,
+        now: Timestamp,
+        id: CommandId,
+        deadline: Timestamp,
+        command: AskedCommand,
+        service: Option<(RobotId, Stage)>,
+    ) {
+        if let Some((robot, _)) = &service
+            && let Some(run) = self.running.get_mut(robot)
+        {
+            run.asked = Some(id.clone());
+        }
+        self.asked.insert(id, Asked { command, service, sent: now, deadline });
+    }
+
+    pub(super) fn replied(&mut self, now: Timestamp, reply: &CommandReply) {
+        // A late copy of an answer that was already taken in.
+        let Some(asked) = self.asked.remove(&reply.id) else { return };
+        self.record(Record::Reply(reply.clone()));
+        let Some((robot, stage)) = asked.service else {
+            if let Outcome::Rejected { detail, .. } = &reply.outcome {
+                self.event(now, EventKind::CommandRejected, None, None, None, format!("{}: {detail}", reply.id));
+            }
+            return;
+        };
+        if let Some(run) = self.running.get_mut(&robot) {
+            run.asked = None;
+        }
+        match &reply.outcome {
+            Outcome::Accepted => self.enter(now, &robot, stage),
+            Outcome::Rejected { reason, detail } => {
+                self.event(now, EventKind::CommandRejected, Some(&robot), None, None, format!("{}: {reason}: {detail}", reply.id));
+                self.fail(now, &robot, detail);
+            }
+        }
+    }
+
+    /// Sends again what was not answered, with the same id, until its deadline.
+    pub(super) fn resend(&mut self, now: Timestamp) {
+        let overdue: Vec<CommandId> = self
+            .asked
+            .iter()
+            .filter(|(_, asked)| now.seconds_since(asked.sent) >= self.settings.resend_s)
+            .map(|(id, _)| id.clone())
+            .collect();
+        for id in overdue {
+            let Some(asked) = self.asked.get_mut(&id) else { continue };
+            if now > asked.deadline {
+                let service = asked.service.clone();
+                self.asked.remove(&id);
+                self.event(
+                    now,
+                    EventKind::CommandUnanswered,
+                    service.as_ref().map(|(robot, _)| robot),
+                    None,
+                    None,
+                    format!("{id} was not answered"),
+                );
+                if let Some((robot, _)) = service {
+                    self.fail(now, &robot, "a command was not answered");
+                }
+                continue;
+            }
+            asked.sent = now;
+            self.outputs.push_back(match asked.command.clone() {
+                AskedCommand::Robot(robot, command) => Output::ToRobot(robot, command),
+                AskedCommand::Station(station, command) => Output::ToStation(station, command),
+            });
+        }
+    }
+}

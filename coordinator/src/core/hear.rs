@@ -1,0 +1,127 @@
+//! Takes in what robots and stations say: the newest word of each, and what changed with it.
+
+use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp};
+
+use super::{Core, REFUSED_MAX};
+use crate::fleet::newer;
+use crate::store::Record;
+
+impl Core {
+    pub(super) fn robot_gauge(&mut self, now: Timestamp, id: RobotId, gauge: Gauge) {
+        let robot = self.fleet.robots.entry(id.clone()).or_default();
+        if newer(gauge.at, robot.gauge.as_ref().map(|known| known.at)) {
+            let first = robot.gauge.is_none();
+            robot.gauge = Some(gauge.clone());
+            self.record(Record::RobotGauge { robot: id.clone(), gauge });
+            if first {
+                self.heard_robot(now, &id);
+            }
+        }
+    }
+
+    pub(super) fn robot_state(&mut self, now: Timestamp, id: RobotId, state: RobotState) {
+        if self.models.battery(&id, &state.battery).is_none() {
+            self.refuse(now, format!("robot {id} is not configured and no battery model is named `{}`", state.battery));
+            return;
+        }
+        let robot = self.fleet.robots.entry(id.clone()).or_default();
+        if !newer(state.at, robot.state.as_ref().map(|known| known.at)) {
+            return;
+        }
+        let before = robot.phase();
+        let phase = state.phase;
+        robot.state = Some(state.clone());
+        robot.lost = false;
+        self.record(Record::RobotState { robot: id.clone(), state });
+        match before {
+            None => self.heard_robot(now, &id),
+            Some(before) if before != phase => {
+                self.event(now, EventKind::PhaseChanged, Some(&id), None, None, format!("{id}: {before} -> {phase}"));
+                if phase == RobotPhase::Stranded {
+                    self.replan(format!("{id} is stranded"));
+                }
+            }
+            Some(_) => {}
+        }
+    }
+
+    pub(super) fn heard_robot(&mut self, now: Timestamp, id: &RobotId) {
+        if self.fleet.robots.get(id).is_some_and(|robot| robot.known().is_some()) {
+            self.event(now, EventKind::Joined, Some(id), None, None, format!("{id} joined"));
+            self.replan(format!("{id} joined"));
+        }
+    }
+
+    pub(super) fn robot_alive(&mut self, now: Timestamp, id: RobotId, alive: bool) {
+        let Some(robot) = self.fleet.robots.get_mut(&id) else { return };
+        if robot.lost == alive {
+            robot.lost = !alive;
+            let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
+            self.event(now, kind, Some(&id), None, None, format!("{id} {verb}"));
+            self.replan(format!("{id} {verb}"));
+        }
+    }
+
+    pub(super) fn station_state(&mut self, now: Timestamp, id: StationId, state: StationState) {
+        if !self.models.stations.contains_key(&id) {
+            self.refuse(now, format!("station {id} is not configured"));
+            return;
+        }
+        let station = self.fleet.stations.entry(id.clone()).or_default();
+        if !newer(state.at, station.state.as_ref().map(|known| known.at)) {
+            return;
+        }
+        let before = station.state.replace(state.clone());
+        station.lost = false;
+        self.record(Record::StationState { station: id.clone(), state: state.clone() });
+        let Some(before) = before else {
+            self.event(now, EventKind::Joined, None, Some(&id), None, format!("{id} joined"));
+            self.replan(format!("{id} joined"));
+            return;
+        };
+        if before.powered && !state.powered {
+            self.event(now, EventKind::StationDark, None, Some(&id), None, format!("{id} has no power left"));
+            self.replan(format!("{id} has no power left"));
+        }
+        if before.active_pack != state.active_pack
+            && let Some(pack) = &state.active_pack
+        {
+            self.event(now, EventKind::PackSelected, None, Some(&id), Some(pack), format!("{id} runs on {pack}"));
+            self.replan(format!("{id} switched to {pack}"));
+        }
+        for (was, is) in before.packs.iter().zip(&state.packs) {
+            if is.depleted && !was.depleted && is.pack == was.pack {
+                self.event(now, EventKind::PackDepleted, None, Some(&id), Some(&is.pack), format!("{} of {id} is depleted", is.pack));
+                self.replan(format!("{} of {id} is depleted", is.pack));
+            }
+        }
+    }
+
+    pub(super) fn pack_gauge(&mut self, id: StationId, pack: PackId, gauge: Gauge) {
+        if !self.models.stations.contains_key(&id) {
+            return;
+        }
+        let station = self.fleet.stations.entry(id.clone()).or_default();
+        if newer(gauge.at, station.packs.get(&pack).map(|known| known.at)) {
+            station.packs.insert(pack.clone(), gauge.clone());
+            self.record(Record::PackGauge { station: id, pack, gauge });
+        }
+    }
+
+    pub(super) fn station_alive(&mut self, now: Timestamp, id: StationId, alive: bool) {
+        let Some(station) = self.fleet.stations.get_mut(&id) else { return };
+        if station.lost == alive {
+            station.lost = !alive;
+            let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
+            self.event(now, kind, None, Some(&id), None, format!("{id} {verb}"));
+            self.replan(format!("{id} {verb}"));
+        }
+    }
+
+    /// Says once what is wrong with an input, however often it comes.
+    pub(super) fn refuse(&mut self, now: Timestamp, what: String) {
+        if self.refused.len() < REFUSED_MAX && self.refused.insert(what.clone()) {
+            self.event(now, EventKind::InputRefused, None, None, None, what);
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Begins services when their robots must leave, and carries them on as far as beliefs allow.
+
+use proto::{EventKind, RobotId, StationAction, Timestamp};
+
+use super::Core;
+use crate::answers;
+use crate::scheduler::Planned;
+use crate::service_run::{How, ServiceRun, Stage, Step};
+
+impl Core {
+    /// Begins the services whose robots must leave now.
+    pub(super) fn begin(&mut self, now: Timestamp) {
+        let Some(planned) = self.planned else { return };
+        let due: Vec<Planned> = {
+            let leaves = |planned_service: &&Planned| planned.plus_s(planned_service.slot.leave_s) <= now;
+            self.plan.planned.iter().filter(leaves).cloned().collect()
+        };
+        for service in due {
+            self.plan.planned.retain(|other| other.robot != service.robot);
+            let Planned { robot, slot, why } = service;
+            let station = self.models.stations.keys().nth(slot.station).expect("slots name stations of the problem").clone();
+            let how = match (slot.bay, slot.spare) {
+                (Some(bay), _) => How::Recharge { bay, to_soc: slot.to_soc.unwrap_or(1.0) },
+                (None, Some(spare)) => How::Swap { spare },
+                (None, None) => continue,
+            };
+            let (left, start, end) = (now, planned.plus_s(slot.start_s), planned.plus_s(slot.end_s));
+            let run = ServiceRun {
+                robot: robot.clone(),
+                station: station.clone(),
+                how,
+                left,
+                start,
+                end,
+                need: slot.need,
+                packs: slot.packs,
+                why,
+                stage: Stage::Travelling,
+                asked: None,
+            };
+            let action = run.first();
+            self.event(now, EventKind::ServiceStarted, Some(&robot), Some(&station), None, format!("{robot} goes to {station}"));
+            self.running.insert(robot.clone(), run);
+            self.ask_robot(now, &robot, action, Stage::Travelling);
+            self.refresh_schedule(now);
+        }
+    }
+
+    /// Carries on every service as far as the newest beliefs allow.
+    pub(super) fn carry_on(&mut self, now: Timestamp) {
+        for robot in self.running.keys().cloned().collect::<Vec<_>>() {
+            let Some(run) = self.running.get(&robot) else { continue };
+            if run.asked.is_some() {
+                continue;
+            }
+            let station = run.station.clone();
+            let (Some(belief), Some(place)) = (self.fleet.robots.get(&robot), self.fleet.stations.get(&station)) else { continue };
+            match run.next(belief, place) {
+                Step::Wait => {}
+                Step::Enter(stage) => self.enter(now, &robot, stage),
+                Step::AskRobot(action, stage) => self.ask_robot(now, &robot, action, stage),
+                Step::AskStation(action, stage) => self.ask_station(now, &station, action, Some((robot, stage))),
+                Step::Done => self.done(now, &robot),
+                Step::Fail(why) => self.fail(now, &robot, &why),
+            }
+        }
+        self.select_packs(now);
+    }
+
+    pub(super) fn enter(&mut self, now: Timestamp, robot: &RobotId, stage: Stage) {
+        if let Some(run) = self.running.get_mut(robot) {
+            run.stage = stage;
+            self.refresh_schedule(now);
+        }
+    }
+
+    pub(super) fn done(&mut self, now: Timestamp, robot: &RobotId) {
+        if let Some(run) = self.running.remove(robot) {
+            self.promised.remove(robot);
+            self.event(now, EventKind::ServiceDone, Some(robot), Some(&run.station), None, format!("{robot} is serviced"));
+            self.replan(format!("{robot} is serviced"));
+        }
+    }
+
+    pub(super) fn fail(&mut self, now: Timestamp, robot: &RobotId, why: &str) {
+        if let Some(run) = self.running.remove(robot) {
+            self.event(now, EventKind::ServiceFailed, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
+            if self.promised.remove(robot) {
+                self.event(now, EventKind::PromiseBroken, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
+            }
+            self.replan(format!("the service of {robot} failed: {why}"));
+        }
+    }
+
+    /// Hands a station over to its next pack before the active one gives out.
+    pub(super) fn select_packs(&mut self, now: Timestamp) {
+        for id in self.models.stations.keys().cloned().collect::<Vec<_>>() {
+            let Some(next) = answers::next_pack(&self.basis(now), &id) else { continue };
+            // The station's word that it has switched takes a while: ask again only after that.
+            let waiting = self.selected.get(&id).is_some_and(|asked| now.seconds_since(*asked) < self.settings.deadline_s);
+            if !waiting {
+                self.selected.insert(id.clone(), now);
+                self.ask_station(now, &id, StationAction::SelectPack { pack: next }, None);
+            }
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! Reads a model from its TOML text.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::{Model, Parameter, Sensor, Uncertainty};
+use crate::Channel;
+use crate::document::{Document, DocumentError, hint};
+use crate::effect::{ParameterSpec, catalogue, find};
+use crate::ocv::OcvTable;
+use crate::system::{BatteryFacts, ChargeFacts, Facts, System};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawModel {
+    schema: Spanned<u32>,
+    system: System,
+    name: String,
+    #[allow(dead_code, reason = "for readers of the file")]
+    source: Option<String>,
+    battery: Option<Spanned<RawBattery>>,
+    #[serde(default)]
+    sensor: BTreeMap<Spanned<String>, Sensor>,
+    #[serde(default)]
+    uncertainty: Option<Spanned<Uncertainty>>,
+    #[serde(default)]
+    effect: Vec<Spanned<BTreeMap<Spanned<String>, Spanned<toml::Value>>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawBattery {
+    series: u32,
+    parallel: u32,
+    capacity_ah: f64,
+    full_v_per_cell: f64,
+    eod_v_per_cell: f64,
+    charge_current_a: f64,
+    charge_cutoff_a: f64,
+    ocv: Option<RawOcv>,
+    ocv_csv: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawOcv {
+    soc: Vec<f64>,
+    voltage_v: Vec<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawParameter {
+    value: f64,
+    #[serde(default)]
+    sigma: f64,
+    source: String,
+    #[serde(default)]
+    free: bool,
+    min: Option<f64>,
+    max: Option<f64>,
+}
+
+/// The only version of the model file so far.
+const SCHEMA: u32 = 1;
+
+impl Model {
+    /// Reads a model. `read` fetches a file that the text names (an OCV table), relative to it.
+    ///
+    /// # Errors
+    /// Says what is wrong, where, what is allowed and what was probably meant.
+    pub fn parse(file: &str, text: &str, read: &dyn Fn(&str) -> Result<String, String>) -> Result<Model, DocumentError> {
+        let document = Document { file, text };
+        let raw: RawModel = document.parse()?;
+        if *raw.schema.get_ref() != SCHEMA {
+            let message = format!("schema = {}: this program reads schema = {SCHEMA}", raw.schema.get_ref());
+            return Err(document.error_at(raw.schema.span(), message));
+        }
+        let facts = facts(&document, raw.system, raw.battery, read)?;
+        let mut sensors = BTreeMap::new();
+        for (name, sensor) in raw.sensor {
+            let names = || Channel::ALL.iter().map(|c| c.name());
+            let channel = Channel::from_name(name.get_ref()).ok_or_else(|| {
+                let hint = hint(name.get_ref(), names());
+                document.error_at(name.span(), format!("unknown channel `{}`{hint}", name.get_ref()))
+            })?;
+            let numbers = [sensor.sigma, sensor.quantum, sensor.lag_s, sensor.offset_sigma, sensor.gain_sigma];
+            if !numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
+                return Err(document.error_at(name.span(), format!("sensor.{}: every number must be finite and >= 0", name.get_ref())));
+            }
+            sensors.insert(channel, sensor);
+        }
+        let uncertainty = raw.uncertainty.map_or(Ok(Uncertainty::default()), |given| {
+            let u = *given.get_ref();
+            let numbers = [u.ocv_sigma_v, u.soc_initial_sigma, u.capacity_relative_sigma, u.bay_current_relative_sigma];
+            if numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
+                Ok(u)
+            } else {
+                Err(document.error_at(given.span(), "uncertainty: every number must be finite and >= 0"))
+            }
+        })?;
+        let mut effects = Vec::new();
+        for entry in raw.effect {
+            effects.push(effect(&document, raw.system, entry)?);
+        }
+        Model::assemble(raw.name, raw.system, facts, sensors, uncertainty, effects).map_err(|message| document.error(message))
+    }
+}
+
+fn facts(
+    document: &Document<'_>,
+    system: System,
+    battery: Option<Spanned<RawBattery>>,
+    read: &dyn Fn(&str) -> Result<String, String>,
+) -> Result<Facts, DocumentError> {
+    match (system, battery) {
+        (System::Battery, None) => Err(document.error("system = \"battery\" needs a [battery] table with its fixed facts")),
+        (System::Battery, Some(raw)) => {
+            let span = raw.span();
+            battery_facts(raw.into_inner(), read).map(Facts::Battery).map_err(|message| document.error_at(span, message))
+        }
+        (_, Some(raw)) => Err(document.error_at(raw.span(), format!("a [battery] table in a model with system = \"{}\"", system.name()))),
+        (System::Robot, None) => Ok(Facts::Robot),
+        (System::Station, None) => Ok(Facts::Station),
+    }
+}
+
+fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>) -> Result<BatteryFacts, String> {
+    let within = |name: &str, value: f64, min: f64, max: f64| {
+        if value.is_finite() && (min..=max).contains(&value) {
+            Ok(value)
+        } else {
+            Err(format!("battery.{name} = {value}: must be between {min} and {max}"))
+        }
+    };
+    let count = |name: &str, value: u32| {
+        if (1..=1000).contains(&value) { Ok(value) } else { Err(format!("battery.{name} = {value}: must be between 1 and 1000")) }
+    };
+    let ocv = match (raw.ocv, raw.ocv_csv) {
+        (Some(table), None) => OcvTable::new(table.soc, table.voltage_v).map_err(|error| format!("battery.ocv: {error}"))?,
+        (None, Some(path)) => {
+            let text = read(&path).map_err(|error| format!("battery.ocv_csv = \"{path}\": {error}"))?;
+            ocv_from_csv(&text).map_err(|error| format!("battery.ocv_csv = \"{path}\": {error}"))?
+        }
+        _ => return Err("battery needs one of ocv = { soc = [..], voltage_v = [..] } and ocv_csv = \"FILE\"".to_owned()),
+    };
+    let eod_v_per_cell = within("eod_v_per_cell", raw.eod_v_per_cell, 0.1, 10.0)?;
+    Ok(BatteryFacts {
+        series: count("series", raw.series)?,
+        parallel: count("parallel", raw.parallel)?,
+        capacity_ah: within("capacity_ah", raw.capacity_ah, 1e-3, 1e5)?,
+        full_v_per_cell: within("full_v_per_cell", raw.full_v_per_cell, eod_v_per_cell, 10.0)?,
+        eod_v_per_cell,
+        ocv,
+        charge: ChargeFacts {
+            current_a: within("charge_current_a", raw.charge_current_a, 1e-3, 1e5)?,
+            cutoff_a: within("charge_cutoff_a", raw.charge_cutoff_a, 1e-6, raw.charge_current_a.max(1e-6))?,
+        },
+    })
+}
+
+/// Reads `soc,voltage_v` rows; lines that begin with `#` are comments.
+fn ocv_from_csv(text: &str) -> Result<OcvTable, String> {
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    match lines.next() {
+        Some((_, header)) if header.trim() == "soc,voltage_v" => {}
+        other => return Err(format!("the header must be `soc,voltage_v`, found `{}`", other.map_or("nothing", |(_, line)| line))),
+    }
+    let (mut soc, mut voltage_v) = (Vec::new(), Vec::new());
+    for (index, line) in lines {
+        let numbers: Vec<f64> = line
+            .split(',')
+            .map(|cell| cell.trim().parse().map_err(|_| format!("line {}: `{}` is not a number", index + 1, cell.trim())))
+            .collect::<Result<_, _>>()?;
+        let [s, v] = numbers[..] else { return Err(format!("line {}: {} columns instead of 2", index + 1, numbers.len())) };
+        soc.push(s);
+        voltage_v.push(v);
+    }
+    OcvTable::new(soc, voltage_v)
+}
+
+type RawEffect = Spanned<BTreeMap<Spanned<String>, Spanned<toml::Value>>>;
+
+fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<(usize, Vec<Parameter>), DocumentError> {
+    let span = entry.span();
+    let mut keys = entry.into_inner();
+    let id = keys
+        .iter()
+        .find(|(key, _)| key.get_ref() == "id")
+        .map(|(key, _)| key.clone())
+        .and_then(|key| keys.remove(&key))
+        .ok_or_else(|| document.error_at(span.clone(), "an [[effect]] needs an id = \"...\""))?;
+    let id_text =
+        id.get_ref().as_str().ok_or_else(|| document.error_at(id.span(), "an effect's id is a text such as \"ohmic\""))?.to_owned();
+    let ids = || catalogue().iter().filter(|e| e.spec().system == system).map(|e| e.spec().id);
+    let (index, effect) = find(system, &id_text).ok_or_else(|| {
+        let message = format!("a {} has no effect `{id_text}`{}", system.name(), hint(&id_text, ids()));
+        document.error_at(id.span(), format!("{message} Known: {}", ids().collect::<Vec<_>>().join(", ")))
+    })?;
+    let specs = effect.spec().parameters;
+    if let Some(unknown) = keys.keys().find(|key| specs.iter().all(|spec| spec.name != key.get_ref())) {
+        let names = || specs.iter().map(|spec| spec.name);
+        let message = format!("effect `{id_text}` has no parameter `{}`{}", unknown.get_ref(), hint(unknown.get_ref(), names()));
+        return Err(document.error_at(unknown.span(), format!("{message} Its parameters: {}", names().collect::<Vec<_>>().join(", "))));
+    }
+    let mut parameters = Vec::new();
+    for spec in specs {
+        let given = keys.iter().find(|(key, _)| key.get_ref() == spec.name);
+        parameters.push(match given {
+            Some((_, value)) => parameter(document, effect.spec().id, spec, value)?,
+            None => default_parameter(effect.spec().id, spec),
+        });
+    }
+    Ok((index, parameters))
+}
+
+fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {
+    Parameter {
+        effect,
+        name: spec.name,
+        value: spec.default,
+        sigma: 0.0,
+        source: format!("catalogue default: {}", spec.source),
+        free: false,
+        min: spec.min,
+        max: spec.max,
+    }
+}
+
+fn parameter(
+    document: &Document<'_>,
+    effect: &'static str,
+    spec: &'static ParameterSpec,
+    given: &Spanned<toml::Value>,
+) -> Result<Parameter, DocumentError> {
+    let fail = |message: String| document.error_at(given.span(), format!("{effect}.{}: {message}", spec.name));
+    let raw: RawParameter = given
+        .get_ref()
+        .clone()
+        .try_into()
+        .map_err(|error: toml::de::Error| fail(format!("{}; write {{ value = .., source = \"..\" }}", error.message())))?;
+    let (min, max) = (raw.min.unwrap_or(spec.min), raw.max.unwrap_or(spec.max));
+    if !(min.is_finite() && max.is_finite() && min < max) {
+        return Err(fail(format!("min = {min} must lie below max = {max}")));
+    }
+    if !raw.value.is_finite() || !(min..=max).contains(&raw.value) {
+        return Err(fail(format!("value = {} must be between {min} and {max} ({})", raw.value, spec.source)));
+    }
+    if !raw.sigma.is_finite() || raw.sigma < 0.0 {
+        return Err(fail(format!("sigma = {} must be finite and >= 0", raw.sigma)));
+    }
+    Ok(Parameter { effect, name: spec.name, value: raw.value, sigma: raw.sigma, source: raw.source, free: raw.free, min, max })
+}

@@ -1,0 +1,205 @@
+use std::sync::Arc;
+
+use proto::{Command, CommandId};
+
+use super::*;
+use crate::source::{PackReading, Swapped};
+
+/// A station agent, its clock and what its body shows.
+struct Bench {
+    agent: Agent,
+    now: Timestamp,
+    commands: u32,
+    shown: Observation,
+}
+
+fn robot(name: &str) -> RobotId {
+    RobotId::new(name).unwrap()
+}
+
+fn bay(number: u32) -> BayId {
+    BayId::new(format!("bay-{number}")).unwrap()
+}
+
+fn pack(number: u32) -> PackId {
+    PackId::new(format!("pack-{number}")).unwrap()
+}
+
+fn spare(number: u32) -> SpareId {
+    SpareId::new(format!("spare-{number}")).unwrap()
+}
+
+fn dock(name: &str, number: u32) -> StationAction {
+    StationAction::Dock { robot: robot(name), bay: bay(number) }
+}
+
+fn undock(name: &str, number: u32) -> StationAction {
+    StationAction::Undock { robot: robot(name), bay: bay(number) }
+}
+
+fn swap(name: &str, number: u32) -> StationAction {
+    StationAction::SwapPack { robot: robot(name), spare: spare(number) }
+}
+
+/// Two bays, two packs, two spares.
+fn bench() -> Bench {
+    let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
+    let gauge = || CoulombCounter::new(Arc::clone(&model), energy::Estimate::new(0.9, 0.01), 25.0);
+    let profile = Profile {
+        bays: vec![bay(1), bay(2)],
+        spares: [1, 2].map(|number| (spare(number), proto::Estimate::new(0.98, 0.01))).into(),
+        publish: Publish::default(),
+        source: "test".to_owned(),
+    };
+    let sample = Sample { dt_s: 1.0, current_a: 0.5, voltage_v: 12.0, temperature_degc: 25.0 };
+    let packs = [1, 2].map(|number| PackReading { pack: pack(number), sample, depleted: false });
+    let shown =
+        Observation { packs: packs.into(), active_pack: Some(pack(1)), powered: true, lifted: None, swapped: None, lift_active: false };
+    let agent = Agent::new(profile, vec![(pack(1), gauge()), (pack(2), gauge())]);
+    Bench { agent, now: Timestamp::from_unix_ms(0), commands: 0, shown }
+}
+
+impl Bench {
+    fn command(&mut self, action: StationAction) -> StationCommand {
+        self.commands += 1;
+        let id = CommandId::new(format!("c1-{}", self.commands)).unwrap();
+        Command { id, epoch: 1, at: self.now, deadline: self.now.plus_s(60.0), action }
+    }
+
+    fn drain(&mut self) -> (Vec<Outcome>, Vec<Act>) {
+        let (mut replies, mut acts) = (Vec::new(), Vec::new());
+        while let Some(output) = self.agent.poll() {
+            match output {
+                Output::Reply(reply) => replies.push(reply.outcome),
+                Output::Act(act) => acts.push(act),
+                _ => {}
+            }
+        }
+        (replies, acts)
+    }
+
+    fn give(&mut self, command: StationCommand) -> (Outcome, Vec<Act>) {
+        self.agent.handle(self.now, Input::Command(command));
+        let (mut replies, acts) = self.drain();
+        assert_eq!(replies.len(), 1);
+        (replies.remove(0), acts)
+    }
+
+    fn ask(&mut self, action: StationAction) -> (Outcome, Vec<Act>) {
+        let command = self.command(action);
+        self.give(command)
+    }
+
+    fn observe(&mut self, change: impl FnOnce(&mut Observation)) -> Vec<Act> {
+        self.now = self.now.plus_s(1.0);
+        let mut observation = self.shown.clone();
+        change(&mut observation);
+        self.agent.handle(self.now, Input::Observed(observation));
+        self.drain().1
+    }
+
+    fn lifted(&mut self, name: &str, number: u32, into: bool) -> Vec<Act> {
+        self.observe(|observation| observation.lifted = Some(Lifted { robot: robot(name), bay: bay(number), into }))
+    }
+
+    fn phases(&self) -> Vec<BayPhase> {
+        self.agent.bays.iter().map(|bay| bay.phase).collect()
+    }
+}
+
+fn lift(name: &str, number: u32, into: bool) -> Act {
+    Act::Lift(Lifted { robot: robot(name), bay: bay(number), into })
+}
+
+fn reason(outcome: &Outcome) -> (Rejection, &str) {
+    match outcome {
+        Outcome::Rejected { reason, detail } => (*reason, detail),
+        Outcome::Accepted => panic!("accepted"),
+    }
+}
+
+#[test]
+fn a_bay_that_is_taken_is_refused_from_the_moment_it_is_promised() {
+    let mut bench = bench();
+    assert_eq!(bench.ask(dock("a", 1)), (Outcome::Accepted, vec![lift("a", 1, true)]));
+    let (outcome, acts) = bench.ask(dock("b", 1));
+    assert_eq!((reason(&outcome), acts), ((Rejection::Busy, "bay bay-1 is loading by a"), vec![]));
+    bench.lifted("a", 1, true);
+    assert_eq!(reason(&bench.ask(dock("b", 1)).0), (Rejection::Busy, "bay bay-1 is occupied by a"));
+    assert_eq!(reason(&bench.ask(dock("b", 9)).0), (Rejection::UnknownTarget, "there is no bay bay-9"));
+}
+
+#[test]
+fn the_lift_moves_one_robot_at_a_time_in_the_order_of_the_commands() {
+    let mut bench = bench();
+    assert_eq!(bench.ask(dock("a", 1)).1, [lift("a", 1, true)]);
+    // It is accepted, and waits.
+    assert_eq!(bench.ask(dock("b", 2)), (Outcome::Accepted, vec![]));
+    assert_eq!(bench.observe(|_| {}), []);
+    assert_eq!(bench.lifted("a", 1, true), [lift("b", 2, true)]);
+    assert_eq!(bench.phases(), [BayPhase::Occupied, BayPhase::Loading]);
+    // Out again while the other is still on its way in.
+    assert_eq!(bench.ask(undock("a", 1)), (Outcome::Accepted, vec![]));
+    assert_eq!(bench.phases(), [BayPhase::Unloading, BayPhase::Loading]);
+    assert_eq!(bench.lifted("b", 2, true), [lift("a", 1, false)]);
+    assert_eq!(bench.lifted("a", 1, false), []);
+    assert_eq!(bench.phases(), [BayPhase::Free, BayPhase::Occupied]);
+}
+
+#[test]
+fn only_the_robot_that_is_in_a_bay_can_be_let_out_of_it() {
+    let mut bench = bench();
+    assert_eq!(reason(&bench.ask(undock("a", 1)).0), (Rejection::NotPossible, "a is not in bay bay-1"));
+    bench.ask(dock("a", 1));
+    assert_eq!(reason(&bench.ask(undock("a", 1)).0).0, Rejection::NotPossible, "it is still on the lift");
+    bench.lifted("a", 1, true);
+    assert_eq!(reason(&bench.ask(undock("b", 1)).0), (Rejection::NotPossible, "b is not in bay bay-1"));
+    assert_eq!(bench.ask(undock("a", 1)).0, Outcome::Accepted);
+    assert_eq!(reason(&bench.ask(undock("a", 1)).0).0, Rejection::NotPossible, "it is on its way out");
+}
+
+#[test]
+fn a_depleted_pack_cannot_be_selected() {
+    let mut bench = bench();
+    assert_eq!(bench.ask(StationAction::SelectPack { pack: pack(2) }), (Outcome::Accepted, vec![Act::Select { pack: pack(2) }]));
+    bench.observe(|observation| observation.packs[1].depleted = true);
+    let (outcome, acts) = bench.ask(StationAction::SelectPack { pack: pack(2) });
+    assert_eq!((reason(&outcome), acts), ((Rejection::NotPossible, "pack pack-2 is depleted"), vec![]));
+    assert_eq!(reason(&bench.ask(StationAction::SelectPack { pack: pack(9) }).0), (Rejection::UnknownTarget, "there is no pack pack-9"));
+}
+
+#[test]
+fn a_spare_is_given_once_and_one_exchange_runs_at_a_time() {
+    let mut bench = bench();
+    assert_eq!(bench.ask(swap("a", 1)), (Outcome::Accepted, vec![Act::Swap { robot: robot("a"), spare: spare(1) }]));
+    assert_eq!(reason(&bench.ask(swap("b", 2)).0), (Rejection::Busy, "the pack of a is being exchanged"));
+    let given_soc = energy::Estimate::new(0.0, 0.2);
+    bench.observe(|observation| observation.swapped = Some(Swapped { robot: robot("a"), spare: spare(1), given_soc }));
+    assert_eq!(reason(&bench.ask(swap("b", 1)).0), (Rejection::NotPossible, "spare spare-1 is not ready"));
+    assert_eq!(reason(&bench.ask(swap("b", 9)).0), (Rejection::UnknownTarget, "there is no spare spare-9"));
+    assert_eq!(bench.ask(swap("b", 2)).0, Outcome::Accepted);
+}
+
+#[test]
+fn a_station_without_power_refuses_everything() {
+    let mut bench = bench();
+    bench.observe(|observation| observation.powered = false);
+    for action in [dock("a", 1), undock("a", 1), swap("a", 1), StationAction::SelectPack { pack: pack(2) }] {
+        let (outcome, acts) = bench.ask(action);
+        assert_eq!((reason(&outcome), acts), ((Rejection::NotPossible, "the station has no power"), vec![]));
+    }
+}
+
+#[test]
+fn the_same_command_id_acts_once_and_is_answered_twice() {
+    let mut bench = bench();
+    let command = bench.command(dock("a", 1));
+    let (first, acts) = bench.give(command.clone());
+    assert_eq!(acts.len(), 1);
+    bench.lifted("a", 1, true);
+    bench.ask(undock("a", 1));
+    bench.lifted("a", 1, false);
+    // A late copy does not load the robot again.
+    assert_eq!(bench.give(command), (first, vec![]));
+    assert_eq!(bench.phases(), [BayPhase::Free, BayPhase::Free]);
+}

@@ -1,0 +1,72 @@
+//! The house keeps itself tidy.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use tests::workspace;
+
+/// Every Rust file of the workspace, without what was built.
+fn rust_files() -> Vec<PathBuf> {
+    fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).expect("a readable folder").flatten() {
+            let path = entry.path();
+            let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.') || name == "target");
+            if path.is_dir() && !hidden {
+                walk(&path, found);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                found.push(path);
+            }
+        }
+    }
+    let mut found = Vec::new();
+    walk(&workspace(), &mut found);
+    found.sort();
+    found
+}
+
+/// `cargo fmt` does not see modules that a macro declares, such as the effects.
+#[test]
+fn every_file_is_formatted() {
+    let files = rust_files();
+    assert!(files.len() > 100, "{} files", files.len());
+    let checked = Command::new("rustfmt").args(["--check", "--edition", "2024", "--config-path"]).arg(workspace()).args(&files).output();
+    let checked = checked.expect("rustfmt comes with the toolchain");
+    assert!(checked.status.success(), "run rustfmt on these:\n{}", String::from_utf8_lossy(&checked.stdout));
+}
+
+#[test]
+fn no_file_has_taken_in_a_second_subject() {
+    for file in rust_files() {
+        let lines = std::fs::read_to_string(&file).expect("a text").lines().count();
+        assert!(lines <= 400, "{} has {lines} lines: which second subject moved in?", file.display());
+    }
+}
+
+/// The pure halves reach neither clock nor disk nor network.
+#[test]
+fn cores_are_pure() {
+    let pure = [
+        "energy/src",
+        "proto/src",
+        "coordinator/src/core.rs",
+        "coordinator/src/fleet.rs",
+        "coordinator/src/view.rs",
+        "coordinator/src/forecast.rs",
+        "coordinator/src/scheduler",
+        "coordinator/src/service_run.rs",
+        "robot-agent/src/agent.rs",
+        "station-agent/src/agent.rs",
+        "node/src/ledger.rs",
+    ];
+    for file in rust_files() {
+        let inside = file.strip_prefix(workspace()).expect("inside the workspace").to_string_lossy().into_owned();
+        if !pure.iter().any(|part| inside.starts_with(part)) {
+            continue;
+        }
+        let text = std::fs::read_to_string(&file).expect("a text");
+        for banned in ["std::fs", "std::net", "std::time", "tokio::", "zenoh::", "sqlx::", "std::env", "println!"] {
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            assert!(!code.contains(banned), "{inside} uses {banned}");
+        }
+    }
+}
