@@ -146,18 +146,28 @@ impl Agent {
         self.bays.iter().map(|bay| bay.robot.as_ref())
     }
 
+    /// Where a robot is that the station already has to do with: nothing is in two places.
+    fn whereabouts(&self, robot: &RobotId) -> Option<String> {
+        let bay = self.bays.iter().find(|bay| bay.robot.as_ref() == Some(robot)).map(|bay| format!("{robot} has bay {}", bay.id));
+        bay.or_else(|| (self.swapping.as_ref() == Some(robot)).then(|| format!("the pack of {robot} is being exchanged")))
+    }
+
     fn act(&mut self, action: &StationAction) -> Outcome {
         if !self.powered {
             return refused(Rejection::NotPossible, "the station has no power");
         }
         match action {
             StationAction::Dock { robot, bay } => {
+                let elsewhere = self.whereabouts(robot);
                 let Some(known) = self.bays.iter_mut().find(|known| known.id == *bay) else {
                     return refused(Rejection::UnknownTarget, format!("there is no bay {bay}"));
                 };
                 if known.phase != BayPhase::Free {
                     let by = known.robot.as_ref().map_or_else(|| "nobody".to_owned(), ToString::to_string);
                     return refused(Rejection::Busy, format!("bay {bay} is {} by {by}", known.phase));
+                }
+                if let Some(elsewhere) = elsewhere {
+                    return refused(Rejection::Busy, elsewhere);
                 }
                 (known.phase, known.robot) = (BayPhase::Loading, Some(robot.clone()));
                 self.lifts.push_back(Lifted { robot: robot.clone(), bay: bay.clone(), into: true });
@@ -177,6 +187,9 @@ impl Agent {
             StationAction::SwapPack { robot, spare } => {
                 if let Some(other) = &self.swapping {
                     return refused(Rejection::Busy, format!("the pack of {other} is being exchanged"));
+                }
+                if let Some(elsewhere) = self.whereabouts(robot) {
+                    return refused(Rejection::Busy, elsewhere);
                 }
                 let Some(known) = self.spares.iter_mut().find(|known| known.spare == *spare) else {
                     return refused(Rejection::UnknownTarget, format!("there is no spare {spare}"));

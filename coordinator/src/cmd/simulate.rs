@@ -133,7 +133,7 @@ fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, telemetry: bool) -> 
 
 /// One folder per run when there are several.
 fn folder_of(base: &Path, finished: &[Finished], run: &Finished) -> PathBuf {
-    if finished.len() == 1 { base.to_owned() } else { base.join(run.run.name.replace(|c: char| !c.is_ascii_alphanumeric(), "-")) }
+    if finished.len() == 1 { base.to_owned() } else { base.join(run.run.folder()) }
 }
 
 fn write_files(args: &Args, finished: &[Finished]) -> anyhow::Result<()> {

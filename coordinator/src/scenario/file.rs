@@ -234,6 +234,14 @@ impl RobotEntry {
     }
 }
 
+impl RunEntry {
+    /// Name of the folder for what the run writes.
+    #[must_use]
+    pub fn folder(&self) -> String {
+        self.name.replace(|c: char| !c.is_ascii_alphanumeric(), "-")
+    }
+}
+
 impl Scenario {
     /// Reads a scenario from a text; `file` is its path, for errors and for relative paths.
     ///
@@ -291,10 +299,12 @@ impl Scenario {
         let stations = self.station.iter().map(Spanned::get_ref);
         let packs: Vec<String> = stations.flat_map(|station| station.packs.iter().map(move |pack| name(station, pack))).collect();
         let packs: Vec<&str> = packs.iter().map(String::as_str).collect();
-        let mut names = BTreeSet::new();
+        let mut folders = BTreeSet::new();
         for run in &self.run {
-            if !names.insert(&run.get_ref().name) {
-                return Err(document.error_at(run.span(), format!("run \"{}\" appears twice", run.get_ref().name)));
+            let (name, folder) = (&run.get_ref().name, run.get_ref().folder());
+            if folder.is_empty() || !folders.insert(folder) {
+                let message = format!("run \"{name}\": a run needs a name that differs from the others' in letters and digits");
+                return Err(document.error_at(run.span(), message));
             }
         }
         for expected in self.run.iter().map(|run| &run.get_ref().expect).chain([&self.expect]) {

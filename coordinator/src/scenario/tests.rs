@@ -147,9 +147,12 @@ fn expectations_that_nothing_can_meet_are_refused() {
 }
 
 #[test]
-fn two_runs_of_one_name_are_refused() {
-    let error = parse("schema = 1\nname = \"r\"\nduration_s = 1\n[[run]]\nname = \"a\"\n[[run]]\nname = \"a\"\n").unwrap_err();
-    assert!(error.contains(":6:1: run \"a\" appears twice"), "{error}");
+fn runs_that_would_write_into_one_folder_are_refused() {
+    for (first, second) in [("a", "a"), ("a b", "a-b"), ("a", "")] {
+        let text = format!("schema = 1\nname = \"r\"\nduration_s = 1\n[[run]]\nname = \"{first}\"\n[[run]]\nname = \"{second}\"\n");
+        let error = parse(&text).unwrap_err();
+        assert!(error.contains(&format!(":6:1: run \"{second}\": a run needs a name")), "{error}");
+    }
 }
 
 #[test]

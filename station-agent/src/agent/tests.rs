@@ -130,6 +130,17 @@ fn a_bay_that_is_taken_is_refused_from_the_moment_it_is_promised() {
 }
 
 #[test]
+fn nothing_is_in_two_places() {
+    let mut bench = bench();
+    bench.ask(dock("a", 1));
+    assert_eq!(bench.ask(dock("a", 2)), (refused(Rejection::Busy, "a has bay bay-1"), vec![]));
+    assert_eq!(bench.ask(swap("a", 1)), (refused(Rejection::Busy, "a has bay bay-1"), vec![]));
+    bench.ask(swap("b", 1));
+    assert_eq!(bench.ask(dock("b", 2)), (refused(Rejection::Busy, "the pack of b is being exchanged"), vec![]));
+    assert_eq!(bench.phases(), [BayPhase::Loading, BayPhase::Free]);
+}
+
+#[test]
 fn the_lift_moves_one_robot_at_a_time_in_the_order_of_the_commands() {
     let mut bench = bench();
     assert_eq!(bench.ask(dock("a", 1)).1, [lift("a", 1, true)]);
