@@ -22,13 +22,15 @@ struct Log {
 }
 
 impl Telemetry {
-    /// Opens a battery's log; `soc` is what its gauge started from.
-    pub(super) fn battery(&mut self, stem: &str, soc: Estimate, ambient_degc: f64) {
+    /// Opens a battery's log at `time_s`; `soc` is what its gauge started from. The first row has
+    /// no measurement: it says from when on charge is counted.
+    pub(super) fn battery(&mut self, stem: &str, time_s: f64, soc: Estimate, ambient_degc: f64) {
         let facts = format!(
             "schema = 1\nid = \"{stem}\"\nsoc_initial = {}\nsoc_initial_sigma = {}\nambient_degc = {ambient_degc}\n",
             soc.value, soc.sigma
         );
-        self.logs.insert(stem.to_owned(), Log { rows: "time_s,current_a,voltage_v,temperature_degc,ambient_degc\n".to_owned(), facts });
+        let rows = format!("time_s,current_a,voltage_v,temperature_degc,ambient_degc\n{time_s},,,,{ambient_degc}\n");
+        self.logs.insert(stem.to_owned(), Log { rows, facts });
     }
 
     pub(super) fn battery_row(&mut self, stem: &str, time_s: f64, sample: &Sample, ambient_degc: f64) {

@@ -116,7 +116,7 @@ impl World {
         for config in &deployment.robots {
             let (agent, body) = config.build_simulated(None)?;
             if let Some(telemetry) = &mut telemetry {
-                telemetry.battery(config.id.as_ref(), agent.soc(), ambient_degc);
+                telemetry.battery(config.id.as_ref(), 0.0, agent.soc(), ambient_degc);
                 telemetry.table(&load_stem(&config.id), "power_w,speed_mps,pitch_rad,payload_kg");
             }
             robots.insert(config.id.clone(), Robot { agent, body, mission_s: 0.0, exchanges: 0 });
@@ -126,7 +126,7 @@ impl World {
             let (agent, body) = config.build_simulated(None)?;
             if let Some(telemetry) = &mut telemetry {
                 for (pack, soc) in agent.socs() {
-                    telemetry.battery(&pack_stem(&config.id, pack), soc, ambient_degc);
+                    telemetry.battery(&pack_stem(&config.id, pack), 0.0, soc, ambient_degc);
                 }
                 let bays: String = (1..=config.bays.len()).map(|n| format!(",bay_{n}_robot,bay_{n}_current_a,bay_{n}_voltage_v")).collect();
                 let columns = "charge_power_w,robots_docked,lift_active,pack_current_a,pack_voltage_v,pack_power_w";
@@ -189,7 +189,7 @@ impl World {
             }
             if let (Some(telemetry), Some(soc)) = (&mut self.telemetry, observation.exchanged) {
                 robot.exchanges += 1;
-                telemetry.battery(&battery_stem(id, robot.exchanges), soc, self.ambient_degc);
+                telemetry.battery(&battery_stem(id, robot.exchanges), time_s - STEP_S, soc, self.ambient_degc);
             }
             if let (Some(telemetry), Some(sample)) = (&mut self.telemetry, &observation.sample) {
                 telemetry.battery_row(&battery_stem(id, robot.exchanges), time_s, sample, self.ambient_degc);

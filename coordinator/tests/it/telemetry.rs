@@ -87,8 +87,11 @@ fn with_perfectly_calibrated_gauges_every_battery_log_is_at_the_sensor_floor() {
     assert_eq!((stems.len(), swapped), (5, 1), "three robots, a second pack of one of them, the station's pack: {stems:?}");
     for stem in stems {
         let model = if stem.starts_with("depot") { &pack } else { &robot };
+        // Charge is counted from the row before the first measurement.
+        let log = log(&at, &stem);
+        assert!(log.channels[&Channel::VoltageV][0].is_nan() && log.channels[&Channel::VoltageV][1].is_finite(), "{stem}");
         for channel in [Channel::VoltageV, Channel::TemperatureDegc] {
-            let comparison = compared(model, &log(&at, &stem), channel);
+            let comparison = compared(model, &log, channel);
             assert_eq!(comparison.verdict, Verdict::WithinFloor, "{stem}: {:?}", comparison.words);
         }
     }
