@@ -29,8 +29,23 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         policy: basis.settings.policy.name().to_owned(),
         trigger,
         services,
-        unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).collect(),
+        unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck(basis, plan)).collect(),
     }
+}
+
+/// Robots that no plan can reach where they are: in a bay without power, say.
+fn stuck<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unserved> + 'a {
+    basis.fleet.robots.iter().filter_map(|(id, robot)| {
+        let (_, state) = robot.known()?;
+        let told = basis.running.contains_key(id)
+            || plan.planned.iter().any(|planned| planned.robot == *id)
+            || plan.rejected.iter().any(|rejected| rejected.robot == *id);
+        let place = state.station.as_ref().map_or_else(String::new, |station| format!(" at {station}"));
+        let note = state.note.as_ref().map_or_else(String::new, |note| format!(": {note}"));
+        // Between two plans a robot that was just let go is in neither list.
+        let plannable = matches!(state.phase, proto::RobotPhase::Working | proto::RobotPhase::Waiting);
+        (!told && !plannable).then(|| Unserved { robot: id.clone(), reasons: vec![format!("{}{place}{note}", state.phase)] })
+    })
 }
 
 fn running_service(run: &ServiceRun) -> Service {
@@ -170,13 +185,17 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     if left_s > HANDOVER_S {
         return None;
     }
-    // The least full first, so that full packs stay full; nearly empty ones help nobody.
-    let holds = |pack: &&proto::PackState| {
-        let left_wh = station.packs.get(&pack.pack).map_or(0.0, |gauge| gauge.remaining_wh.value);
-        pack.pack != *active && pack.connected && !pack.depleted && left_wh * energy::units::S_PER_H > state.pack_power_w * 2.0 * HANDOVER_S
+    // The least full first, so that full packs stay full. What a pack holds counts at the power
+    // that the station draws: at rest even an empty one looks as if it held something.
+    let models = basis.models.stations.get(id)?;
+    let usable_wh = |pack: &PackId| {
+        let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
+        Some(forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, state.pack_power_w.max(0.0)).value)
     };
-    let left_wh = |pack: &PackId| station.packs.get(pack).map_or(0.0, |gauge| gauge.remaining_wh.value);
-    let next = state.packs.iter().filter(holds).min_by(|a, b| left_wh(&a.pack).total_cmp(&left_wh(&b.pack)))?;
+    let enough_wh = state.pack_power_w * 2.0 * HANDOVER_S / energy::units::S_PER_H;
+    let others = state.packs.iter().filter(|pack| pack.pack != *active && pack.connected && !pack.depleted);
+    let holding = others.filter_map(|pack| Some((pack, usable_wh(&pack.pack)?))).filter(|(_, left_wh)| *left_wh > enough_wh);
+    let (next, _) = holding.min_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(next.pack.clone())
 }
 

@@ -63,6 +63,8 @@ pub struct PolicyConfig {
     pub resend_s: f64,
     /// A command that nobody has answered for this time is given up, s.
     pub deadline_s: f64,
+    /// A service is given up when its robot is not in its bay this long after it was due, s.
+    pub late_s: f64,
     /// The first plan waits this long for the robots and stations that are configured, s.
     pub patience_s: f64,
 }
@@ -77,6 +79,7 @@ impl Default for PolicyConfig {
             replan_period_s: 60.0,
             resend_s: 5.0,
             deadline_s: 60.0,
+            late_s: 1800.0,
             patience_s: 60.0,
         }
     }
@@ -134,6 +137,7 @@ impl PolicyConfig {
             replan_period_s: positive("replan_period_s", self.replan_period_s)?,
             resend_s: positive("resend_s", self.resend_s)?,
             deadline_s: positive("deadline_s", self.deadline_s)?,
+            late_s: positive("late_s", self.late_s)?,
             patience_s: positive("patience_s", self.patience_s)?,
         };
         ensure!(

@@ -98,6 +98,12 @@ impl ServiceRun {
         RobotAction::Dock { station: self.station.clone(), bay }
     }
 
+    /// Whether the robot has not reached its bay or exchange yet.
+    #[must_use]
+    pub fn before_bay(&self) -> bool {
+        matches!(self.stage, Stage::Travelling | Stage::Waiting | Stage::Loading | Stage::Handing)
+    }
+
     /// What to do next, given the newest word of robot and station.
     #[must_use]
     pub fn next(&self, robot: &Robot, station: &Station) -> Step {

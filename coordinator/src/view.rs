@@ -134,7 +134,9 @@ impl Basis<'_> {
         let here: Vec<&ServiceRun> = self.running.values().filter(|run| run.station == *id).collect();
         let taken_spares: Vec<_> =
             here.iter().filter_map(|run| if let How::Swap { spare } = &run.how { Some(spare) } else { None }).collect();
-        let ready = state.spares.iter().filter(|spare| spare.ready && !taken_spares.contains(&&spare.spare));
+        // A spare at the level at which robots want a service is none.
+        let charged = |soc: f64| soc > self.settings.serve_below_soc;
+        let ready = state.spares.iter().filter(|s| s.ready && charged(s.soc.value) && !taken_spares.contains(&&s.spare));
         view.spares = ready.map(|spare| SpareView { spare: spare.spare.clone(), soc: from_wire(spare.soc) }).collect();
         view.bays = state.bays.iter().map(|bay| self.bay(&bay.bay, bay.phase, &here)).collect();
         for run in here {

@@ -160,7 +160,7 @@ impl Agent {
                 self.stop_charging();
                 Outcome::Accepted
             }
-            (RobotAction::Undock, Travelling | Waiting) => {
+            (RobotAction::Undock, Travelling | Waiting | RobotPhase::Swapping) => {
                 self.resume();
                 Outcome::Accepted
             }

@@ -57,6 +57,26 @@ fn without_a_coordinator_the_schedule_comes_from_the_store_or_says_that_there_is
 }
 
 #[test]
+fn a_restarted_coordinator_carries_on_the_service_that_was_begun() -> anyhow::Result<()> {
+    let fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 100.0)?;
+    let mut first = fleet.coordinator()?;
+    let _agents = fleet.agents()?;
+    let charging = |event: &proto::Event| event.kind == EventKind::PhaseChanged && event.text.contains("docked -> charging");
+    fleet.wait_for("charging robot", Duration::from_secs(60), charging)?;
+    first.kill();
+    let _second = fleet.coordinator()?;
+    let taken_over = |event: &proto::Event| event.kind == EventKind::ServiceStarted && event.text.contains("is taken over");
+    fleet.wait_for("service taken over", Duration::from_secs(60), taken_over)?;
+    let done = |event: &proto::Event| event.kind == EventKind::ServiceDone && event.text.starts_with("explorer-1");
+    fleet.wait_for("end of the service", Duration::from_secs(60), done)?;
+    // Numbers go on where the first one stopped, and its commands are overruled.
+    let events = fleet.events()?;
+    assert!(events.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1));
+    assert!(events.iter().any(|event| event.text.starts_with("c2-")), "commands of the second epoch");
+    Ok(())
+}
+
+#[test]
 fn a_killed_robot_is_noticed_and_an_unknown_one_is_named() -> anyhow::Result<()> {
     let fleet = fleet()?;
     let _coordinator = fleet.coordinator()?;

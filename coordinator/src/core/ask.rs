@@ -33,13 +33,13 @@ impl Core {
         Command { id, epoch: self.numbering.epoch, at: now, deadline: now.plus_s(self.settings.deadline_s), action }
     }
 
-    pub(super) fn ask_robot(&mut self, now: Timestamp, robot: &RobotId, action: RobotAction, then: Stage) {
+    pub(super) fn ask_robot(&mut self, now: Timestamp, robot: &RobotId, action: RobotAction, service: Option<(RobotId, Stage)>) {
         let command = self.next_command(now, action);
         self.record(Record::RobotCommand { robot: robot.clone(), command: command.clone() });
         let text = format!("{} to {robot}: {}", command.id, answers::robot_action(&command.action));
         self.event(now, EventKind::CommandSent, Some(robot), None, None, text);
         let asked = AskedCommand::Robot(robot.clone(), command.clone());
-        self.remember(now, command.id.clone(), command.deadline, asked, Some((robot.clone(), then)));
+        self.remember(now, command.id.clone(), command.deadline, asked, service);
         self.outputs.push_back(Output::ToRobot(robot.clone(), command));
     }
 

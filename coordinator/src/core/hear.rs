@@ -34,7 +34,10 @@ impl Core {
         robot.lost = false;
         self.record(Record::RobotState { robot: id.clone(), state });
         match before {
-            None => self.heard_robot(now, &id),
+            None => {
+                self.adopt(now, &id);
+                self.heard_robot(now, &id);
+            }
             Some(before) if before != phase => {
                 self.event(now, EventKind::PhaseChanged, Some(&id), None, None, format!("{id}: {before} -> {phase}"));
                 if phase == RobotPhase::Stranded {
@@ -75,6 +78,14 @@ impl Core {
         station.lost = false;
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
         let Some(before) = before else {
+            let modelled = &self.models.stations[&id].packs;
+            let unknown: Vec<String> = state.packs.iter().filter(|p| !modelled.contains_key(&p.pack)).map(|p| p.pack.to_string()).collect();
+            if !unknown.is_empty() {
+                self.refuse(
+                    now,
+                    format!("station {id}: no model is configured for {}; they are left out of every plan", unknown.join(", ")),
+                );
+            }
             self.event(now, EventKind::Joined, None, Some(&id), None, format!("{id} joined"));
             self.replan(format!("{id} joined"));
             return;

@@ -1,9 +1,11 @@
 //! Begins services when their robots must leave, and carries them on as far as beliefs allow.
 
-use proto::{EventKind, RobotId, StationAction, Timestamp};
+use proto::{EventKind, RobotAction, RobotId, RobotPhase, StationAction, Timestamp};
 
 use super::Core;
 use crate::answers;
+use crate::fleet::{Robot, Station};
+use crate::need::Need;
 use crate::scheduler::Planned;
 use crate::service_run::{How, ServiceRun, Stage, Step};
 
@@ -41,7 +43,7 @@ impl Core {
             let action = run.first();
             self.event(now, EventKind::ServiceStarted, Some(&robot), Some(&station), None, format!("{robot} goes to {station}"));
             self.running.insert(robot.clone(), run);
-            self.ask_robot(now, &robot, action, Stage::Travelling);
+            self.ask_robot(now, &robot, action, Some((robot.clone(), Stage::Travelling)));
             self.refresh_schedule(now);
         }
     }
@@ -55,10 +57,15 @@ impl Core {
             }
             let station = run.station.clone();
             let (Some(belief), Some(place)) = (self.fleet.robots.get(&robot), self.fleet.stations.get(&station)) else { continue };
+            let late_s = now.seconds_since(run.start);
+            if run.before_bay() && late_s > self.settings.late_s {
+                self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
+                continue;
+            }
             match run.next(belief, place) {
                 Step::Wait => {}
                 Step::Enter(stage) => self.enter(now, &robot, stage),
-                Step::AskRobot(action, stage) => self.ask_robot(now, &robot, action, stage),
+                Step::AskRobot(action, stage) => self.ask_robot(now, &robot, action, Some((robot.clone(), stage))),
                 Step::AskStation(action, stage) => self.ask_station(now, &station, action, Some((robot, stage))),
                 Step::Done => self.done(now, &robot),
                 Step::Fail(why) => self.fail(now, &robot, &why),
@@ -82,14 +89,61 @@ impl Core {
         }
     }
 
+    /// Gives a service up, and frees robot and bay from it as far as they can be.
     pub(super) fn fail(&mut self, now: Timestamp, robot: &RobotId, why: &str) {
-        if let Some(run) = self.running.remove(robot) {
-            self.event(now, EventKind::ServiceFailed, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
-            if self.promised.remove(robot) {
-                self.event(now, EventKind::PromiseBroken, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
-            }
-            self.replan(format!("the service of {robot} failed: {why}"));
+        let Some(run) = self.running.remove(robot) else { return };
+        self.event(now, EventKind::ServiceFailed, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
+        if self.promised.remove(robot) {
+            self.event(now, EventKind::PromiseBroken, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
         }
+        self.replan(format!("the service of {robot} failed: {why}"));
+        let phase = self.fleet.robots.get(robot).and_then(Robot::phase);
+        let powered = self.fleet.stations.get(&run.station).and_then(Station::known).is_some_and(|state| state.powered);
+        match (phase, &run.how) {
+            (Some(RobotPhase::Travelling | RobotPhase::Waiting | RobotPhase::Swapping), _) => {
+                self.ask_robot(now, robot, RobotAction::Undock, None);
+            }
+            (Some(RobotPhase::Docked | RobotPhase::Charging | RobotPhase::Charged), How::Recharge { bay, .. }) if powered => {
+                self.ask_robot(now, robot, RobotAction::Undock, None);
+                let undock = StationAction::Undock { robot: robot.clone(), bay: bay.clone() };
+                self.ask_station(now, &run.station, undock, None);
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes over a service that a coordinator before this one has begun: a robot that is heard
+    /// for the first time on its way to a bay, or in it.
+    pub(super) fn adopt(&mut self, now: Timestamp, robot: &RobotId) {
+        let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.clone()) else { return };
+        let (Some(station), Some(bay)) = (state.station, state.bay) else { return };
+        let stage = match state.phase {
+            RobotPhase::Travelling => Stage::Travelling,
+            RobotPhase::Waiting => Stage::Waiting,
+            RobotPhase::Docked => Stage::Loading,
+            RobotPhase::Charging | RobotPhase::Charged => Stage::Charging,
+            RobotPhase::Working | RobotPhase::Swapping | RobotPhase::Stranded => return,
+        };
+        let to_soc = self.settings.charge_to_soc;
+        let charge_s = self.models.battery(robot, &state.battery).map_or(0.0, |battery| {
+            let facts = battery.battery();
+            to_soc * facts.capacity_ah / facts.charge.current_a * energy::units::S_PER_H
+        });
+        let run = ServiceRun {
+            robot: robot.clone(),
+            station: station.clone(),
+            how: How::Recharge { bay, to_soc },
+            left: now,
+            start: now,
+            end: now.plus_s(charge_s),
+            need: Need::default(),
+            packs: Vec::new(),
+            why: vec!["begun by the coordinator before this one".to_owned()],
+            stage,
+            asked: None,
+        };
+        self.event(now, EventKind::ServiceStarted, Some(robot), Some(&station), None, format!("{robot} is taken over at {station}"));
+        self.running.insert(robot.clone(), run);
     }
 
     /// Hands a station over to its next pack before the active one gives out.

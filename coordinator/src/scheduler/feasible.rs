@@ -45,7 +45,7 @@ pub enum Refusal {
     OutOfOrder(String),
     /// It would be empty before it is serviced.
     EmptyBefore {
-        /// When the slot would begin, s.
+        /// When the slot would begin to feed it, s.
         start_s: f64,
         /// When the robot may be empty, s.
         empty_s: f64,
@@ -70,7 +70,7 @@ impl fmt::Display for Refusal {
         match self {
             Refusal::OutOfOrder(why) => write!(f, "the station takes no part: {why}"),
             Refusal::EmptyBefore { start_s, empty_s } => {
-                write!(f, "it may be empty in {:.0} min, the first free slot begins in {:.0} min", empty_s / 60.0, start_s / 60.0)
+                write!(f, "it may be empty in {:.0} min, the first free slot feeds it in {:.0} min", empty_s / 60.0, start_s / 60.0)
             }
             Refusal::Energy { short_wh, probability, confidence } => write!(
                 f,
@@ -145,8 +145,10 @@ impl Book {
             }
         };
         let (start_s, end_s) = (slot.3, slot.4);
-        if start_s > robot.empty_s {
-            return Err(Refusal::EmptyBefore { start_s, empty_s: robot.empty_s });
+        // The robot lives on its own pack until it is in the bay, or has the other pack.
+        let fed_s = start_s + if slot.0.is_some() { station.handling.load_s } else { station.handling.swap_s };
+        if fed_s > robot.empty_s {
+            return Err(Refusal::EmptyBefore { start_s: fed_s, empty_s: robot.empty_s });
         }
         let total = self.total(station, &slot.5, end_s);
         let confidence = if robot.promised { KEEP_CONFIDENCE } else { problem.confidence };

@@ -131,7 +131,7 @@ fn a_spare_goes_to_whoever_gains_by_it_the_fullest_first() {
 fn refusals_are_told_in_words() {
     let told = [
         (Refusal::OutOfOrder("it has no power".to_owned()), "the station takes no part: it has no power"),
-        (Refusal::EmptyBefore { start_s: 1800.0, empty_s: 600.0 }, "it may be empty in 10 min, the first free slot begins in 30 min"),
+        (Refusal::EmptyBefore { start_s: 1800.0, empty_s: 600.0 }, "it may be empty in 10 min, the first free slot feeds it in 30 min"),
         (
             Refusal::Energy { short_wh: 12.34, probability: 0.126, confidence: 0.95 },
             "the packs are 12.3 Wh short: enough with probability 13 %, asked for 95 %",
@@ -147,7 +147,7 @@ fn refusals_are_told_in_words() {
 #[test]
 fn a_robot_that_would_be_empty_before_its_turn_is_refused_with_both_times() {
     let late = problem(vec![robot(0, 600.0, vec![recharge(0, 60.0)])], vec![station(0, &[Some(1800.0)], &[], &[80.0])]);
-    assert_eq!(only_reason(&plan(&late)), "recharge at station-0: it may be empty in 10 min, the first free slot begins in 30 min");
+    assert_eq!(only_reason(&plan(&late)), "recharge at station-0: it may be empty in 10 min, the first free slot feeds it in 30 min");
 }
 
 #[test]
