@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use node::session::{Answer, decoded};
-use node::{Clock, Link};
+use node::{Clock, Link, told_to_stop};
 use proto::{Key, Message, Pattern, SiteId, encode};
 use tokio::sync::mpsc;
 use tracing::{error, info, warn};
@@ -55,8 +55,7 @@ pub async fn run(config: &Config, path: Option<&Path>) -> anyhow::Result<()> {
     let store = Store::open(&place).await?;
     let numbering = Numbering { epoch: store.epoch(), event: store.next_event_seq().await?, plan: store.next_plan().await? };
     let link = Link::open(&config.network, config.site.clone()).await?;
-    let alive = Key::CoordinatorAlive.build(&link.site);
-    let _alive = link.session.liveliness().declare_token(alive).await.map_err(|e| anyhow!("{e}"))?;
+    let _alive = link.announce(&Key::CoordinatorAlive).await?;
 
     let (telemetry_in, mut telemetry) = mpsc::channel(TELEMETRY_QUEUE);
     let (news_in, mut news) = mpsc::unbounded_channel();
@@ -72,7 +71,7 @@ pub async fn run(config: &Config, path: Option<&Path>) -> anyhow::Result<()> {
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
-    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+    let mut stop = std::pin::pin!(told_to_stop());
     loop {
         tokio::select! {
             Some(input) = news.recv() => service.take(input).await,
@@ -80,8 +79,7 @@ pub async fn run(config: &Config, path: Option<&Path>) -> anyhow::Result<()> {
             _ = ticks.tick() => service.take(Input::Tick).await,
             _ = flushes.tick() => service.flush().await,
             Some(query) = questions.recv() => service.tell(&query).await,
-            _ = tokio::signal::ctrl_c() => break,
-            _ = terminate.recv() => break,
+            () = &mut stop => break,
         }
     }
     service.flush().await;
@@ -104,18 +102,15 @@ async fn subscribe(link: &Link, telemetry: &mpsc::Sender<Input>, news: &mpsc::Un
     let mut kept: Kept = Vec::new();
     for pattern in [Pattern::AllRobotGauges, Pattern::AllPackGauges, Pattern::AllRobotStates, Pattern::AllStationStates] {
         let (telemetry, news) = (telemetry.clone(), news.clone());
-        let subscriber = link.session.declare_subscriber(pattern.build(&link.site)).callback(move |sample| {
-            let input = input_of(&sample);
-            match input {
-                Input::RobotGauge(..) | Input::PackGauge(..) => {
-                    if telemetry.try_send(input).is_err() {
-                        warn!("gauge messages come faster than they can be taken in; some are dropped");
-                    }
+        let subscriber = link.listen(&pattern, move |sample| match input_of(&sample) {
+            gauge @ (Input::RobotGauge(..) | Input::PackGauge(..)) => {
+                if telemetry.try_send(gauge).is_err() {
+                    warn!("gauge messages come faster than they can be taken in; some are dropped");
                 }
-                other => drop(news.send(other)),
             }
+            other => drop(news.send(other)),
         });
-        kept.push(Box::new(subscriber.await.map_err(|e| anyhow!("{e}"))?));
+        kept.push(Box::new(subscriber.await?));
     }
     let news = news.clone();
     let lives = link.session.liveliness().declare_subscriber(Pattern::AllAlive.build(&link.site)).history(true).callback(move |sample| {
@@ -136,11 +131,7 @@ async fn answer(link: &Link, questions: &mpsc::UnboundedSender<Query>) -> anyhow
     let mut kept: Kept = Vec::new();
     let keys = [Key::Schedule.build(&link.site), Key::Capacity.build(&link.site), Pattern::AllExplains.build(&link.site)];
     for key in keys {
-        let questions = questions.clone();
-        let queryable = link.session.declare_queryable(key).callback(move |query| {
-            let _ = questions.send(query);
-        });
-        kept.push(Box::new(queryable.await.map_err(|e| anyhow!("{e}"))?));
+        kept.push(Box::new(link.serve(key, questions.clone()).await?));
     }
     Ok(kept)
 }

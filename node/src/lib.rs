@@ -4,10 +4,11 @@
 //!   pure    ledger.rs   which commands were answered, and how
 //!           body.rs     a simulated pack behind a simulated gauge IC
 //!           publish.rs  how often an agent speaks
-//!           wire.rs     estimates on the wire
+//!           wire.rs     estimates and readings on the wire
 //!   shell   clock.rs    real or accelerated time
 //!           session.rs  a Zenoh session from a [network] table; publish, serve, watch
 //!           files.rs    texts and models from disk, and logging to stderr
+//!           stop.rs     when to end
 //! ```
 //!
 //! Robot agent, station agent and coordinator use it; nothing here knows which of them it serves.
@@ -18,10 +19,12 @@ pub mod files;
 pub mod ledger;
 mod publish;
 pub mod session;
+mod stop;
 mod wire;
 
 pub use clock::{Clock, ClockConfig};
 pub use ledger::{Ledger, refused};
 pub use publish::{Due, Publish};
 pub use session::{Link, NetworkConfig};
-pub use wire::wire;
+pub use stop::told_to_stop;
+pub use wire::{gauge_message, wire};

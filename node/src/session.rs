@@ -3,10 +3,15 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use proto::{CodecError, Key, Message, SiteId, decode, encode};
+use proto::{CodecError, Key, Message, Pattern, SiteId, decode, encode};
 use serde::{Deserialize, Serialize};
+use tokio::sync::mpsc;
 use tracing::warn;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
+use zenoh::query::{Query, Queryable};
+use zenoh::sample::Sample;
 
 /// `[network]` in a configuration.
 ///
@@ -107,6 +112,35 @@ impl Link {
         Ok(Self { session, site })
     }
 
+    /// Says that this process is alive, until the token is dropped.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub async fn announce(&self, key: &Key) -> anyhow::Result<LivelinessToken> {
+        self.session.liveliness().declare_token(key.build(&self.site)).await.map_err(|error| anyhow!("{error}"))
+    }
+
+    /// Takes questions under a key expression into a queue, until the queryable is dropped.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub async fn serve(&self, expression: String, queue: mpsc::UnboundedSender<Query>) -> anyhow::Result<Queryable<()>> {
+        let queryable = self.session.declare_queryable(expression).callback(move |query| {
+            let _ = queue.send(query);
+        });
+        queryable.await.map_err(|error| anyhow!("{error}"))
+    }
+
+    /// Calls back with each message under a pattern, until the subscriber is dropped. The callback
+    /// must not wait: it would hold up every subscriber of the session.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub async fn listen(&self, pattern: &Pattern, callback: impl Fn(Sample) + Send + Sync + 'static) -> anyhow::Result<Subscriber<()>> {
+        let subscriber = self.session.declare_subscriber(pattern.build(&self.site)).callback(callback);
+        subscriber.await.map_err(|error| anyhow!("{error}"))
+    }
+
     /// Publishes telemetry; under congestion the oldest is dropped.
     ///
     /// # Errors
@@ -153,6 +187,27 @@ pub enum Answer<A> {
     Refused(String),
     /// Nobody was there, or not in time.
     Nobody,
+}
+
+/// Reads the command that came with a query; a query without one that can be read is answered
+/// with what is wrong.
+pub async fn command<M: Message>(query: &Query) -> Option<M> {
+    let wrong = match query.payload().map(decoded::<M>) {
+        Some(Ok(command)) => return Some(command),
+        Some(Err(error)) => error.to_string(),
+        None => "a command needs a payload".to_owned(),
+    };
+    if let Err(error) = query.reply_err(wrong).await {
+        warn!("a refusal was not sent: {error}");
+    }
+    None
+}
+
+/// Answers a query; an answer that is lost is asked for again.
+pub async fn reply<M: Message>(query: &Query, message: &M) {
+    if let Err(error) = query.reply(query.key_expr().clone(), encode(message)).await {
+        warn!("an answer under {} was not sent: {error}", query.key_expr());
+    }
 }
 
 /// Decodes what came with a sample or query.

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::Gauge as _;
-use energy::gauge::{CoulombCounter, Reading, Sample};
-use node::{Due, Ledger, Publish, refused, wire};
+use energy::gauge::{CoulombCounter, Sample};
+use node::{Due, Ledger, Publish, gauge_message, refused};
 use proto::{
     BayId, CommandReply, Estimate, Gauge, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState, StationId,
     Timestamp, Travel,
@@ -215,7 +215,8 @@ impl Agent {
         {
             self.gauge_due.done(now, self.profile.publish.gauge_period_s);
             let reading = self.gauge.reading();
-            let message = self.gauge_message(now, &sample, &reading);
+            self.gauge_seq += 1;
+            let message = gauge_message(now, self.gauge_seq, &sample, &reading, self.profile.cells_series, &self.profile.source);
             self.outputs.push_back(Output::Gauge(message));
         }
         let telling = (self.phase, self.bay.clone());
@@ -224,26 +225,6 @@ impl Agent {
             self.state_due.done(now, self.profile.publish.state_period_s);
             let message = self.state_message(now);
             self.outputs.push_back(Output::State(message));
-        }
-    }
-
-    fn gauge_message(&mut self, now: Timestamp, sample: &Sample, reading: &Reading) -> Gauge {
-        self.gauge_seq += 1;
-        Gauge {
-            at: now,
-            seq: self.gauge_seq,
-            soc: wire(reading.soc),
-            remaining_wh: wire(reading.remaining_wh),
-            full_wh: wire(reading.full_wh),
-            time_to_empty_s: reading.time_to_empty_s.map(wire),
-            time_to_full_s: reading.time_to_full_s.map(wire),
-            soh: wire(reading.soh),
-            voltage_v: sample.voltage_v,
-            current_a: sample.current_a,
-            temperature_degc: sample.temperature_degc,
-            power_w: reading.power_w,
-            cells_series: self.profile.cells_series,
-            source: self.profile.source.clone(),
         }
     }
 

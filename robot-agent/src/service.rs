@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
-use anyhow::anyhow;
-use node::session::decoded;
-use node::{Clock, Link};
-use proto::{Key, RobotCommand, SimSupply, encode};
+use node::session::{command, decoded, reply};
+use node::{Clock, Link, told_to_stop};
+use proto::{Key, Pattern, RobotCommand, SimSupply};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::query::Query;
@@ -24,27 +23,15 @@ const STEP_S: f64 = 1.0;
 pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let robot = &config.id;
-    let _alive =
-        link.session.liveliness().declare_token(Key::RobotAlive(robot.clone()).build(&link.site)).await.map_err(|e| anyhow!("{e}"))?;
-    let (commands_in, mut commands) = mpsc::unbounded_channel::<Query>();
-    let _commands = link
-        .session
-        .declare_queryable(Key::RobotCommand(robot.clone()).build(&link.site))
-        .callback(move |query| {
-            let _ = commands_in.send(query);
-        })
-        .await
-        .map_err(|e| anyhow!("{e}"))?;
+    let _alive = link.announce(&Key::RobotAlive(robot.clone())).await?;
+    let (commands_in, mut commands) = mpsc::unbounded_channel();
+    let _commands = link.serve(Key::RobotCommand(robot.clone()).build(&link.site), commands_in).await?;
     let (supplies_in, mut supplies) = mpsc::unbounded_channel::<SimSupply>();
-    let _supplies = link
-        .session
-        .declare_subscriber(proto::Pattern::SimSupplyTo(robot.clone()).build(&link.site))
-        .callback(move |sample| match decoded::<SimSupply>(sample.payload()) {
-            Ok(supply) => drop(supplies_in.send(supply)),
-            Err(error) => warn!("{} was refused: {error}", sample.key_expr()),
-        })
-        .await
-        .map_err(|e| anyhow!("{e}"))?;
+    let supplied = move |sample: zenoh::sample::Sample| match decoded::<SimSupply>(sample.payload()) {
+        Ok(supply) => drop(supplies_in.send(supply)),
+        Err(error) => warn!("{} was refused: {error}", sample.key_expr()),
+    };
+    let _supplies = link.listen(&Pattern::SimSupplyTo(robot.clone()), supplied).await?;
     info!("robot {robot} is up");
 
     let clock = Clock::new(config.clock);
@@ -52,6 +39,7 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut last = clock.now();
     let mut station = None;
+    let mut stop = std::pin::pin!(told_to_stop());
     loop {
         tokio::select! {
             _ = ticks.tick() => {
@@ -73,16 +61,12 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
             }
             Some(supply) = supplies.recv() => source.supply(&supply),
             Some(query) = commands.recv() => {
-                match query.payload().map(decoded::<RobotCommand>) {
-                    Some(Ok(command)) => {
-                        agent.handle(clock.now(), Input::Command(command));
-                        drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station).await?;
-                    }
-                    Some(Err(error)) => drop(query.reply_err(error.to_string()).await),
-                    None => drop(query.reply_err("a command needs a payload").await),
+                if let Some(command) = command::<RobotCommand>(&query).await {
+                    agent.handle(clock.now(), Input::Command(command));
+                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station).await?;
                 }
             }
-            _ = tokio::signal::ctrl_c() => return Ok(()),
+            () = &mut stop => return Ok(()),
         }
     }
 }
@@ -104,11 +88,9 @@ async fn drain(
                 link.publish(&Key::RobotState(config.id.clone()), &state).await?;
             }
             Output::Act(act) => source.act(&act),
-            Output::Reply(reply) => {
-                if let Some(query) = query
-                    && let Err(error) = query.reply(query.key_expr().clone(), encode(&reply)).await
-                {
-                    warn!("the answer to {} was not sent: {error}", reply.id);
+            Output::Reply(answer) => {
+                if let Some(query) = query {
+                    reply(query, &answer).await;
                 }
             }
         }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::{CoulombCounter, Gauge as _, Sample};
-use node::{Due, Ledger, Publish, refused, wire};
+use node::{Due, Ledger, Publish, gauge_message, refused, wire};
 use proto::{
     BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, SpareId, SpareState, StationAction,
     StationCommand, StationState, Timestamp,
@@ -258,22 +258,8 @@ impl Agent {
                 let Some(sample) = pack.last else { continue };
                 let reading = pack.gauge.reading();
                 self.gauge_seq += 1;
-                let gauge = Gauge {
-                    at: now,
-                    seq: self.gauge_seq,
-                    soc: wire(reading.soc),
-                    remaining_wh: wire(reading.remaining_wh),
-                    full_wh: wire(reading.full_wh),
-                    time_to_empty_s: reading.time_to_empty_s.map(wire),
-                    time_to_full_s: reading.time_to_full_s.map(wire),
-                    soh: wire(reading.soh),
-                    voltage_v: sample.voltage_v,
-                    current_a: sample.current_a,
-                    temperature_degc: sample.temperature_degc,
-                    power_w: reading.power_w,
-                    cells_series: pack.gauge.model().battery().series,
-                    source: self.profile.source.clone(),
-                };
+                let series = pack.gauge.model().battery().series;
+                let gauge = gauge_message(now, self.gauge_seq, &sample, &reading, series, &self.profile.source);
                 self.outputs.push_back(Output::Gauge(pack.id.clone(), gauge));
             }
         }

@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
-use anyhow::anyhow;
-use node::session::decoded;
-use node::{Clock, Link};
-use proto::{Key, RobotId, SimDraw, StationCommand, encode};
+use node::session::{command, decoded, reply};
+use node::{Clock, Link, told_to_stop};
+use proto::{Key, Pattern, RobotId, SimDraw, StationCommand};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::query::Query;
@@ -24,33 +23,22 @@ const STEP_S: f64 = 1.0;
 pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let station = &config.id;
-    let alive = Key::StationAlive(station.clone()).build(&link.site);
-    let _alive = link.session.liveliness().declare_token(alive).await.map_err(|e| anyhow!("{e}"))?;
-    let (commands_in, mut commands) = mpsc::unbounded_channel::<Query>();
-    let _commands = link
-        .session
-        .declare_queryable(Key::StationCommand(station.clone()).build(&link.site))
-        .callback(move |query| {
-            let _ = commands_in.send(query);
-        })
-        .await
-        .map_err(|e| anyhow!("{e}"))?;
+    let _alive = link.announce(&Key::StationAlive(station.clone())).await?;
+    let (commands_in, mut commands) = mpsc::unbounded_channel();
+    let _commands = link.serve(Key::StationCommand(station.clone()).build(&link.site), commands_in).await?;
     let (draws_in, mut draws) = mpsc::unbounded_channel::<(RobotId, SimDraw)>();
-    let _draws = link
-        .session
-        .declare_subscriber(proto::Pattern::SimDrawAt(station.clone()).build(&link.site))
-        .callback(move |sample| match (Key::parse(sample.key_expr().as_str()), decoded::<SimDraw>(sample.payload())) {
-            (Ok((_, Key::SimDraw(_, robot))), Ok(draw)) => drop(draws_in.send((robot, draw))),
-            (key, draw) => warn!("{} was refused: {key:?} {draw:?}", sample.key_expr()),
-        })
-        .await
-        .map_err(|e| anyhow!("{e}"))?;
+    let drawn = move |sample: zenoh::sample::Sample| match (Key::parse(sample.key_expr().as_str()), decoded::<SimDraw>(sample.payload())) {
+        (Ok((_, Key::SimDraw(_, robot))), Ok(draw)) => drop(draws_in.send((robot, draw))),
+        (key, draw) => warn!("{} was refused: {key:?} {draw:?}", sample.key_expr()),
+    };
+    let _draws = link.listen(&Pattern::SimDrawAt(station.clone()), drawn).await?;
     info!("station {station} is up");
 
     let clock = Clock::new(config.clock);
     let mut ticks = tokio::time::interval(clock.real(STEP_S).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut last = clock.now();
+    let mut stop = std::pin::pin!(told_to_stop());
     loop {
         tokio::select! {
             _ = ticks.tick() => {
@@ -76,16 +64,12 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
             }
             Some((robot, draw)) = draws.recv() => source.draw(&robot, &draw),
             Some(query) = commands.recv() => {
-                match query.payload().map(decoded::<StationCommand>) {
-                    Some(Ok(command)) => {
-                        agent.handle(clock.now(), Input::Command(command));
-                        drain(&link, config, &mut agent, source.as_mut(), Some(&query)).await?;
-                    }
-                    Some(Err(error)) => drop(query.reply_err(error.to_string()).await),
-                    None => drop(query.reply_err("a command needs a payload").await),
+                if let Some(command) = command::<StationCommand>(&query).await {
+                    agent.handle(clock.now(), Input::Command(command));
+                    drain(&link, config, &mut agent, source.as_mut(), Some(&query)).await?;
                 }
             }
-            _ = tokio::signal::ctrl_c() => return Ok(()),
+            () = &mut stop => return Ok(()),
         }
     }
 }
@@ -96,11 +80,9 @@ async fn drain(link: &Link, config: &Config, agent: &mut Agent, source: &mut dyn
             Output::Gauge(pack, gauge) => link.publish(&Key::PackGauge(config.id.clone(), pack), &gauge).await?,
             Output::State(state) => link.publish(&Key::StationState(config.id.clone()), &state).await?,
             Output::Act(act) => source.act(&act),
-            Output::Reply(reply) => {
-                if let Some(query) = query
-                    && let Err(error) = query.reply(query.key_expr().clone(), encode(&reply)).await
-                {
-                    warn!("the answer to {} was not sent: {error}", reply.id);
+            Output::Reply(answer) => {
+                if let Some(query) = query {
+                    reply(query, &answer).await;
                 }
             }
         }

@@ -2,5 +2,6 @@
 
 mod decisions;
 mod failures;
+mod network;
 mod replay;
 mod tidy;

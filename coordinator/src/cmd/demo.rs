@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{ExitCode, Stdio};
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
@@ -12,6 +12,7 @@ use proto::{Key, Schedule};
 use serde::Serialize;
 use tokio::process::{Child, Command};
 
+use crate::config::Config;
 use crate::scenario::{Deployment, Scenario};
 use crate::service;
 
@@ -41,10 +42,10 @@ pub struct Args {
     seconds: Option<f64>,
 }
 
-/// A robot or station agent as a process of its own, started by `demo`.
+/// One process of a demonstration, which ends when `demo` does, however that ends.
 #[derive(clap::Args)]
 pub struct AgentArgs {
-    /// Which agent.
+    /// Which process.
     kind: Kind,
     /// Its configuration file.
     config: PathBuf,
@@ -52,16 +53,19 @@ pub struct AgentArgs {
 
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Kind {
+    Coordinator,
     Robot,
     Station,
 }
 
-/// Runs one agent.
+/// Runs one process of a demonstration.
 ///
 /// # Errors
 /// When its configuration cannot be read or the coordinator is lost.
 pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
+    end_with_parent();
     match args.kind {
+        Kind::Coordinator => service::run(&Config::read(&args.config)?, Some(&args.config)).await?,
         Kind::Robot => {
             let config = robot_agent::Config::read(&args.config)?;
             let (agent, source) = config.build(Some(&args.config))?;
@@ -74,6 +78,14 @@ pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Ends this process when its standard input does: `demo` holds the other end.
+fn end_with_parent() {
+    std::thread::spawn(|| {
+        let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+        std::process::exit(0);
+    });
 }
 
 /// Runs the command.
@@ -110,7 +122,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     tokio::select! {
         () = watched => {}
         () = limit => {}
-        _ = tokio::signal::ctrl_c() => {}
+        () = node::told_to_stop() => {}
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -144,21 +156,13 @@ fn toml<T: Serialize>(config: &T) -> anyhow::Result<String> {
 
 fn start(files: &Files) -> anyhow::Result<Vec<Child>> {
     let own = std::env::current_exe().context("the path of this program")?;
-    let spawn = |arguments: &[&str], path: &Path, log: &str| {
-        Command::new(&own)
-            .args(arguments)
-            .arg(path)
-            .env("RUST_LOG", log)
-            .stdin(std::process::Stdio::null())
-            .kill_on_drop(true)
-            .spawn()
-            .with_context(|| format!("cannot start {} {}", own.display(), arguments.join(" ")))
+    let spawn = |(kind, path): (&str, &Path)| {
+        let mut command = Command::new(&own);
+        command.args(["agent", kind]).arg(path).env("RUST_LOG", "error").stdin(Stdio::piped()).kill_on_drop(true);
+        command.spawn().with_context(|| format!("cannot start {} for {}", own.display(), path.display()))
     };
-    let mut children = vec![spawn(&["run", "--config"], &files.coordinator, "error")?];
-    for (kind, path) in &files.agents {
-        children.push(spawn(&["agent", kind], path, "error")?);
-    }
-    Ok(children)
+    let agents = files.agents.iter().map(|(kind, path)| (*kind, path.as_path()));
+    std::iter::once(("coordinator", files.coordinator.as_path())).chain(agents).map(spawn).collect()
 }
 
 /// A port that nobody listens on now.

@@ -1,0 +1,50 @@
+//! Ways to connect a fleet, and the configurations that users start from.
+
+use std::time::Duration;
+
+use node::{Link, NetworkConfig};
+use proto::EventKind;
+use tests::{Fleet, workspace};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
+    let mut fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 100.0)?;
+    let address = fleet.deployment.coordinator.network.listen.clone();
+    // Coordinator and agents are all clients; what stands between them is another process' router.
+    let router = NetworkConfig { connect: Vec::new(), listen: address.clone(), lease_s: 10.0 };
+    let router = Link::open(&router, fleet.deployment.coordinator.site.clone()).await?;
+    fleet.deployment.coordinator.network = NetworkConfig { connect: address, listen: Vec::new(), lease_s: 10.0 };
+    fleet.write()?;
+    let _coordinator = fleet.coordinator()?;
+    let _agents = fleet.agents()?;
+    tokio::task::block_in_place(|| {
+        fleet.wait_for("command that was obeyed", Duration::from_secs(60), |event| {
+            event.kind == EventKind::PhaseChanged && event.text.contains("working -> travelling")
+        })?;
+        let live = fleet.schedule(&["show"])?;
+        anyhow::ensure!(live.status.success() && live.stderr.is_empty(), "{}", String::from_utf8_lossy(&live.stderr));
+        Ok(())
+    })?;
+    drop(router);
+    Ok(())
+}
+
+#[test]
+fn the_example_configurations_are_good_and_belong_together() -> anyhow::Result<()> {
+    let live = |name: &str| workspace().join("scenarios/live").join(name);
+    let path = live("coordinator.toml");
+    let coordinator = coordinator::Config::read(&path)?;
+    let (_, models) = coordinator.load(Some(&path))?;
+    let path = live("station-mds-1.toml");
+    let station = station_agent::Config::read(&path)?;
+    station.build_simulated(Some(&path))?;
+    let path = live("robot-explorer-1.toml");
+    let robot = robot_agent::Config::read(&path)?;
+    robot.build(Some(&path))?;
+    assert!(models.robots.contains_key(&robot.id) && models.stations.contains_key(&station.id));
+    assert!(station.packs.iter().all(|pack| models.stations[&station.id].packs.contains_key(&pack.id)));
+    assert!(robot.travel_s.contains_key(&station.id));
+    assert!(robot.site == coordinator.site && station.site == coordinator.site);
+    assert_eq!(robot.network.connect, coordinator.network.listen);
+    Ok(())
+}
