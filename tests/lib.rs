@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::OnceLock;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
@@ -73,7 +73,13 @@ pub struct Fleet {
     pub folder: tempfile::TempDir,
     /// What the files say.
     pub deployment: Deployment,
+    /// One fleet at a time: its clock is fast, and a machine busy with others would make it miss
+    /// what lies seconds apart.
+    _alone: MutexGuard<'static, ()>,
 }
+
+/// Held by the fleet that runs.
+static ALONE: Mutex<()> = Mutex::new(());
 
 impl Fleet {
     /// Writes a fleet's configurations, on a free port and a clock of this speed.
@@ -81,13 +87,16 @@ impl Fleet {
     /// # Errors
     /// When the scenario or a file is not good.
     pub fn new(scenario: &Path, speed: f64) -> anyhow::Result<Self> {
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        // Built before the clock begins.
+        let _ = program("coordinator");
         let scenario = Scenario::parse(scenario, &node::files::read_text(scenario)?)?;
         let runs = scenario.runs();
         let mut deployment = scenario.deploy(runs.last().context("no run")?, scenario.seed)?;
         let port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
         let clock = ClockConfig { speed, origin_unix_ms: node::clock::unix_ms() };
         deployment.place(&format!("tcp/127.0.0.1:{port}"), clock);
-        let fleet = Self { folder: tempfile::tempdir()?, deployment };
+        let fleet = Self { folder: tempfile::tempdir()?, deployment, _alone: alone };
         fleet.write()?;
         Ok(fleet)
     }
