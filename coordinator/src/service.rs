@@ -164,6 +164,15 @@ impl Service {
                     info!("{}: {}", event.kind, event.text);
                     self.records.push(Record::Event(event));
                 }
+                // Whoever follows the schedule hears of each new plan without asking.
+                Output::Record(Record::Plan(schedule)) => {
+                    self.tell_all(&Key::Schedule, &schedule).await;
+                    self.records.push(Record::Plan(schedule));
+                }
+                Output::Record(Record::Capacity(capacity)) => {
+                    self.tell_all(&Key::Capacity, &capacity).await;
+                    self.records.push(Record::Capacity(capacity));
+                }
                 Output::Record(record) => self.records.push(record),
                 command => commands.push(command),
             }
@@ -178,6 +187,12 @@ impl Service {
                 Output::ToStation(station, command) => self.send(Key::StationCommand(station), command),
                 Output::Record(_) => {}
             }
+        }
+    }
+
+    async fn tell_all<M: Message>(&self, key: &Key, message: &M) {
+        if let Err(failure) = self.link.publish(key, message).await {
+            warn!("{}: {failure:#}", key.build(&self.link.site));
         }
     }
 

@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use node::session::decoded;
 use node::{Link, NetworkConfig};
-use proto::EventKind;
+use proto::{EventKind, Key, Schedule};
 use tests::{Fleet, workspace};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -15,8 +16,15 @@ async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
     let router = Link::open(&router, fleet.deployment.coordinator.site.clone()).await?;
     fleet.deployment.coordinator.network = NetworkConfig { connect: address, listen: Vec::new(), lease_s: 10.0 };
     fleet.write()?;
+    let (heard_in, mut heard) = tokio::sync::mpsc::unbounded_channel();
+    let schedules = router.session.declare_subscriber(Key::Schedule.build(&router.site)).callback(move |sample| {
+        let _ = heard_in.send(decoded::<Schedule>(sample.payload()));
+    });
+    let _schedules = schedules.await.map_err(|error| anyhow::anyhow!("{error}"))?;
     let _coordinator = fleet.coordinator()?;
     let _agents = fleet.agents()?;
+    let schedule = tokio::time::timeout(Duration::from_secs(60), heard.recv()).await?.expect("the subscriber lives")?;
+    assert_eq!(schedule.plan, 1, "each plan is told to who listens: {schedule:?}");
     tokio::task::block_in_place(|| {
         fleet.wait_for("command that was obeyed", Duration::from_secs(60), |event| {
             event.kind == EventKind::PhaseChanged && event.text.contains("working -> travelling")
