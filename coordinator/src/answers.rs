@@ -1,5 +1,8 @@
 //! What the coordinator tells: schedule, capacity, explanations, as they go on the wire.
 
+use std::collections::BTreeMap;
+
+use energy::Estimate;
 use proto::{
     Alternative, Capacity, Explanation, Mode, PackId, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction, StationId,
     Unserved,
@@ -8,7 +11,7 @@ use proto::{
 use crate::forecast;
 use crate::models::from_wire;
 use crate::scheduler::capacity::{PackQuestion, capacity as count};
-use crate::scheduler::{Book, Plan, Planned, Problem, Way};
+use crate::scheduler::{Book, PackView, Plan, Planned, Problem, Way};
 use crate::service_run::{How, ServiceRun};
 use crate::view::Basis;
 
@@ -90,24 +93,24 @@ fn planned_service(basis: &Basis<'_>, planned: &Planned) -> Service {
     }
 }
 
-/// How many robots each pack can still service, each pack by itself.
+/// How many more robots each pack can service, each pack by itself, beyond the services that have
+/// begun.
 #[must_use]
 pub fn capacity(basis: &Basis<'_>) -> Capacity {
     let mut questions = Vec::new();
     for (id, models) in &basis.models.stations {
         let Some(station) = basis.fleet.stations.get(id) else { continue };
         let Some(state) = station.known() else { continue };
-        let Some(battery) = basis.models.robots.values().chain(basis.models.batteries.values()).next() else { continue };
+        let Some(battery) = basis.reference_battery() else { continue };
         let service = basis.reference_recharge(models, battery);
         let service_s = service.charge_s + models.handling.load_s + models.handling.unload_s;
-        let power_w = basis.working_power_w(models, state);
+        let view = basis.station(id, models, Some(station));
+        let begun = view.committed.plus(&view.overhead_per_h.scaled(view.committed_until_s / energy::units::S_PER_H));
+        let free = free_wh(&view.packs, begun.estimate());
         for pack in state.packs.iter().filter(|pack| pack.connected) {
-            let (Some(gauge), Some(model)) = (station.packs.get(&pack.pack), models.packs.get(&pack.pack)) else { continue };
-            let usable_wh = if pack.depleted {
-                energy::Estimate::exact(0.0)
-            } else {
-                forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, power_w)
-            };
+            let Some(gauge) = station.packs.get(&pack.pack) else { continue };
+            // A pack that gave out, or that no model is known of, is in no plan.
+            let usable_wh = free.get(&pack.pack).copied().unwrap_or(Estimate::exact(0.0));
             questions.push(PackQuestion {
                 station: id.clone(),
                 pack: pack.pack.clone(),
@@ -116,12 +119,25 @@ pub fn capacity(basis: &Basis<'_>) -> Capacity {
                 service: service.clone(),
                 service_s,
                 bays: state.bays.len() as u32,
-                overhead_per_h: forecast::overhead_per_h(&models.load),
+                overhead_per_h: view.overhead_per_h.clone(),
                 overhead_breakdown: forecast::overhead_breakdown(&models.load),
             });
         }
     }
     count(basis.now, &questions, basis.settings.confidence)
+}
+
+/// What each pack has left when services that have begun are paid for, in the order in which packs
+/// are drained. Who pays a share carries the share's doubt.
+fn free_wh(packs: &[PackView], begun: Estimate) -> BTreeMap<PackId, Estimate> {
+    let mut owed_wh = begun.value;
+    let free = |pack: &PackView| {
+        let paid_wh = owed_wh.min(pack.usable_wh.value).max(0.0);
+        owed_wh -= paid_wh;
+        let sigma = if paid_wh > 0.0 { pack.usable_wh.sigma.hypot(begun.sigma) } else { pack.usable_wh.sigma };
+        (pack.pack.clone(), Estimate::new(pack.usable_wh.value - paid_wh, sigma))
+    };
+    packs.iter().map(free).collect()
 }
 
 /// Why a robot is serviced as it is, from the problem that the last plan solved.

@@ -1,5 +1,11 @@
 //! The command line: one file per command.
 
+/// Prints a line of an answer; see [`say_text`].
+macro_rules! say {
+    () => { $crate::cmd::say_text("\n") };
+    ($($line:tt)*) => { $crate::cmd::say_text(&(format!($($line)*) + "\n")) };
+}
+
 pub mod demo;
 pub mod run;
 pub mod schedule;
@@ -31,4 +37,17 @@ fn table() -> Table {
 /// The text of a table, without blanks at the ends of lines.
 fn text(table: &Table) -> String {
     table.lines().map(|line| line.trim_end().to_owned() + "\n").collect()
+}
+
+/// Prints a part of an answer. Whoever reads may have had enough (`| head`): that ends the program
+/// quietly. An answer that cannot be told is an error.
+fn say_text(text: &str) {
+    use std::io::Write as _;
+    if let Err(error) = std::io::stdout().write_all(text.as_bytes()).and_then(|()| std::io::stdout().flush()) {
+        if error.kind() == std::io::ErrorKind::BrokenPipe {
+            std::process::exit(0);
+        }
+        eprintln!("coordinator: cannot print the answer: {error}");
+        std::process::exit(2);
+    }
 }

@@ -102,6 +102,10 @@ pub struct StationConfig {
     pub packs: BTreeMap<PackId, ModelRef>,
 }
 
+/// Shortest and longest time that a configuration may state, s.
+const TIME_MIN_S: f64 = 0.1;
+const TIME_MAX_S: f64 = 30.0 * 86_400.0;
+
 /// The only version of the file so far.
 const SCHEMA: u32 = 1;
 
@@ -119,8 +123,8 @@ impl PolicyConfig {
             ensure!((0.0..=1.0).contains(&value), "policy.{key} = {value}: must be between 0 and 1");
             Ok(value)
         };
-        let positive = |key: &str, value: f64| {
-            ensure!(value.is_finite() && value > 0.0, "policy.{key} = {value}: must be a positive number");
+        let time = |key: &str, value: f64| {
+            ensure!((TIME_MIN_S..=TIME_MAX_S).contains(&value), "policy.{key} = {value}: must be between {TIME_MIN_S} and {TIME_MAX_S}");
             Ok(value)
         };
         let names = || policies().iter().map(|policy| policy.name());
@@ -134,11 +138,11 @@ impl PolicyConfig {
             confidence: self.confidence,
             serve_below_soc: fraction("serve_below_soc", self.serve_below_soc)?,
             charge_to_soc: fraction("charge_to_soc", self.charge_to_soc)?,
-            replan_period_s: positive("replan_period_s", self.replan_period_s)?,
-            resend_s: positive("resend_s", self.resend_s)?,
-            deadline_s: positive("deadline_s", self.deadline_s)?,
-            late_s: positive("late_s", self.late_s)?,
-            patience_s: positive("patience_s", self.patience_s)?,
+            replan_period_s: time("replan_period_s", self.replan_period_s)?,
+            resend_s: time("resend_s", self.resend_s)?,
+            deadline_s: time("deadline_s", self.deadline_s)?,
+            late_s: time("late_s", self.late_s)?,
+            patience_s: time("patience_s", self.patience_s)?,
         };
         ensure!(
             settings.serve_below_soc < settings.charge_to_soc,
@@ -159,6 +163,8 @@ impl Config {
         let (name, text) = (path.display().to_string(), read_text(path)?);
         let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
         ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
+        config.network.check().with_context(|| name.clone())?;
+        config.clock.map_or(Ok(()), |clock| clock.check()).with_context(|| name)?;
         Ok(config)
     }
 
@@ -185,9 +191,15 @@ impl Config {
         for (name, reference) in &self.batteries {
             models.batteries.insert(name.clone(), of(System::Battery, reference, format!("batteries.{name}"))?);
         }
+        for name in energy::built_in_names() {
+            let model = node::files::model(name, None)?;
+            if model.system == System::Battery {
+                models.built_in.insert(name.to_owned(), model);
+            }
+        }
         for (station, config) in &self.stations {
             for (key, value) in [("load_s", config.load_s), ("unload_s", config.unload_s), ("swap_s", config.swap_s)] {
-                ensure!(value.is_finite() && value >= 0.0, "stations.{station}.{key} = {value}: must be >= 0");
+                ensure!((0.0..=TIME_MAX_S).contains(&value), "stations.{station}.{key} = {value}: must be between 0 and {TIME_MAX_S}");
             }
             let mut packs = BTreeMap::new();
             for (pack, reference) in &config.packs {

@@ -50,6 +50,8 @@ pub struct Models {
     pub robots: BTreeMap<RobotId, Arc<Model>>,
     /// Batteries by the name that a robot's state message gives, for robots not configured.
     pub batteries: BTreeMap<String, Arc<Model>>,
+    /// Batteries that come with the program, for robots that name one of these.
+    pub built_in: BTreeMap<String, Arc<Model>>,
     /// Stations.
     pub stations: BTreeMap<StationId, StationModels>,
 }
@@ -58,7 +60,7 @@ impl Models {
     /// The battery model of a robot that says it has a battery of that name.
     #[must_use]
     pub fn battery(&self, robot: &RobotId, name: &str) -> Option<&Arc<Model>> {
-        self.robots.get(robot).or_else(|| self.batteries.get(name))
+        self.robots.get(robot).or_else(|| self.batteries.get(name)).or_else(|| self.built_in.get(name))
     }
 }
 

@@ -11,9 +11,9 @@
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
 use node::session::{Answer, decoded};
-use node::{Clock, Link, told_to_stop};
+use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
 use tokio::sync::mpsc;
 use tracing::{error, info, warn};
@@ -45,16 +45,21 @@ struct Service {
     patience_s: f64,
 }
 
-/// Runs until the process is told to stop.
+/// Runs until `stop` comes.
 ///
 /// # Errors
-/// When models, store or network cannot be had.
-pub async fn run(config: &Config, path: Option<&Path>) -> anyhow::Result<()> {
+/// When models, store or network cannot be had, or another coordinator serves the site.
+pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output = ()>) -> anyhow::Result<()> {
     let (settings, models) = config.load(path)?;
     let place = store_path(config, path);
     let store = Store::open(&place).await?;
     let numbering = Numbering { epoch: store.epoch(), event: store.next_event_seq().await?, plan: store.next_plan().await? };
     let link = Link::open(&config.network, config.site.clone()).await?;
+    ensure!(
+        !link.alive(&Key::CoordinatorAlive).await,
+        "another coordinator serves site {} already: two would command the same robots; stop it, or give this one another site",
+        link.site
+    );
     let _alive = link.announce(&Key::CoordinatorAlive).await?;
 
     let (telemetry_in, mut telemetry) = mpsc::channel(TELEMETRY_QUEUE);
@@ -62,7 +67,9 @@ pub async fn run(config: &Config, path: Option<&Path>) -> anyhow::Result<()> {
     let (questions_in, mut questions) = mpsc::unbounded_channel();
     let _subscribers = subscribe(&link, &telemetry_in, &news_in).await?;
     let _queryables = answer(&link, &questions_in).await?;
-    info!("coordinator of site {} is up: store {}, listening on {}", link.site, place.display(), config.network.listen.join(", "));
+    let (listen, connect) = (&config.network.listen, &config.network.connect);
+    let meets = if listen.is_empty() { format!("through {}", connect.join(", ")) } else { format!("listening on {}", listen.join(", ")) };
+    info!("coordinator of site {} is up: store {}, {meets}", link.site, place.display());
 
     let clock = Clock::new(config.clock);
     let core = Core::new(settings, models, numbering);
@@ -71,7 +78,7 @@ pub async fn run(config: &Config, path: Option<&Path>) -> anyhow::Result<()> {
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
-    let mut stop = std::pin::pin!(told_to_stop());
+    let mut stop = std::pin::pin!(stop);
     loop {
         tokio::select! {
             Some(input) = news.recv() => service.take(input).await,

@@ -110,7 +110,9 @@ impl Basis<'_> {
         ways.into_iter().map(|way| OptionView { station: index, travel_s, way }).collect()
     }
 
-    fn station(&self, id: &StationId, models: &StationModels, station: Option<&Station>) -> StationView {
+    /// One station, with what services that have begun hold of it.
+    #[must_use]
+    pub fn station(&self, id: &StationId, models: &StationModels, station: Option<&Station>) -> StationView {
         let mut view = StationView {
             station: id.clone(),
             out_of_order: None,
@@ -218,9 +220,17 @@ impl Basis<'_> {
     #[must_use]
     pub fn working_power_w(&self, models: &StationModels, state: &StationState) -> f64 {
         let overhead_w = forecast::overhead_per_h(&models.load).mean_wh;
-        let Some(battery) = self.models.robots.values().chain(self.models.batteries.values()).next() else { return overhead_w };
+        let Some(battery) = self.reference_battery() else { return overhead_w };
         let recharge = self.reference_recharge(models, battery);
         overhead_w + state.bays.len() as f64 * recharge.need.mean_wh / (recharge.charge_s / S_PER_H).max(1e-6)
+    }
+
+    /// The battery of the service that capacity is counted in: that of the first robot known, or
+    /// configured.
+    #[must_use]
+    pub fn reference_battery(&self) -> Option<&Arc<Model>> {
+        let known = self.fleet.robots.iter().find_map(|(id, robot)| self.models.battery(id, &robot.state.as_ref()?.battery));
+        known.or_else(|| self.models.robots.values().chain(self.models.batteries.values()).next())
     }
 
     /// The service that capacity is counted in: from where a service is wanted to where it ends.

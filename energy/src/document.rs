@@ -87,9 +87,9 @@ pub fn nearest<'a>(wrong: &str, candidates: impl Iterator<Item = &'a str>) -> Op
         .map(|(_, candidate)| candidate)
 }
 
-/// "; did you mean `x`?" or nothing.
+/// The end of a sentence about a wrong name: "; did you mean `x`?" or a full stop.
 pub fn hint<'a>(wrong: &str, candidates: impl Iterator<Item = &'a str>) -> String {
-    nearest(wrong, candidates).map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
+    nearest(wrong, candidates).map_or_else(|| ".".to_owned(), |near| format!("; did you mean `{near}`?"))
 }
 
 #[cfg(test)]

@@ -43,7 +43,7 @@ pub enum ModelSourceError {
         known: String,
     },
     /// The file cannot be read.
-    #[error("cannot read {}: {source}", .path.display())]
+    #[error("cannot read {}", .path.display())]
     Read {
         /// The file.
         path: PathBuf,

@@ -10,6 +10,9 @@ pub enum WriteError {
     /// The path names a directory.
     #[error("cannot write {}: it is a directory; name a file", .0.display())]
     IsDirectory(PathBuf),
+    /// The path names a device, a pipe or the like.
+    #[error("cannot write {}: it is there already, and is not a file", .0.display())]
+    NotAFile(PathBuf),
     /// The directory to write into is not there.
     #[error("cannot write {}: there is no directory {}", .path.display(), .directory.display())]
     NoDirectory {
@@ -19,7 +22,7 @@ pub enum WriteError {
         directory: PathBuf,
     },
     /// The disk said no.
-    #[error("cannot write {}: {source}", .path.display())]
+    #[error("cannot write {}", .path.display())]
     Io {
         /// The file asked for.
         path: PathBuf,
@@ -44,6 +47,9 @@ pub fn directory_of(path: &Path) -> PathBuf {
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     if path.is_dir() || path.file_name().is_none() {
         return Err(WriteError::IsDirectory(path.to_path_buf()));
+    }
+    if path.exists() && !path.is_file() {
+        return Err(WriteError::NotAFile(path.to_path_buf()));
     }
     let directory = directory_of(path);
     if !directory.is_dir() {

@@ -15,6 +15,25 @@ pub struct ClockConfig {
     pub origin_unix_ms: i64,
 }
 
+impl ClockConfig {
+    /// Checks that time passes, forwards and not beyond what can be counted.
+    ///
+    /// # Errors
+    /// Names the key and the allowed range.
+    pub fn check(&self) -> anyhow::Result<()> {
+        anyhow::ensure!(
+            (SPEED_MIN..=SPEED_MAX).contains(&self.speed),
+            "clock.speed = {}: must be between {SPEED_MIN} and {SPEED_MAX}",
+            self.speed
+        );
+        Ok(())
+    }
+}
+
+/// Slowest and fastest fleet time.
+const SPEED_MIN: f64 = 0.01;
+const SPEED_MAX: f64 = 10_000.0;
+
 /// Tells fleet time.
 #[derive(Debug, Clone, Copy)]
 pub struct Clock {

@@ -84,6 +84,10 @@ impl ModelRef {
 /// When the folder cannot be written to; the old file is then as it was.
 pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
     let write = || -> std::io::Result<()> {
+        // A device or a folder is not replaced by a file.
+        if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
+            return Err(std::io::Error::other("it is there already, and is not a file"));
+        }
         let name = path.file_name().ok_or_else(|| std::io::Error::other("not a file name"))?;
         let draft = path.with_file_name(format!(".{}.{}", name.to_string_lossy(), std::process::id()));
         let written = std::fs::write(&draft, text)

@@ -52,12 +52,23 @@ impl NetworkConfig {
         Self { connect: Vec::new(), listen: vec![Self::DEFAULT_ENDPOINT.to_owned()], lease_s: Self::default_lease_s() }
     }
 
+    /// Checks what types cannot.
+    ///
+    /// # Errors
+    /// Names the key and the allowed range.
+    pub fn check(&self) -> anyhow::Result<()> {
+        anyhow::ensure!((0.1..=3600.0).contains(&self.lease_s), "network.lease_s = {}: must be between 0.1 and 3600", self.lease_s);
+        anyhow::ensure!(!(self.listen.is_empty() && self.connect.is_empty()), "network: needs an address in listen or connect");
+        Ok(())
+    }
+
     fn zenoh_config(&self) -> anyhow::Result<zenoh::Config> {
         // Who listens carries traffic between the others, as a router does.
         let mode = if self.listen.is_empty() { "client" } else { "router" };
         let mut config = zenoh::Config::default();
         let mut set = |key: &str, value: serde_json::Value| {
-            config.insert_json5(key, &value.to_string()).map_err(|error| anyhow!("[network] {key} = {value}: {error}"))
+            let refused = |_| anyhow!("[network] {key} = {value}: not an address such as {}", Self::DEFAULT_ENDPOINT);
+            config.insert_json5(key, &value.to_string()).map_err(refused)
         };
         set("mode", mode.into())?;
         set("listen/endpoints", self.listen.clone().into())?;
@@ -118,6 +129,17 @@ impl Link {
     /// When the session is closed.
     pub async fn announce(&self, key: &Key) -> anyhow::Result<LivelinessToken> {
         self.session.liveliness().declare_token(key.build(&self.site)).await.map_err(|error| anyhow!("{error}"))
+    }
+
+    /// Whether somebody holds that token now.
+    pub async fn alive(&self, key: &Key) -> bool {
+        let Ok(tokens) = self.session.liveliness().get(key.build(&self.site)).timeout(Duration::from_secs(2)).await else { return false };
+        while let Ok(reply) = tokens.recv_async().await {
+            if reply.result().is_ok() {
+                return true;
+            }
+        }
+        false
     }
 
     /// Takes questions under a key expression into a queue, until the queryable is dropped.

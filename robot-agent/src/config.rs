@@ -89,6 +89,11 @@ pub enum SourceConfig {
     },
 }
 
+/// Longest time that a configuration may state, s: a year.
+const TIME_MAX_S: f64 = 365.0 * 86_400.0;
+/// Largest number that makes sense as a load's input or a weight.
+const INPUT_MAX: f64 = 1e6;
+
 /// The only version of the file so far.
 pub const SCHEMA: u32 = 1;
 
@@ -110,12 +115,22 @@ impl Config {
     /// Names the key and the allowed range.
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!(self.schema == SCHEMA, "schema = {}: this program reads schema = {SCHEMA}", self.schema);
+        self.network.check()?;
+        self.clock.map_or(Ok(()), |clock| clock.check())?;
         self.publish.check()?;
-        ensure!(self.mission.weight.is_finite() && self.mission.weight >= 0.0, "mission.weight = {}: must be >= 0", self.mission.weight);
+        ensure!(
+            (0.0..=INPUT_MAX).contains(&self.mission.weight),
+            "mission.weight = {}: must be between 0 and {INPUT_MAX}",
+            self.mission.weight
+        );
         for (station, time_s) in &self.travel_s {
-            ensure!(time_s.is_finite() && *time_s >= 0.0, "travel_s.{station} = {time_s}: must be >= 0");
+            ensure!((0.0..=TIME_MAX_S).contains(time_s), "travel_s.{station} = {time_s}: must be between 0 and {TIME_MAX_S}");
         }
-        if let SourceConfig::Sim { soc, .. } = self.source {
+        if let SourceConfig::Sim { soc, temperature_degc, .. } = self.source {
+            ensure!(
+                (-60.0..=100.0).contains(&temperature_degc),
+                "source.temperature_degc = {temperature_degc}: must be between -60 and 100"
+            );
             ensure!((0.0..=1.0).contains(&soc), "source.soc = {soc}: must be between 0 and 1");
         }
         self.inputs().map(|_| ())
@@ -128,7 +143,7 @@ impl Config {
             .map(|(name, &value)| {
                 let hint = || energy::document::hint(name, Channel::ALL.iter().map(|c| c.name()));
                 let channel = Channel::from_name(name).with_context(|| format!("mission.inputs.{name}: unknown channel{}", hint()))?;
-                ensure!(value.is_finite(), "mission.inputs.{name} = {value}: must be finite");
+                ensure!(value.abs() <= INPUT_MAX, "mission.inputs.{name} = {value}: must be between -{INPUT_MAX} and {INPUT_MAX}");
                 Ok((channel, value))
             })
             .collect()

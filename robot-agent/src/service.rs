@@ -84,7 +84,7 @@ async fn drain(
             Output::Gauge(gauge) => link.publish(&Key::RobotGauge(config.id.clone()), &gauge).await?,
             Output::State(state) => {
                 station.clone_from(&state.station);
-                info!("robot {}: {}", config.id, state.phase);
+                tracing::debug!("robot {}: {}", config.id, state.phase);
                 link.publish(&Key::RobotState(config.id.clone()), &state).await?;
             }
             Output::Act(act) => source.act(&act),

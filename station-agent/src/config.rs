@@ -96,6 +96,9 @@ pub struct TruePack {
     pub soc: f64,
 }
 
+/// Longest time that a configuration may state, s: a day.
+const TIME_MAX_S: f64 = 86_400.0;
+
 /// The only version of the file so far.
 const SCHEMA: u32 = 1;
 
@@ -117,6 +120,8 @@ impl Config {
     /// Names the key and the allowed range.
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!(self.schema == SCHEMA, "schema = {}: this program reads schema = {SCHEMA}", self.schema);
+        self.network.check()?;
+        self.clock.map_or(Ok(()), |clock| clock.check())?;
         ensure!(!self.packs.is_empty(), "packs: a station needs at least one");
         let distinct = |key: &str, names: Vec<&str>| {
             let twice = names.iter().enumerate().find(|(index, name)| names[..*index].contains(name));
@@ -133,9 +138,10 @@ impl Config {
         for spare in &self.spares {
             fraction(format!("spares.{}.soc", spare.id), spare.soc)?;
         }
-        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, .. } = &self.source;
+        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, temperature_degc, .. } = &self.source;
+        ensure!((-60.0..=100.0).contains(temperature_degc), "source.temperature_degc = {temperature_degc}: must be between -60 and 100");
         for (key, value) in [("load_s", load_s), ("unload_s", unload_s), ("swap_s", swap_s)] {
-            ensure!(value.is_finite() && *value >= 0.0, "source.{key} = {value}: must be >= 0");
+            ensure!((0.0..=TIME_MAX_S).contains(value), "source.{key} = {value}: must be between 0 and {TIME_MAX_S}");
         }
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{ExitCode, Stdio};
 use std::time::Duration;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use node::files::write_text;
 use node::{ClockConfig, NetworkConfig};
 use proto::{Key, Schedule};
@@ -15,6 +15,9 @@ use tokio::process::{Child, Command};
 use crate::config::Config;
 use crate::scenario::{Deployment, Scenario};
 use crate::service;
+
+/// Longest demonstration, real seconds.
+const SECONDS_MAX: f64 = 30.0 * 86_400.0;
 
 /// The fleet that is started when no scenario is named.
 const DEMO: &str = include_str!("../../../scenarios/demo.toml");
@@ -63,29 +66,37 @@ enum Kind {
 /// # Errors
 /// When its configuration cannot be read or the coordinator is lost.
 pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
-    end_with_parent();
     match args.kind {
-        Kind::Coordinator => service::run(&Config::read(&args.config)?, Some(&args.config)).await?,
+        Kind::Coordinator => service::run(&Config::read(&args.config)?, Some(&args.config), parent_ended()).await?,
         Kind::Robot => {
             let config = robot_agent::Config::read(&args.config)?;
             let (agent, source) = config.build(Some(&args.config))?;
-            robot_agent::run(&config, agent, source).await?;
+            tokio::select! {
+                ran = robot_agent::run(&config, agent, source) => ran?,
+                () = parent_ended() => {}
+            }
         }
         Kind::Station => {
             let config = station_agent::Config::read(&args.config)?;
             let (agent, source) = config.build_simulated(Some(&args.config))?;
-            station_agent::run(&config, agent, Box::new(source)).await?;
+            tokio::select! {
+                ran = station_agent::run(&config, agent, Box::new(source)) => ran?,
+                () = parent_ended() => {}
+            }
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Ends this process when its standard input does: `demo` holds the other end.
-fn end_with_parent() {
-    std::thread::spawn(|| {
+/// Waits until this process' standard input ends: `demo` holds the other end, and lets go of it
+/// however it ends itself.
+async fn parent_ended() {
+    let (told, ended) = tokio::sync::oneshot::channel();
+    std::thread::spawn(move || {
         let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
-        std::process::exit(0);
+        let _ = told.send(());
     });
+    let _ = ended.await;
 }
 
 /// Runs the command.
@@ -93,7 +104,10 @@ fn end_with_parent() {
 /// # Errors
 /// When the scenario cannot be read, the folder cannot be written, or a process does not start.
 pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
-    ensure!(args.speed.is_finite() && args.speed > 0.0, "--speed {}: must be a positive number", args.speed);
+    let clock = ClockConfig { speed: args.speed, origin_unix_ms: node::clock::unix_ms() };
+    clock.check().context("--speed")?;
+    let seconds = args.seconds.unwrap_or(SECONDS_MAX);
+    ensure!((0.0..=SECONDS_MAX).contains(&seconds), "--seconds {seconds}: must be between 0 and {SECONDS_MAX}");
     let scenario = match &args.scenario {
         Some(path) => Scenario::parse(path, &node::files::read_text(path)?)?,
         None => Scenario::parse(Path::new("demo.toml"), DEMO)?,
@@ -105,26 +119,30 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let mut deployment = scenario.deploy(chosen, args.seed.unwrap_or(scenario.seed))?;
     let endpoint = format!("tcp/127.0.0.1:{}", free_port()?);
-    deployment.place(&endpoint, ClockConfig { speed: args.speed, origin_unix_ms: node::clock::unix_ms() });
+    deployment.place(&endpoint, clock);
     std::fs::create_dir_all(&args.dir).with_context(|| format!("cannot make {}", args.dir.display()))?;
     let files = write(&deployment, &args.dir)?;
 
-    println!("{} at {} times real time; files in {}", scenario.name, args.speed, args.dir.display());
-    println!("In another terminal:\n  coordinator schedule capacity --config {}", files.coordinator.display());
-    println!(
+    say!("{} at {} times real time; files in {}", scenario.name, args.speed, args.dir.display());
+    say!("In another terminal:\n  coordinator schedule capacity --config {}", files.coordinator.display());
+    say!(
         "  coordinator schedule explain {} --config {}\n",
         deployment.robots.first().map_or("ROBOT", |robot| robot.id.as_ref()),
         files.coordinator.display()
     );
-    let _children = start(&files)?;
+    let mut children = start(&files)?;
     let watched = watch(&deployment.coordinator.network, &deployment.coordinator.site);
-    let limit = tokio::time::sleep(args.seconds.map_or(Duration::MAX / 4, Duration::from_secs_f64));
-    tokio::select! {
-        () = watched => {}
-        () = limit => {}
-        () = node::told_to_stop() => {}
+    let ended = tokio::select! {
+        () = watched => None,
+        () = tokio::time::sleep(Duration::from_secs_f64(seconds)) => None,
+        () = node::told_to_stop() => None,
+        ended = first_ended(&mut children) => Some(ended),
+    };
+    stop(children).await;
+    match ended {
+        Some(how) => bail!("a process of the fleet has ended by itself: {how}"),
+        None => Ok(ExitCode::SUCCESS),
     }
-    Ok(ExitCode::SUCCESS)
 }
 
 struct Files {
@@ -154,15 +172,41 @@ fn toml<T: Serialize>(config: &T) -> anyhow::Result<String> {
     Ok(toml::to_string(config)?)
 }
 
-fn start(files: &Files) -> anyhow::Result<Vec<Child>> {
+fn start(files: &Files) -> anyhow::Result<Vec<(String, Child)>> {
     let own = std::env::current_exe().context("the path of this program")?;
     let spawn = |(kind, path): (&str, &Path)| {
         let mut command = Command::new(&own);
         command.args(["agent", kind]).arg(path).env("RUST_LOG", "error").stdin(Stdio::piped()).kill_on_drop(true);
-        command.spawn().with_context(|| format!("cannot start {} for {}", own.display(), path.display()))
+        let child = command.spawn().with_context(|| format!("cannot start {} for {}", own.display(), path.display()))?;
+        Ok((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), child))
     };
     let agents = files.agents.iter().map(|(kind, path)| (*kind, path.as_path()));
     std::iter::once(("coordinator", files.coordinator.as_path())).chain(agents).map(spawn).collect()
+}
+
+/// Waits until any process ends, and says which and how.
+async fn first_ended(children: &mut [(String, Child)]) -> String {
+    loop {
+        for (name, child) in children.iter_mut() {
+            if let Ok(Some(status)) = child.try_wait() {
+                return format!("{name}, {status}");
+            }
+        }
+        tokio::time::sleep(Duration::from_millis(200)).await;
+    }
+}
+
+/// Ends every process by closing its input, and waits a little so that the store is closed.
+async fn stop(mut children: Vec<(String, Child)>) {
+    for (_, child) in &mut children {
+        drop(child.stdin.take());
+    }
+    let all = async {
+        for (_, child) in &mut children {
+            let _ = child.wait().await;
+        }
+    };
+    let _ = tokio::time::timeout(Duration::from_secs(3), all).await;
 }
 
 /// A port that nobody listens on now.
@@ -182,7 +226,7 @@ async fn watch(network: &NetworkConfig, site: &proto::SiteId) {
         if schedule.plan > 0 && state != shown {
             shown = state;
             super::schedule::show(&schedule);
-            println!();
+            say!();
         }
     }
 }

@@ -39,6 +39,6 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(store) = &args.store {
         config.store = std::path::absolute(store)?;
     }
-    service::run(&config, Some(&args.config)).await?;
+    service::run(&config, Some(&args.config), node::told_to_stop()).await?;
     Ok(ExitCode::SUCCESS)
 }

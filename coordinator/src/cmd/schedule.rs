@@ -95,7 +95,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
             let events = stored(&place).await?.events(*events).await?;
             match args.format {
                 Format::Table => events.iter().for_each(show_event),
-                Format::Json => println!("{}", serde_json::to_string_pretty(&events)?),
+                Format::Json => say!("{}", serde_json::to_string_pretty(&events)?),
             }
         }
     }
@@ -105,7 +105,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
 fn place(args: &Args) -> anyhow::Result<Place> {
     // Flags alone are enough; a configuration that is named, or lies here, says the rest.
     let config = if args.config.exists() || (args.store.is_none() && args.connect.is_empty()) {
-        Some(Config::read(&args.config).context("`coordinator schedule` needs --config, or --store, or --connect")?)
+        Some(Config::read(&args.config).context("no configuration; name one by --config, or use --store or --connect")?)
     } else {
         None
     };
@@ -132,7 +132,11 @@ async fn live<M: Message>(place: &Place, key: &Key) -> anyhow::Result<Option<M>>
     }
     let answer = service::ask(&place.network, &place.site, key).await?;
     if answer.is_none() {
-        eprintln!("no coordinator answers at {}: reading {}", place.network.connect.join(", "), place.store.display());
+        eprintln!(
+            "no coordinator answers at {}: this is the last that the store {} holds",
+            place.network.connect.join(", "),
+            place.store.display()
+        );
     }
     Ok(answer)
 }
@@ -144,7 +148,7 @@ async fn stored(place: &Place) -> anyhow::Result<Reader> {
 fn print<M: Message>(format: Format, message: &M, show: impl Fn(&M)) {
     match format {
         Format::Table => show(message),
-        Format::Json => println!("{}", proto::encode_pretty(message)),
+        Format::Json => say!("{}", proto::encode_pretty(message)),
     }
 }
 
@@ -153,7 +157,11 @@ fn clock(at: proto::Timestamp) -> String {
 }
 
 pub(super) fn show(schedule: &Schedule) {
-    println!("plan {} of {} by {} ({})", schedule.plan, schedule.at, schedule.policy, schedule.trigger);
+    if schedule.plan == 0 {
+        say!("no plan has been made yet: robots and stations that are configured have not all spoken");
+        return;
+    }
+    say!("plan {} of {} by {} ({})", schedule.plan, schedule.at, schedule.policy, schedule.trigger);
     let mut services = table();
     services.set_header(["robot", "status", "how", "where", "leave", "start", "end", "pack energy", "from"]);
     for service in &schedule.services {
@@ -175,12 +183,12 @@ pub(super) fn show(schedule: &Schedule) {
         ]);
     }
     if schedule.services.is_empty() {
-        println!("no service is planned");
+        say!("no service is planned");
     } else {
-        print!("{}", text(&services));
+        super::say_text(&text(&services));
     }
     for unserved in &schedule.unserved {
-        println!("unserved: {}: {}", unserved.robot, unserved.reasons.join("; "));
+        say!("unserved: {}: {}", unserved.robot, unserved.reasons.join("; "));
     }
 }
 
@@ -210,32 +218,33 @@ fn show_capacity(capacity: &Capacity) {
             Cell::new(format!("{:.1} Wh", pack.short_for_next_wh)).set_alignment(CellAlignment::Right),
         ]);
     }
-    print!("{}", text(&packs));
-    println!("{} robots expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
+    super::say_text(&text(&packs));
+    say!("{} robots expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
     if let Some(pack) = capacity.packs.first() {
         let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
-        println!("where the energy of one service goes (Wh): {}", causes.join(", "));
+        say!("where the energy of one service goes (Wh): {}", causes.join(", "));
     }
 }
 
 fn show_explanation(explanation: &Explanation) {
-    println!("{} at {}", explanation.robot, explanation.at);
+    say!("{} at {}", explanation.robot, explanation.at);
     match &explanation.service {
         Some(service) => {
             let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-            println!("  {} at {}{bay}, {} to {}", service.status, service.station, clock(service.start), clock(service.end));
+            say!("  {} at {}{bay}, {} to {}", service.status, service.station, clock(service.start), clock(service.end));
         }
-        None => println!("  no service"),
+        None => say!("  no service"),
     }
     for reason in &explanation.reasons {
-        println!("  - {reason}");
+        say!("  - {reason}");
     }
     for alternative in &explanation.alternatives {
         let start = alternative.start.map_or_else(|| "not now".to_owned(), |start| format!("could begin {}", clock(start)));
-        println!("  {} at {}: {start} {}", alternative.mode, alternative.station, alternative.why_not.join("; "));
+        let but = if alternative.why_not.is_empty() { String::new() } else { format!(", because {}", alternative.why_not.join("; ")) };
+        say!("  {} at {}: {start}{but}", alternative.mode, alternative.station);
     }
 }
 
 fn show_event(event: &Event) {
-    println!("{} {:<18} {}", event.at, event.kind.to_string(), event.text);
+    say!("{} {:<18} {}", event.at, event.kind.to_string(), event.text);
 }

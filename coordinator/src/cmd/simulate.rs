@@ -67,7 +67,7 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     write_files(args, &finished)?;
     match args.format {
         Format::Table => print_tables(&scenario, seed, &finished),
-        Format::Json => println!("{}", serde_json::to_string_pretty(&as_json(&scenario, seed, &finished))?),
+        Format::Json => say!("{}", serde_json::to_string_pretty(&as_json(&scenario, seed, &finished))?),
     }
     let held = finished.iter().flat_map(|run| &run.verdicts).all(Verdict::holds);
     Ok(if held { ExitCode::SUCCESS } else { ExitCode::FAILURE })
@@ -152,16 +152,16 @@ fn write_files(args: &Args, finished: &[Finished]) -> anyhow::Result<()> {
 }
 
 fn print_tables(scenario: &Scenario, seed: u64, finished: &[Finished]) {
-    println!("{} (seed {seed})", scenario.name);
+    say!("{} (seed {seed})", scenario.name);
     if !scenario.note.is_empty() {
-        println!("{}", scenario.note);
+        say!("{}", scenario.note);
     }
     for run in finished {
-        println!("\n── {} ──", run.run.name);
+        say!("\n── {} ──", run.run.name);
         print_capacity(run);
         print_timeline(run);
     }
-    println!();
+    say!();
     print_comparison(finished);
 }
 
@@ -177,7 +177,7 @@ fn print_timeline(run: &Finished) {
         let minutes = event.at.seconds_since(run.outcome.start) / 60.0;
         let text = format!("{:<16} {}", event.kind.to_string(), event.text);
         if text != last {
-            println!("{minutes:>7.1} min  {text}");
+            say!("{minutes:>7.1} min  {text}");
         }
         last = text;
     }
@@ -187,7 +187,7 @@ fn print_capacity(run: &Finished) {
     let Some(capacity) = &run.outcome.measured.first_capacity else { return };
     for pack in &capacity.packs {
         let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
-        println!(
+        say!(
             "    promise  {} of {} holds {:.1} ± {:.1} Wh usable, a service takes {:.1} ± {:.1} Wh ({}): {} robots at {:.0} %",
             pack.pack,
             pack.station,
@@ -216,10 +216,10 @@ fn print_comparison(finished: &[Finished]) {
         });
         table.add_row(std::iter::once(Cell::new(metric)).chain(values));
     }
-    print!("{}", super::text(&table));
+    super::say_text(&super::text(&table));
     let (held, all) = finished.iter().flat_map(|run| &run.verdicts).fold((0, 0), |(held, all), v| (held + usize::from(v.holds()), all + 1));
     if all > 0 {
-        println!("[expect]: {held} of {all} hold");
+        say!("[expect]: {held} of {all} hold");
     }
 }
 

@@ -21,7 +21,13 @@ impl Core {
 
     pub(super) fn robot_state(&mut self, now: Timestamp, id: RobotId, state: RobotState) {
         if self.models.battery(&id, &state.battery).is_none() {
-            self.refuse(now, format!("robot {id} is not configured and no battery model is named `{}`", state.battery));
+            self.refuse(
+                now,
+                format!(
+                    "robot {id} is not configured, and its battery `{}` is neither built in nor in [batteries]: add it to [robots]",
+                    state.battery
+                ),
+            );
             return;
         }
         let robot = self.fleet.robots.entry(id.clone()).or_default();

@@ -339,7 +339,7 @@ fn fraction(key: &str, value: f64) -> Result<(), String> {
 }
 
 fn not_negative(key: &str, value: f64) -> Result<(), String> {
-    if value.is_finite() && value >= 0.0 { Ok(()) } else { Err(format!("{key} = {value}: must be a number >= 0")) }
+    if (0.0..=DURATION_MAX_S).contains(&value) { Ok(()) } else { Err(format!("{key} = {value}: must be between 0 and {DURATION_MAX_S}")) }
 }
 
 fn check_station(station: &StationEntry) -> Result<(), String> {

@@ -102,7 +102,7 @@ pub enum StoreError {
         record: String,
     },
     /// Anything else the database reports.
-    #[error("store {}, {doing}: {source}", path.display())]
+    #[error("store {}, {doing}", path.display())]
     Database {
         /// The store.
         path: PathBuf,
@@ -112,7 +112,7 @@ pub enum StoreError {
         source: sqlx::Error,
     },
     /// Anything else the file system reports.
-    #[error("store {}, {doing}: {source}", path.display())]
+    #[error("store {}, {doing}", path.display())]
     File {
         /// The file concerned.
         path: PathBuf,

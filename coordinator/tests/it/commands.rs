@@ -65,7 +65,7 @@ const MISTAKES: &[(&str, &str, &[&str])] = &[
     ("soc = 0.5", "soc = [0.5]", &["robot explorer: soc has 1 numbers for 2 robots"]),
     ("soc = 1.0 }", "soc = -0.1 }", &["station mds-1: pack pack-1: soc = -0.1: must be between 0 and 1"]),
     ("travel_s.mds-1", "travel_s.mds-2", &["unknown station mds-2", "did you mean `mds-1`?"]),
-    ("load_s = 30\nunload_s", "load_s = inf\nunload_s", &["station mds-1: load_s = inf: must be a number >= 0"]),
+    ("load_s = 30\nunload_s", "load_s = inf\nunload_s", &["station mds-1: load_s = inf: must be between 0 and 31536000"]),
     (
         "[[run]]",
         "[[robot]]\nid = \"explorer-1\"\nbattery = \"explorer-3s1p-1320mah\"\nload = \"explorer-robot\"\nsoc = 0.5\ntravel_s = {}\n[[run]]",

@@ -12,6 +12,9 @@ use energy::units::REFERENCE_DEGC;
 
 use super::{Act, Observation, Place, Source};
 
+/// Beyond this, a number in a log is no time, current, voltage or temperature.
+const READING_MAX: f64 = 1e9;
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Row {
     time_s: f64,
@@ -57,7 +60,12 @@ impl Replay {
                 }
                 let at = || format!("{}:{line}: column `{}`: `{text}` is not a number", path.display(), &header[column]);
                 let value: f64 = text.parse().ok().with_context(at)?;
-                ensure!(value.is_finite(), "{}", at());
+                ensure!(
+                    value.abs() <= READING_MAX,
+                    "{}:{line}: column `{}`: {text} is no reading: beyond ±{READING_MAX}",
+                    path.display(),
+                    &header[column]
+                );
                 Ok(Some(value))
             };
             let time_s = number(time)?.with_context(|| format!("{}:{line}: `time_s` is empty", path.display()))?;
@@ -157,7 +165,7 @@ mod tests {
         assert!(message("time_s,current_a,volts\n0,1,4\n").contains("no column `voltage_v`"));
         assert!(message("time_s,current_a,voltage_v\n0,1,4\n5,one,4\n").contains(":3: column `current_a`: `one` is not a number"));
         assert!(message("time_s,current_a,voltage_v\n5,1,4\n4,1,4\n").contains(":3: time_s = 4 after 5"));
-        assert!(message("time_s,current_a,voltage_v\n5,NaN,4\n").contains("not a number"));
+        assert!(message("time_s,current_a,voltage_v\n5,NaN,4\n").contains("NaN is no reading"));
         assert!(message("").contains("no column"));
     }
 }
