@@ -26,6 +26,25 @@ fn a_second_coordinator_on_the_same_store_is_refused() -> anyhow::Result<()> {
 }
 
 #[test]
+fn a_second_coordinator_of_the_same_site_is_refused_whatever_its_store() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let _first = fleet.coordinator()?;
+    // It answers questions once it has announced itself.
+    let answers = || fleet.schedule(&["show"]).is_ok_and(|show| show.status.success() && show.stderr.is_empty());
+    anyhow::ensure!(tests::patiently(Duration::from_secs(30), answers), "the first coordinator does not answer");
+    let mut second = program("coordinator");
+    second.args(["run", "--config"]).arg(fleet.path("coordinator.toml")).arg("--store").arg(fleet.path("other.db"));
+    second.args(["--connect", &fleet.network().connect[0]]).stderr(std::process::Stdio::piped());
+    let mut second = second.spawn()?;
+    let ended = tests::patiently(Duration::from_secs(20), || second.try_wait().is_ok_and(|status| status.is_some()));
+    let _ = second.kill();
+    let second = second.wait_with_output()?;
+    assert!(ended && second.status.code() == Some(2), "{}", text(&second.stderr));
+    assert!(text(&second.stderr).contains("another coordinator serves site test already"), "{}", text(&second.stderr));
+    Ok(())
+}
+
+#[test]
 fn a_port_in_use_is_named_and_nothing_is_left_behind() -> anyhow::Result<()> {
     let fleet = fleet()?;
     let address = fleet.deployment.coordinator.network.listen[0].clone();
