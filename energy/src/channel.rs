@@ -39,11 +39,27 @@ channels! {
     Soc = "soc",
     /// Full cycles that the battery has seen.
     CycleCount = "cycle_count",
+    /// Days since the battery was made.
+    AgeDays = "age_days",
+    /// Current that truly flows at the terminals, whatever its sensor shows, A.
+    TerminalCurrentA = "terminal_current_a",
+    /// Voltage that is truly at the terminals, whatever its sensor shows, V.
+    TerminalVoltageV = "terminal_voltage_v",
+    /// Voltage of the cell with the lowest, V.
+    CellMinV = "cell_min_v",
+    /// Voltage of the cell with the highest, V.
+    CellMaxV = "cell_max_v",
     // Battery: inside one cell.
     /// Charge that a full pack holds now, Ah.
     CapacityAh = "capacity_ah",
     /// Current through one cell, with losses that never reach the terminals, A.
     CellCurrentA = "cell_current_a",
+    /// Charge lost inside one cell per time, A: it drains the cell without passing its resistances.
+    LostCurrentA = "lost_current_a",
+    /// Voltage of one cell, V: the mean of a series string.
+    CellVoltageV = "cell_voltage_v",
+    /// Temperature inside the cell, °C.
+    CellDegc = "cell_degc",
     /// Open-circuit voltage of one cell, V.
     OcvV = "ocv_v",
     /// Sum of all voltage drops inside one cell, V (Kottas, Eq. C.1, taken under load).
@@ -59,11 +75,33 @@ channels! {
     PitchRad = "pitch_rad",
     /// Load carried, kg.
     PayloadKg = "payload_kg",
+    /// Turn rate, anticlockwise positive, rad/s.
+    YawRateRadps = "yaw_rate_radps",
+    /// Clock of the computer, MHz.
+    CpuMhz = "cpu_mhz",
+    /// Share of time that the computer works, 0..1.
+    CpuUtil = "cpu_util",
+    /// Power that the radio sends with, dBm.
+    RadioTxDbm = "radio_tx_dbm",
+    /// Share of time that the radio sends, 0..1.
+    RadioDuty = "radio_duty",
+    /// 1 while the camera runs, else 0.
+    CameraOn = "camera_on",
+    /// Angle of the actuated tail, rad.
+    TailAngleRad = "tail_angle_rad",
+    /// Class of the floor: 0 is the one that the other numbers were stated for.
+    FloorClass = "floor_class",
     // Station.
     /// Power into the batteries of all robots that charge here, W.
     ChargePowerW = "charge_power_w",
     /// Robots that are connected to a powered bay.
     RobotsDocked = "robots_docked",
+    /// Robots whose batteries take charge.
+    RobotsCharging = "robots_charging",
+    /// Sum of the squares of all bay currents, A².
+    BaySquaredCurrentA2 = "bay_squared_current_a2",
+    /// Times that the selector switched to another pack during the step.
+    SelectorEvents = "selector_events",
     /// 1 while the lift moves, else 0.
     LiftActive = "lift_active",
     /// Current out of the station's active pack, A.

@@ -4,6 +4,8 @@
 //! absence looks like in residuals. The [`catalogue!`] line registers it and fixes its place in
 //! the order of evaluation. Nothing outside the file knows the effect by name.
 
+use std::ops::Range;
+
 use crate::channel::{Channel, Channels};
 use crate::real::{Dual, Real};
 use crate::system::{Facts, System};
@@ -11,22 +13,41 @@ use crate::system::{Facts, System};
 /// When in a step an effect acts. A [`System`] runs the phases in its own order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Phase {
+    /// Turns the current that a sensor showed into the one that flowed.
+    Sensed,
     /// Changes how much charge the battery holds.
     Capacity,
-    /// Adds a current that does not reach the terminals.
+    /// Adds a current, or a loss of charge, that does not reach the terminals.
     Current,
-    /// Adds to a cell's overpotential.
-    Voltage,
-    /// Turns losses into temperature.
+    /// Shifts a cell's equilibrium voltage without loss.
+    Equilibrium,
+    /// Adds to a cell's overpotential what follows the current at once.
+    Series,
+    /// Adds to a cell's overpotential what takes time or bends with the current.
+    Polarisation,
+    /// Makes heat and turns it into temperature.
     Heat,
+    /// Between the cells and the pack's terminals.
+    Connection,
+    /// Turns true voltage and temperature into what their sensors show.
+    Shown,
     /// Adds to the power that the loads of a robot, or the bays of a station, take.
     Load,
     /// A charger between a bay and a robot's battery.
     Charger,
+    /// Joins between a station's charger and its converter, past the charger.
+    Bypass,
     /// A converter between the battery and its loads, or a pack and its bays.
     Converter,
+    /// Adds to a robot's power what hangs on its battery directly.
+    Drive,
     /// What a station takes beside its bays.
     Overhead,
+}
+
+impl Phase {
+    /// How many phases there are.
+    pub(crate) const COUNT: usize = Phase::Overhead as usize + 1;
 }
 
 /// What is known of an effect before it is used.
@@ -81,6 +102,17 @@ pub struct ParameterSpec {
     pub source: &'static str,
 }
 
+/// What belongs to one effect in one run.
+#[derive(Debug)]
+pub struct Own<'a, S> {
+    /// Values of its parameters, in the order of its [`EffectSpec`].
+    pub parameters: &'a [S],
+    /// What [`Physics::prepare`] made of them for the length of this step.
+    pub prepared: &'a [S],
+    /// Its states.
+    pub states: &'a mut [S],
+}
+
 /// The physics of one effect, written once for plain and dual numbers.
 pub trait Physics: Send + Sync {
     /// What is known of the effect.
@@ -90,67 +122,103 @@ pub trait Physics: Send + Sync {
     /// (rest: no current has flowed for long). States start at zero unless this says otherwise.
     fn start<S: Real>(&self, _facts: &Facts, _parameters: &[S], _states: &mut [S], _channels: &Channels<S>) {}
 
+    /// How many numbers [`Physics::prepare`] makes.
+    fn prepared_len(&self) -> usize {
+        0
+    }
+
+    /// Calculates what depends on parameters and the length of a step only, such as
+    /// `exp(-dt / tau)`. Called when one of these changes, not at every step.
+    fn prepare<S: Real>(&self, _facts: &Facts, _dt_s: f64, _parameters: &[S], _prepared: &mut [S]) {}
+
     /// Advances the states over `dt_s` seconds, in which the inputs stayed as they are in
     /// `channels`, and adds the effect's share to its channel.
-    fn step<S: Real>(&self, facts: &Facts, dt_s: f64, parameters: &[S], states: &mut [S], channels: &mut Channels<S>);
+    fn step<S: Real>(&self, facts: &Facts, dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>);
 }
 
-/// [`Physics`] behind a pointer, for either kind of number.
-pub trait Effect: Send + Sync {
+/// [`Physics`] behind a pointer, for one kind of number.
+pub trait Steps<S> {
+    /// [`Physics::start`].
+    fn start(&self, facts: &Facts, parameters: &[S], states: &mut [S], channels: &Channels<S>);
+    /// [`Physics::prepare`].
+    fn prepare(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]);
+    /// [`Physics::step`].
+    fn step(&self, facts: &Facts, dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>);
+    /// [`Physics::step`] for many runs of one model, whose numbers lie behind one another.
+    fn step_many(&self, facts: &Facts, dt_s: f64, many: Many<'_, S>);
+}
+
+/// What belongs to one effect in several runs of one model: every run has a row of parameters,
+/// prepared numbers and states, of which the effect's part begins at the offset.
+#[derive(Debug)]
+pub struct Many<'a, S> {
+    /// Rows of parameters, length of a row, offset in it.
+    pub parameters: (&'a [S], usize, Range<usize>),
+    /// Rows of prepared numbers.
+    pub prepared: (&'a [S], usize, Range<usize>),
+    /// Rows of states.
+    pub states: (&'a mut [S], usize, Range<usize>),
+    /// Channels of every run.
+    pub channels: &'a mut [Channels<S>],
+}
+
+/// [`Physics`] behind a pointer.
+pub trait Effect: Steps<f64> + Steps<Dual> + Send + Sync {
     /// What is known of the effect.
     fn spec(&self) -> &'static EffectSpec;
-    /// [`Physics::start`] with plain numbers.
-    fn start_plain(&self, facts: &Facts, parameters: &[f64], states: &mut [f64], channels: &Channels<f64>);
-    /// [`Physics::start`] with derivatives.
-    fn start_dual(&self, facts: &Facts, parameters: &[Dual], states: &mut [Dual], channels: &Channels<Dual>);
-    /// [`Physics::step`] with plain numbers.
-    fn step_plain(&self, facts: &Facts, dt_s: f64, parameters: &[f64], states: &mut [f64], channels: &mut Channels<f64>);
-    /// [`Physics::step`] with derivatives.
-    fn step_dual(&self, facts: &Facts, dt_s: f64, parameters: &[Dual], states: &mut [Dual], channels: &mut Channels<Dual>);
+    /// [`Physics::prepared_len`].
+    fn prepared_len(&self) -> usize;
 }
 
 impl<T: Physics> Effect for T {
     fn spec(&self) -> &'static EffectSpec {
         Physics::spec(self)
     }
-    fn start_plain(&self, facts: &Facts, parameters: &[f64], states: &mut [f64], channels: &Channels<f64>) {
-        self.start(facts, parameters, states, channels);
+    fn prepared_len(&self) -> usize {
+        Physics::prepared_len(self)
     }
-    fn start_dual(&self, facts: &Facts, parameters: &[Dual], states: &mut [Dual], channels: &Channels<Dual>) {
-        self.start(facts, parameters, states, channels);
+}
+
+impl<T: Physics, S: Real> Steps<S> for T {
+    fn start(&self, facts: &Facts, parameters: &[S], states: &mut [S], channels: &Channels<S>) {
+        Physics::start(self, facts, parameters, states, channels);
     }
-    fn step_plain(&self, facts: &Facts, dt_s: f64, parameters: &[f64], states: &mut [f64], channels: &mut Channels<f64>) {
-        self.step(facts, dt_s, parameters, states, channels);
+    fn prepare(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        Physics::prepare(self, facts, dt_s, parameters, prepared);
     }
-    fn step_dual(&self, facts: &Facts, dt_s: f64, parameters: &[Dual], states: &mut [Dual], channels: &mut Channels<Dual>) {
-        self.step(facts, dt_s, parameters, states, channels);
+    fn step(&self, facts: &Facts, dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        Physics::step(self, facts, dt_s, own, channels);
+    }
+    fn step_many(&self, facts: &Facts, dt_s: f64, many: Many<'_, S>) {
+        let Many { parameters: (parameters, p, own_p), prepared: (prepared, q, own_q), states: (states, n, own_n), channels } = many;
+        for (index, channels) in channels.iter_mut().enumerate() {
+            let own = Own {
+                parameters: &parameters[index * p + own_p.start..index * p + own_p.end],
+                prepared: &prepared[index * q + own_q.start..index * q + own_q.end],
+                states: &mut states[index * n + own_n.start..index * n + own_n.end],
+            };
+            Physics::step(self, facts, dt_s, own, channels);
+        }
     }
 }
 
 /// The kinds of number that a [`crate::Run`] can be made of: each picks its half of [`Effect`].
 pub trait Lane: Real {
-    /// Starts an effect.
-    fn start(effect: &dyn Effect, facts: &Facts, parameters: &[Self], states: &mut [Self], channels: &Channels<Self>);
-    /// Steps an effect.
-    fn step(effect: &dyn Effect, facts: &Facts, dt_s: f64, parameters: &[Self], states: &mut [Self], channels: &mut Channels<Self>);
+    /// The effect for this kind of number.
+    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<Self>;
 }
 
 impl Lane for f64 {
-    fn start(effect: &dyn Effect, facts: &Facts, parameters: &[f64], states: &mut [f64], channels: &Channels<f64>) {
-        effect.start_plain(facts, parameters, states, channels);
-    }
     #[inline]
-    fn step(effect: &dyn Effect, facts: &Facts, dt_s: f64, parameters: &[f64], states: &mut [f64], channels: &mut Channels<f64>) {
-        effect.step_plain(facts, dt_s, parameters, states, channels);
+    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<f64> {
+        effect
     }
 }
 
 impl Lane for Dual {
-    fn start(effect: &dyn Effect, facts: &Facts, parameters: &[Dual], states: &mut [Dual], channels: &Channels<Dual>) {
-        effect.start_dual(facts, parameters, states, channels);
-    }
-    fn step(effect: &dyn Effect, facts: &Facts, dt_s: f64, parameters: &[Dual], states: &mut [Dual], channels: &mut Channels<Dual>) {
-        effect.step_dual(facts, dt_s, parameters, states, channels);
+    #[inline]
+    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<Dual> {
+        effect
     }
 }
 
@@ -196,6 +264,21 @@ pub fn catalogue() -> &'static [&'static dyn Effect] {
 #[must_use]
 pub fn find(system: System, id: &str) -> Option<(usize, &'static dyn Effect)> {
     CATALOGUE.iter().copied().enumerate().find(|(_, effect)| effect.spec().system == system && effect.spec().id == id)
+}
+
+/// Steps a lone effect once, as a run would: for the tests of effects.
+#[cfg(test)]
+pub(crate) fn step_once(
+    effect: &impl Physics,
+    facts: &Facts,
+    dt_s: f64,
+    parameters: &[f64],
+    states: &mut [f64],
+    channels: &mut Channels<f64>,
+) {
+    let mut prepared = vec![0.0; Physics::prepared_len(effect)];
+    Physics::prepare(effect, facts, dt_s, parameters, &mut prepared);
+    Physics::step(effect, facts, dt_s, Own { parameters, prepared: &prepared, states }, channels);
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use crate::load::Terminals as _;
 use crate::units::S_PER_H;
 use crate::{Channel, Estimate, Model, Run, Start, propagate, propagate_all};
 
@@ -110,7 +111,7 @@ fn uncertain(model: &Model, soc: Estimate) -> Vec<Estimate> {
 /// A run of the model at one draw of its uncertain inputs. The capacity's factor is left to the
 /// caller: it scales energy and time of any forecast that keeps the power per capacity.
 fn run_at(model: &Arc<Model>, inputs: &[f64], temperature_degc: f64) -> Run<f64> {
-    let start = Start { soc: inputs[0].clamp(0.0, 1.0), temperature_degc, cycle_count: 0.0 };
+    let start = Start { temperature_degc, ..Start::at_soc(inputs[0].clamp(0.0, 1.0)) };
     let parameters = inputs[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
     Run::with_parameters(Arc::clone(model), parameters, start)
 }

@@ -6,9 +6,9 @@
 //!   system/      battery, robot, station: which channels go in and out, and the order of a step
 //!     |
 //!   model.rs     facts + effects + parameters, read from a TOML text
-//!   run.rs       a model in motion: channels, state, step(dt_s)
+//!   run.rs       a model in motion: channels, state, step(dt_s); batch.rs: many at once
 //!     |
-//!   load.rs      what holds at the terminals: constant power, CC-CV charge
+//!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
 //!   forecast.rs  energy and time to the end of a discharge or a charge, with sigma
 //!   gauge/       estimators that turn raw samples into state of charge and energy
 //! ```
@@ -16,6 +16,7 @@
 //! The gauge in the agent, the forecast in the coordinator, the body in the simulator and the
 //! curve in the lab all step the same [`Run`]. Discharge current and drawn power are positive.
 
+mod batch;
 pub mod channel;
 pub mod document;
 pub mod effect;
@@ -28,12 +29,14 @@ pub mod ocv;
 mod params;
 pub mod real;
 mod run;
+mod step;
 pub mod system;
 pub mod units;
 
+pub use batch::Batch;
 pub use channel::{Channel, Channels};
 pub use document::DocumentError;
-pub use effect::{Effect, EffectSpec, ParameterSpec, Phase, catalogue, find};
+pub use effect::{Effect, EffectSpec, Own, ParameterSpec, Phase, catalogue, find};
 pub use estimate::{Estimate, propagate, propagate_all};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
 pub use ocv::OcvTable;

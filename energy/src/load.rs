@@ -1,4 +1,5 @@
-//! What holds at a pack's terminals when it is not the current: a constant power, or a charger.
+//! What holds at a pack's terminals when it is not the current: a constant power, a constant
+//! resistance, or a charger.
 
 use std::fmt;
 
@@ -22,16 +23,28 @@ impl std::error::Error for CannotDeliver {}
 
 /// Largest relative error of the power that the root search leaves.
 const POWER_TOLERANCE: f64 = 1e-9;
+/// Largest error of a charger's voltage that the search leaves, V.
+const VOLTAGE_TOLERANCE_V: f64 = 1e-7;
 /// Bound on iterations; quadratic convergence needs about five.
 const ITERATIONS_MAX: usize = 60;
 
-impl Run<f64> {
-    /// Voltage at the end of a step with this current, without keeping the step.
-    fn trial_v(&mut self, current_a: f64, dt_s: f64) -> f64 {
+/// A thing with two terminals whose steps can be tried: a run of like cells, or a pack of unlike
+/// ones. Whatever holds at the terminals is found by trying currents.
+pub trait Terminals {
+    /// Keeps the present state.
+    fn save(&mut self);
+    /// Takes back every step since [`Terminals::save`].
+    fn restore(&mut self);
+    /// Steps under a current as its sensor shows it, A.
+    fn step_current(&mut self, current_a: f64, dt_s: f64);
+    /// The value of a channel at the terminals: current, voltage, power.
+    fn channel(&self, channel: Channel) -> f64;
+
+    /// Voltage and power at the terminals after a step with this current from the kept state.
+    fn trial(&mut self, current_a: f64, dt_s: f64) -> (f64, f64) {
         self.restore();
-        self.channels[Channel::CurrentA] = current_a;
-        self.step(dt_s);
-        self.channels[Channel::VoltageV]
+        self.step_current(current_a, dt_s);
+        (self.channel(Channel::TerminalVoltageV), self.channel(Channel::PowerW))
     }
 
     /// Steps a battery by `dt_s` under a constant power (W, discharge positive) and returns the
@@ -42,21 +55,21 @@ impl Run<f64> {
     /// branch; past the limit the slope turns and there is no answer.
     ///
     /// # Errors
-    /// [`CannotDeliver`] when no current gives that power; the run is as it was before.
-    pub fn step_power(&mut self, power_w: f64, dt_s: f64) -> Result<f64, CannotDeliver> {
-        let temperature_degc = self.channels[Channel::TemperatureDegc];
+    /// [`CannotDeliver`] when no current gives that power; everything is as it was before.
+    fn step_power(&mut self, power_w: f64, dt_s: f64) -> Result<f64, CannotDeliver> {
+        // Under a steady power the last current is a close start; a discharge lets it rise slowly.
+        let last_a = self.channel(Channel::CurrentA).max(0.0);
         self.save();
         if power_w == 0.0 {
-            self.trial_v(0.0, dt_s);
+            self.trial(0.0, dt_s);
             return Ok(0.0);
         }
-        // Under a steady power the last current is a close start; a discharge lets it rise slowly.
-        let mut current_a = if power_w > 0.0 { self.channels[Channel::CurrentA].max(0.0) } else { 0.0 };
+        let mut current_a = if power_w > 0.0 { last_a } else { 0.0 };
         let mut slope = None;
         let mut before_w = f64::INFINITY;
         for _ in 0..ITERATIONS_MAX {
-            let voltage_v = self.trial_v(current_a, dt_s);
-            let missing_w = power_w - current_a * voltage_v;
+            let given_w = self.trial(current_a, dt_s).1;
+            let missing_w = power_w - given_w;
             if missing_w.abs() <= POWER_TOLERANCE * power_w.abs() {
                 return Ok(current_a);
             }
@@ -68,7 +81,7 @@ impl Run<f64> {
             // The curve bends so little over one step that its first slope serves all iterations.
             let slope_v = *slope.get_or_insert_with(|| {
                 let nudge_a = 1e-4 * (1.0 + current_a.abs());
-                ((current_a + nudge_a) * self.trial_v(current_a + nudge_a, dt_s) - current_a * voltage_v) / nudge_a
+                (self.trial(current_a + nudge_a, dt_s).1 - given_w) / nudge_a
             });
             if slope_v > 0.0 {
                 current_a += missing_w / slope_v;
@@ -80,28 +93,53 @@ impl Run<f64> {
             }
         }
         self.restore();
-        self.channels[Channel::TemperatureDegc] = temperature_degc;
         Err(CannotDeliver { power_w })
+    }
+
+    /// Steps a battery by `dt_s` with a resistance (ohm, > 0) across its terminals and returns
+    /// the current, A.
+    ///
+    /// The current lies where `V(I) = R I`; V falls with I, so there is one root, found by
+    /// secants within brackets.
+    fn step_resistance(&mut self, resistance_ohm: f64, dt_s: f64) -> f64 {
+        self.save();
+        let (mut low_a, mut low_v) = (0.0, self.trial(0.0, dt_s).0);
+        let mut high_a = low_v.max(0.0) / resistance_ohm;
+        let mut high_v = self.trial(high_a, dt_s).0 - resistance_ohm * high_a;
+        let mut current_a = low_a;
+        for _ in 0..ITERATIONS_MAX {
+            if high_a - low_a <= POWER_TOLERANCE * high_a {
+                break;
+            }
+            current_a = low_a + low_v / (low_v - high_v) * (high_a - low_a);
+            let excess_v = self.trial(current_a, dt_s).0 - resistance_ohm * current_a;
+            if excess_v.abs() <= POWER_TOLERANCE * resistance_ohm * current_a {
+                break;
+            }
+            if excess_v > 0.0 { (low_a, low_v) = (current_a, excess_v) } else { (high_a, high_v) = (current_a, excess_v) }
+        }
+        self.trial(current_a, dt_s);
+        current_a
     }
 
     /// Steps a battery by `dt_s` on a CC-CV charger and returns the current, A (charging is
     /// negative, zero when the pack is above the charger's voltage).
-    pub fn step_charge(&mut self, current_max_a: f64, voltage_max_v: f64, dt_s: f64) -> f64 {
+    fn step_charge(&mut self, current_max_a: f64, voltage_max_v: f64, dt_s: f64) -> f64 {
         self.save();
-        if self.trial_v(-current_max_a, dt_s) <= voltage_max_v {
+        let mut more_v = self.trial(-current_max_a, dt_s).0;
+        if more_v <= voltage_max_v {
             return -current_max_a;
         }
         // The voltage rises with the charge current: the root lies between none and the most.
         let (mut less_a, mut more_a) = (0.0, current_max_a);
-        let mut less_v = self.trial_v(0.0, dt_s);
+        let mut less_v = self.trial(0.0, dt_s).0;
         if less_v >= voltage_max_v {
             return 0.0;
         }
-        let mut more_v = self.trial_v(-more_a, dt_s);
         for _ in 0..ITERATIONS_MAX {
             let guess_a = less_a + (voltage_max_v - less_v) / (more_v - less_v) * (more_a - less_a);
-            let guess_v = self.trial_v(-guess_a, dt_s);
-            if (guess_v - voltage_max_v).abs() < 1e-7 || (more_a - less_a) < 1e-9 {
+            let guess_v = self.trial(-guess_a, dt_s).0;
+            if (guess_v - voltage_max_v).abs() < VOLTAGE_TOLERANCE_V || (more_a - less_a) < 1e-9 {
                 return -guess_a;
             }
             if guess_v > voltage_max_v {
@@ -111,8 +149,28 @@ impl Run<f64> {
             }
         }
         let kept_a = less_a;
-        self.trial_v(-kept_a, dt_s);
+        self.trial(-kept_a, dt_s);
         -kept_a
+    }
+}
+
+impl Terminals for Run<f64> {
+    fn save(&mut self) {
+        Run::save(self);
+    }
+
+    fn restore(&mut self) {
+        Run::restore(self);
+    }
+
+    #[inline]
+    fn step_current(&mut self, current_a: f64, dt_s: f64) {
+        self.channels[Channel::CurrentA] = current_a;
+        self.step(dt_s);
+    }
+
+    fn channel(&self, channel: Channel) -> f64 {
+        self.channels[channel]
     }
 }
 
@@ -152,6 +210,13 @@ mod tests {
         let mut run = cell();
         assert_eq!(run.step_power(40.01, 1.0), Err(CannotDeliver { power_w: 40.01 }));
         assert!((run.channels[Channel::Soc] - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_resistance_draws_what_ohms_law_says() {
+        // 4 V over 0.1 + 1.9 ohm: 2 A; over a short of 1 milliohm: 4 / 0.101.
+        assert!((cell().step_resistance(1.9, 1.0) - 2.0).abs() < 1e-8);
+        assert!((cell().step_resistance(0.001, 1.0) - 4.0 / 0.101).abs() < 1e-6);
     }
 
     #[test]

@@ -96,6 +96,7 @@ pub struct Uncertainty {
 pub(crate) struct Placed {
     pub(crate) effect: &'static dyn Effect,
     pub(crate) parameters: Range<usize>,
+    pub(crate) prepared: Range<usize>,
     pub(crate) states: Range<usize>,
 }
 
@@ -113,8 +114,9 @@ pub struct Model {
     pub uncertainty: Uncertainty,
     parameters: Vec<Parameter>,
     placed: Vec<Placed>,
-    phase_ends: Vec<usize>,
+    phases: [Range<usize>; Phase::COUNT],
     state_count: usize,
+    prepared_count: usize,
 }
 
 impl std::fmt::Debug for Model {
@@ -140,23 +142,27 @@ impl Model {
         if let Some(twice) = effects.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             return Err(format!("effect `{}` appears twice; a model has each effect at most once", catalogue()[twice[0].0].spec().id));
         }
-        let mut phase_ends = vec![0; system.phases().len()];
-        let mut placed = Vec::new();
+        let mut placed: Vec<Placed> = Vec::new();
         let mut parameters = Vec::new();
         // A battery's own state comes first: its charge.
         let mut state_count = usize::from(system == System::Battery);
+        let mut prepared_count = 0;
         for (index, own) in effects {
             let effect = catalogue()[index];
             let states = state_count..state_count + effect.spec().states.len();
             let range = parameters.len()..parameters.len() + own.len();
-            state_count = states.end;
+            let prepared = prepared_count..prepared_count + effect.prepared_len();
+            (state_count, prepared_count) = (states.end, prepared.end);
             parameters.extend(own);
-            placed.push(Placed { effect, parameters: range, states });
-            for end in &mut phase_ends[phase_of(index)..] {
-                *end = placed.len();
-            }
+            placed.push(Placed { effect, parameters: range, prepared, states });
         }
-        Ok(Model { name, system, facts, sensors, uncertainty, parameters, placed, phase_ends, state_count })
+        // Effects of a phase lie together; a phase that the system lacks has none.
+        let mut phases = [const { 0..0 }; Phase::COUNT];
+        for (index, place) in placed.iter().enumerate() {
+            let range = &mut phases[place.effect.spec().phase as usize];
+            *range = if range.start == range.end { index..index + 1 } else { range.start..index + 1 };
+        }
+        Ok(Model { name, system, facts, sensors, uncertainty, parameters, placed, phases, state_count, prepared_count })
     }
 
     /// The same model without some of its effects.
@@ -201,6 +207,13 @@ impl Model {
         self.placed.iter().map(|placed| placed.effect)
     }
 
+    /// Whether the model says how the cell's temperature moves; otherwise a measured temperature
+    /// is an input.
+    #[must_use]
+    pub fn predicts_temperature(&self) -> bool {
+        self.placed_in(Phase::Heat).iter().any(|placed| placed.effect.spec().channel == Channel::CellDegc)
+    }
+
     /// Facts of a pack.
     ///
     /// # Panics
@@ -223,10 +236,12 @@ impl Model {
         &self.placed
     }
 
-    pub(crate) fn placed_in(&self, phase: Phase) -> Range<usize> {
-        let index = self.system.phases().iter().position(|&p| p == phase).expect("a phase of this system");
-        let start = if index == 0 { 0 } else { self.phase_ends[index - 1] };
-        start..self.phase_ends[index]
+    pub(crate) fn placed_in(&self, phase: Phase) -> &[Placed] {
+        &self.placed[self.phases[phase as usize].clone()]
+    }
+
+    pub(crate) fn prepared_count(&self) -> usize {
+        self.prepared_count
     }
 
     pub(crate) fn state_count(&self) -> usize {

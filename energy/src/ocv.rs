@@ -8,6 +8,10 @@ use crate::real::Real;
 pub struct OcvTable {
     soc: Vec<f64>,
     voltage_v: Vec<f64>,
+    /// Slope of every segment, V.
+    slopes_v: Vec<f64>,
+    /// Buckets per unit of SoC.
+    buckets_per_soc: f64,
     /// The segment at the beginning of each of [`BUCKETS`] equal parts of the table: where a
     /// search begins, so that it ends after a step or two.
     buckets: Vec<usize>,
@@ -46,8 +50,11 @@ impl OcvTable {
                 ));
             }
         }
-        let mut table = Self { soc, voltage_v, buckets: Vec::new() };
-        let (first, last) = (table.soc[0], table.soc[table.soc.len() - 1]);
+        let slope = |(s, v): (&[f64], &[f64])| (v[1] - v[0]) / (s[1] - s[0]);
+        let slopes_v = soc.windows(2).zip(voltage_v.windows(2)).map(slope).collect();
+        let (first, last) = (soc[0], soc[soc.len() - 1]);
+        let buckets_per_soc = BUCKETS as f64 / (last - first);
+        let mut table = Self { soc, voltage_v, slopes_v, buckets_per_soc, buckets: Vec::new() };
         let begins = (0..BUCKETS).map(|bucket| first + (last - first) * bucket as f64 / BUCKETS as f64);
         table.buckets = begins.map(|soc| table.soc.partition_point(|&knot| knot <= soc).clamp(1, table.soc.len() - 1) - 1).collect();
         Ok(table)
@@ -63,14 +70,13 @@ impl OcvTable {
     #[inline]
     pub fn voltage_v<S: Real>(&self, soc: S) -> S {
         let low = self.segment(soc.re());
-        let slope = self.slope(low);
-        (soc - self.soc[low]) * slope + self.voltage_v[low]
+        (soc - self.soc[low]) * self.slopes_v[low] + self.voltage_v[low]
     }
 
     /// dOCV/dSoC at `soc`, V.
     #[must_use]
     pub fn slope_v(&self, soc: f64) -> f64 {
-        self.slope(self.segment(soc))
+        self.slopes_v[self.segment(soc)]
     }
 
     /// State of charge at which a rested cell shows `voltage_v`, kept within the table. On a
@@ -85,24 +91,18 @@ impl OcvTable {
             return self.soc[last];
         }
         let high = self.voltage_v.partition_point(|&v| v < voltage_v).max(1);
-        self.soc[high - 1] + (voltage_v - self.voltage_v[high - 1]) / self.slope(high - 1)
+        self.soc[high - 1] + (voltage_v - self.voltage_v[high - 1]) / self.slopes_v[high - 1]
     }
 
     #[inline]
     fn segment(&self, soc: f64) -> usize {
-        let (first, last) = (self.soc[0], self.soc[self.soc.len() - 1]);
         // A float becomes an index by saturation: below the table 0, above it the last bucket.
-        let bucket = ((soc - first) / (last - first) * BUCKETS as f64) as usize;
+        let bucket = ((soc - self.soc[0]) * self.buckets_per_soc) as usize;
         let mut segment = self.buckets[bucket.min(BUCKETS - 1)];
         while segment + 2 < self.soc.len() && self.soc[segment + 1] <= soc {
             segment += 1;
         }
         segment
-    }
-
-    #[inline]
-    fn slope(&self, low: usize) -> f64 {
-        (self.voltage_v[low + 1] - self.voltage_v[low]) / (self.soc[low + 1] - self.soc[low])
     }
 }
 

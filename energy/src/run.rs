@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::effect::{Lane, Phase};
+use crate::effect::{Lane, Own, Phase};
 use crate::model::{Model, Placed};
-use crate::system::{BatteryFacts, Facts, System};
-use crate::units::{REFERENCE_DEGC, S_PER_H};
+use crate::step::{self, Parts};
+use crate::system::Facts;
+use crate::units::REFERENCE_DEGC;
 use crate::{Channel, Channels};
 
 /// Where a run begins.
@@ -17,13 +18,21 @@ pub struct Start<S = f64> {
     pub temperature_degc: f64,
     /// Full cycles so far, for a battery.
     pub cycle_count: f64,
+    /// Days since the battery was made.
+    pub age_days: f64,
 }
 
 impl Start<f64> {
     /// A new battery at this state of charge and the reference temperature.
     #[must_use]
     pub fn at_soc(soc: f64) -> Self {
-        Self { soc, temperature_degc: REFERENCE_DEGC, cycle_count: 0.0 }
+        Self { soc, temperature_degc: REFERENCE_DEGC, cycle_count: 0.0, age_days: 0.0 }
+    }
+
+    /// The same start, as plain or dual numbers.
+    #[must_use]
+    pub fn lifted<S: From<f64>>(self) -> Start<S> {
+        Start { soc: S::from(self.soc), temperature_degc: self.temperature_degc, cycle_count: self.cycle_count, age_days: self.age_days }
     }
 }
 
@@ -35,8 +44,11 @@ impl Start<f64> {
 pub struct Run<S: Lane> {
     model: Arc<Model>,
     parameters: Vec<S>,
+    /// What effects prepared for steps of `prepared_dt_s`; NaN when they have not.
+    prepared: Vec<S>,
+    prepared_dt_s: f64,
     states: Vec<S>,
-    saved: Vec<S>,
+    saved: (Vec<S>, Channels<S>),
     /// The value of every channel.
     pub channels: Channels<S>,
 }
@@ -58,35 +70,42 @@ impl<S: Lane> Run<S> {
     #[must_use]
     pub fn with_parameters(model: Arc<Model>, parameters: Vec<S>, start: Start<S>) -> Self {
         assert_eq!(parameters.len(), model.parameters().len(), "one value per parameter of {}", model.name);
-        let states = vec![S::from(0.0); model.state_count()];
-        let mut run = Run { saved: states.clone(), model, parameters, states, channels: Channels::filled(S::from(0.0)) };
+        let zero = S::from(0.0);
+        let (states, channels) = (vec![zero; model.state_count()], Channels::filled(zero));
+        let prepared = vec![zero; model.prepared_count()];
+        let mut run = Run { saved: (states.clone(), channels), model, parameters, prepared, prepared_dt_s: f64::NAN, states, channels };
         run.restart(start);
         run
     }
 
     /// Puts the run back to a start, keeping its parameters.
     pub fn restart(&mut self, start: Start<S>) {
-        self.states.fill(S::from(0.0));
         self.channels = Channels::filled(S::from(0.0));
-        self.channels[Channel::Soc] = start.soc;
-        self.channels[Channel::TemperatureDegc] = S::from(start.temperature_degc);
-        self.channels[Channel::AmbientDegc] = S::from(start.temperature_degc);
-        self.channels[Channel::CycleCount] = S::from(start.cycle_count);
-        let model = Arc::clone(&self.model);
-        if let Facts::Battery(facts) = &model.facts {
-            self.states[0] = start.soc;
-            self.channels[Channel::VoltageV] = facts.ocv.voltage_v(start.soc) * f64::from(facts.series);
-        }
-        for placed in model.placed() {
-            let (parameters, states) = (&self.parameters[placed.parameters.clone()], &mut self.states[placed.states.clone()]);
-            S::start(placed.effect, &model.facts, parameters, states, &self.channels);
-        }
+        begin(&self.model, &self.parameters, &mut self.states, &mut self.channels, start);
+    }
+
+    /// Takes other parameter values, in the order of [`Model::parameters`]; states stay.
+    pub fn set_parameters(&mut self, parameters: &[S]) {
+        self.parameters.copy_from_slice(parameters);
+        self.prepared_dt_s = f64::NAN;
     }
 
     /// The model that runs.
     #[must_use]
     pub fn model(&self) -> &Arc<Model> {
         &self.model
+    }
+
+    /// All states: for a battery its state of charge, then those of the effects in order of
+    /// evaluation.
+    #[must_use]
+    pub fn states(&self) -> &[S] {
+        &self.states
+    }
+
+    /// All states, to be changed: an estimator corrects them.
+    pub fn states_mut(&mut self) -> &mut [S] {
+        &mut self.states
     }
 
     /// Advances by `dt_s` seconds (> 0).
@@ -104,69 +123,90 @@ impl<S: Lane> Run<S> {
         shares
     }
 
-    /// Keeps the states, so that [`Run::restore`] can take a trial step back.
+    /// Keeps states and channels, so that [`Run::restore`] can take trial steps back.
     pub fn save(&mut self) {
-        self.saved.copy_from_slice(&self.states);
+        self.saved.0.copy_from_slice(&self.states);
+        self.saved.1 = self.channels;
     }
 
-    /// Takes back every step since [`Run::save`]. Channels keep the values of the last step.
+    /// Takes back every step since [`Run::save`].
     pub fn restore(&mut self) {
-        self.states.copy_from_slice(&self.saved);
-        if self.model.system == System::Battery {
-            self.channels[Channel::Soc] = self.states[0];
-        }
+        self.states.copy_from_slice(&self.saved.0);
+        self.channels = self.saved.1;
     }
 
     #[inline]
-    fn step_observed(&mut self, dt_s: f64, mut observe: impl FnMut(&Placed, S, S)) {
-        let model = Arc::clone(&self.model);
-        match &model.facts {
-            Facts::Battery(facts) => self.step_battery(&model, facts, dt_s, &mut observe),
-            Facts::Robot => {
-                self.channels[Channel::PowerW] = S::from(0.0);
-                self.effects(&model, 0..model.placed().len(), dt_s, &mut observe);
-            }
-            Facts::Station => {
-                self.channels[Channel::PackPowerW] = self.channels[Channel::ChargePowerW];
-                self.effects(&model, 0..model.placed().len(), dt_s, &mut observe);
-            }
+    fn step_observed(&mut self, dt_s: f64, observe: impl FnMut(&Placed, S, S)) {
+        let Run { model, parameters, prepared, prepared_dt_s, states, channels, .. } = self;
+        if *prepared_dt_s != dt_s {
+            prepare(model, dt_s, parameters, prepared);
+            *prepared_dt_s = dt_s;
+        }
+        step::step(model, dt_s, &mut Lone { model, dt_s, parameters, prepared, states, channels, observe });
+    }
+}
+
+/// Sets states and channels of one run to its start.
+pub(crate) fn begin<S: Lane>(model: &Model, parameters: &[S], states: &mut [S], channels: &mut Channels<S>, start: Start<S>) {
+    states.fill(S::from(0.0));
+    channels[Channel::Soc] = start.soc;
+    for channel in [Channel::TemperatureDegc, Channel::AmbientDegc, Channel::CellDegc] {
+        channels[channel] = S::from(start.temperature_degc);
+    }
+    channels[Channel::CycleCount] = S::from(start.cycle_count);
+    channels[Channel::AgeDays] = S::from(start.age_days);
+    if let Facts::Battery(facts) = &model.facts {
+        states[0] = start.soc;
+        channels[Channel::OcvV] = facts.ocv.voltage_v(start.soc);
+        for channel in [Channel::CellVoltageV, Channel::CellMinV, Channel::CellMaxV] {
+            channels[channel] = channels[Channel::OcvV];
+        }
+        for channel in [Channel::VoltageV, Channel::TerminalVoltageV] {
+            channels[channel] = channels[Channel::OcvV] * f64::from(facts.series);
         }
     }
-
-    fn step_battery(&mut self, model: &Model, facts: &BatteryFacts, dt_s: f64, observe: &mut impl FnMut(&Placed, S, S)) {
-        let parallel = f64::from(facts.parallel);
-        self.channels[Channel::Soc] = self.states[0];
-        self.channels[Channel::CapacityAh] = S::from(facts.capacity_ah);
-        self.channels[Channel::CellCurrentA] = self.channels[Channel::CurrentA] / parallel;
-        self.effects(model, model.placed_in(Phase::Capacity), dt_s, observe);
-        self.effects(model, model.placed_in(Phase::Current), dt_s, observe);
-
-        // Charge: the cell's current over the cell's capacity, exact for a held current.
-        let cell_capacity_ah = self.channels[Channel::CapacityAh] / parallel;
-        self.states[0] -= self.channels[Channel::CellCurrentA] / cell_capacity_ah * (dt_s / S_PER_H);
-        self.channels[Channel::Soc] = self.states[0];
-
-        let ocv_v = facts.ocv.voltage_v(self.states[0]);
-        self.channels[Channel::OcvV] = ocv_v;
-        self.channels[Channel::OverpotentialV] = S::from(0.0);
-        self.effects(model, model.placed_in(Phase::Voltage), dt_s, observe);
-        let overpotential_v = self.channels[Channel::OverpotentialV];
-        let voltage_v = (ocv_v - overpotential_v) * f64::from(facts.series);
-        self.channels[Channel::VoltageV] = voltage_v;
-        self.channels[Channel::PowerW] = voltage_v * self.channels[Channel::CurrentA];
-
-        self.channels[Channel::HeatW] = overpotential_v * self.channels[Channel::CellCurrentA];
-        self.effects(model, model.placed_in(Phase::Heat), dt_s, observe);
+    for placed in model.placed() {
+        S::of(placed.effect).start(&model.facts, &parameters[placed.parameters.clone()], &mut states[placed.states.clone()], channels);
     }
+}
 
+/// Lets every effect prepare for steps of this length.
+pub(crate) fn prepare<S: Lane>(model: &Model, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+    for placed in model.placed() {
+        let own = &mut prepared[placed.prepared.clone()];
+        S::of(placed.effect).prepare(&model.facts, dt_s, &parameters[placed.parameters.clone()], own);
+    }
+}
+
+/// The parts of one run, for a step.
+struct Lone<'a, S, F> {
+    model: &'a Model,
+    dt_s: f64,
+    parameters: &'a [S],
+    prepared: &'a [S],
+    states: &'a mut [S],
+    channels: &'a mut Channels<S>,
+    observe: F,
+}
+
+impl<S: Lane, F: FnMut(&Placed, S, S)> Parts<S> for Lone<'_, S, F> {
     #[inline]
-    fn effects(&mut self, model: &Model, which: std::ops::Range<usize>, dt_s: f64, observe: &mut impl FnMut(&Placed, S, S)) {
-        for placed in &model.placed()[which] {
+    fn act(&mut self, phase: Phase) {
+        for placed in self.model.placed_in(phase) {
             let channel = placed.effect.spec().channel;
             let before = self.channels[channel];
-            let (parameters, states) = (&self.parameters[placed.parameters.clone()], &mut self.states[placed.states.clone()]);
-            S::step(placed.effect, &model.facts, dt_s, parameters, states, &mut self.channels);
-            observe(placed, before, self.channels[channel]);
+            let own = Own {
+                parameters: &self.parameters[placed.parameters.clone()],
+                prepared: &self.prepared[placed.prepared.clone()],
+                states: &mut self.states[placed.states.clone()],
+            };
+            S::of(placed.effect).step(&self.model.facts, self.dt_s, own, self.channels);
+            (self.observe)(placed, before, self.channels[channel]);
         }
+    }
+
+    #[inline]
+    fn each(&mut self, between: impl Fn(&mut [S], &mut Channels<S>)) {
+        between(self.states, self.channels);
     }
 }

@@ -1,9 +1,10 @@
 //! The three systems: which phases a step has, what goes in and what comes out.
 //!
 //! ```text
-//!   battery   current ──> [capacity] [leaks] ─> SoC ─> OCV ─> [overpotential] ─> voltage ─> [heat] ─> temperature
-//!   robot     speed, pitch ──> [loads] ─> [converter] ─> power out of the robot's pack
-//!   station   charge power ──> [robots' loads] ─> [chargers] ─> [converters] ─> [hotel, lift] ─> power out of the pack
+//!   battery   shown current ──> [sensed] ─> [capacity] [leaks] ─> SoC ─> OCV [equilibrium] ─> [series] [polarisation]
+//!             ─> cell voltage ─> [heat] ─> temperature ─> [connection] ─> terminal voltage ─> [shown] ─> voltage
+//!   robot     speed, pitch ... ──> [loads] ─> [converter] ─> [drive] ─> power out of the robot's pack
+//!   station   charge power ──> [robots' loads] ─> [chargers] ─> [bypass] ─> [converters] ─> [hotel, lift] ─> power out of the pack
 //! ```
 //!
 //! In brackets: the effects of the model, of which there may be none.
@@ -41,9 +42,19 @@ impl System {
     #[must_use]
     pub const fn phases(self) -> &'static [Phase] {
         match self {
-            System::Battery => &[Phase::Capacity, Phase::Current, Phase::Voltage, Phase::Heat],
-            System::Robot => &[Phase::Load, Phase::Converter],
-            System::Station => &[Phase::Load, Phase::Charger, Phase::Converter, Phase::Overhead],
+            System::Battery => &[
+                Phase::Sensed,
+                Phase::Capacity,
+                Phase::Current,
+                Phase::Equilibrium,
+                Phase::Series,
+                Phase::Polarisation,
+                Phase::Heat,
+                Phase::Connection,
+                Phase::Shown,
+            ],
+            System::Robot => &[Phase::Load, Phase::Converter, Phase::Drive],
+            System::Station => &[Phase::Load, Phase::Charger, Phase::Bypass, Phase::Converter, Phase::Overhead],
         }
     }
 
@@ -54,6 +65,32 @@ impl System {
             System::Battery => &[Channel::CurrentA],
             System::Robot => &[],
             System::Station => &[Channel::ChargePowerW],
+        }
+    }
+
+    /// Channels that a step calculates and no log can set.
+    #[must_use]
+    pub const fn computed(self) -> &'static [Channel] {
+        match self {
+            System::Battery => &[
+                Channel::VoltageV,
+                Channel::PowerW,
+                Channel::Soc,
+                Channel::TerminalCurrentA,
+                Channel::TerminalVoltageV,
+                Channel::CellMinV,
+                Channel::CellMaxV,
+                Channel::CapacityAh,
+                Channel::CellCurrentA,
+                Channel::LostCurrentA,
+                Channel::CellVoltageV,
+                Channel::CellDegc,
+                Channel::OcvV,
+                Channel::OverpotentialV,
+                Channel::HeatW,
+            ],
+            System::Robot => &[Channel::PowerW],
+            System::Station => &[Channel::PackPowerW],
         }
     }
 

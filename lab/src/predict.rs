@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use energy::effect::Lane;
 use energy::real::{Dual, LANES, derivative, variable};
-use energy::{Channel, Channels, Model, Run, Start, System};
+use energy::{Channel, Channels, Model, Run, System};
 
 use crate::prepare::{Prepared, predicted_channels};
 
@@ -52,11 +52,7 @@ pub fn predict(model: &Arc<Model>, prepared: &Prepared, values: &[f64]) -> Predi
 #[must_use]
 pub fn sensitivities(model: &Arc<Model>, prepared: &Prepared, values: &[f64], by: &[usize]) -> Vec<Vec<Vec<f64>>> {
     let mut answer = vec![Vec::with_capacity(by.len()); prepared.targets.len()];
-    let start = Start {
-        soc: Dual::from(prepared.start.soc),
-        temperature_degc: prepared.start.temperature_degc,
-        cycle_count: prepared.start.cycle_count,
-    };
+    let start = prepared.start.lifted();
     for chunk in by.chunks(LANES) {
         let mut parameters: Vec<Dual> = values.iter().map(|&value| Dual::from(value)).collect();
         for (lane, &index) in chunk.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! A log as a model sees it: inputs without holes, where to start, what to judge.
 
 use energy::document::hint;
-use energy::{Channel, Facts, Model, Start, System};
+use energy::{Channel, Facts, Model, Start};
 
 use crate::measurement::Log;
 
@@ -107,22 +107,9 @@ pub enum PrepareError {
 /// otherwise a measured temperature is an input.
 #[must_use]
 pub fn predicted_channels(model: &Model) -> Vec<Channel> {
-    let moved = |channel| model.effects().any(|effect| effect.spec().channel == channel);
     let targets = model.system.targets().iter().copied();
-    targets.filter(|&channel| channel != Channel::TemperatureDegc || moved(channel)).collect()
+    targets.filter(|&channel| channel != Channel::TemperatureDegc || model.predicts_temperature()).collect()
 }
-
-/// Channels that a step of a battery computes.
-const INSIDE_A_BATTERY: &[Channel] = &[
-    Channel::VoltageV,
-    Channel::PowerW,
-    Channel::Soc,
-    Channel::CapacityAh,
-    Channel::CellCurrentA,
-    Channel::OcvV,
-    Channel::OverpotentialV,
-    Channel::HeatW,
-];
 
 /// Slack beyond the ends of the OCV table that a rest voltage may have, V per cell.
 const REST_SLACK_V: f64 = 0.1;
@@ -133,8 +120,7 @@ const REST_SLACK_V: f64 = 0.1;
 /// Names the missing column and who needs it, or what is not known about the start.
 pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     let predicted = predicted_channels(model);
-    let computed =
-        |channel: Channel| predicted.contains(&channel) || (model.system == System::Battery && INSIDE_A_BATTERY.contains(&channel));
+    let computed = |channel: Channel| predicted.contains(&channel) || model.system.computed().contains(&channel);
     let needed = needed_inputs(model, computed);
     let mut known = vec![true; log.rows()];
     let mut inputs = Vec::new();
@@ -234,10 +220,11 @@ fn missing(log: &Log, channel: Channel, needed_by: String) -> PrepareError {
 fn start(model: &Model, log: &Log, inputs: &[(Channel, Vec<f64>)]) -> Result<Start, PrepareError> {
     let first = |channel| log.channels.get(&channel).and_then(|values| values.iter().copied().find(|value| value.is_finite()));
     let temperature_degc = first(Channel::TemperatureDegc).or(first(Channel::AmbientDegc)).or(log.facts.ambient_degc);
-    let cycles = inputs.iter().find(|(channel, _)| *channel == Channel::CycleCount).map(|(_, values)| values[0]);
+    let input = |wanted| inputs.iter().find(|(channel, _)| *channel == wanted).map(|(_, values)| values[0]);
     let mut start = Start::at_soc(0.0);
     start.temperature_degc = temperature_degc.unwrap_or(start.temperature_degc);
-    start.cycle_count = cycles.unwrap_or(start.cycle_count);
+    start.cycle_count = input(Channel::CycleCount).unwrap_or(start.cycle_count);
+    start.age_days = input(Channel::AgeDays).unwrap_or(start.age_days);
     let Facts::Battery(facts) = &model.facts else { return Ok(start) };
     start.soc = match (log.facts.soc_initial, log.facts.rest_voltage_v) {
         (Some(soc), _) => soc,

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use energy::gauge::Sample;
-use energy::load::CannotDeliver;
+use energy::load::{CannotDeliver, Terminals as _};
 use energy::{Channel, Estimate, Model, Run, Start};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -40,7 +40,7 @@ impl PackBody {
     pub fn new(model: Arc<Model>, soc: f64, temperature_degc: f64, seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let [offset, gain] = [0, 1].map(|_| [0, 1, 2].map(|_| StandardNormal.sample(&mut rng)));
-        let run = Run::new(model, Start { soc, temperature_degc, cycle_count: 0.0 });
+        let run = Run::new(model, Start { temperature_degc, ..Start::at_soc(soc) });
         Self { run, rng, offset, gain }
     }
 
@@ -59,7 +59,7 @@ impl PackBody {
     /// Puts in another pack of the same kind.
     pub fn exchange(&mut self, soc: f64) {
         let temperature_degc = self.truth(Channel::AmbientDegc);
-        self.run.restart(Start { soc, temperature_degc, cycle_count: 0.0 });
+        self.run.restart(Start { temperature_degc, ..Start::at_soc(soc) });
     }
 
     /// Steps the pack and reads its sensors.

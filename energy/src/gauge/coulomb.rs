@@ -218,6 +218,7 @@ impl Gauge for CoulombCounter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::load::Terminals as _;
     use crate::{Run, Start, load_model};
 
     fn model() -> Arc<Model> {

@@ -6,7 +6,7 @@
 //!
 //! Absence: an aged pack empties earlier than the model says, more so every month.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct CapacityFade;
 
@@ -61,9 +61,13 @@ impl Physics for CapacityFade {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        let (cycles, knee) = (channels[Channel::CycleCount], parameters[2]);
-        let lost = if cycles.re() <= knee.re() { parameters[0] * cycles } else { parameters[0] * knee + parameters[1] * (cycles - knee) };
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        let (cycles, knee) = (channels[Channel::CycleCount], own.parameters[2]);
+        let lost = if cycles.re() <= knee.re() {
+            own.parameters[0] * cycles
+        } else {
+            own.parameters[0] * knee + own.parameters[1] * (cycles - knee)
+        };
         // Beyond its range of validity the line would cross zero: a pack that is worn out still
         // holds a little, and the physics stays finite.
         let kept = if lost.re() > 0.95 { S::from(0.05) } else { -lost + 1.0 };
@@ -74,6 +78,7 @@ impl Physics for CapacityFade {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::step_once;
 
     #[test]
     fn fades_continuously_through_the_knee() {
@@ -81,7 +86,7 @@ mod tests {
             let mut channels = Channels::filled(0.0_f64);
             channels[Channel::CapacityAh] = 2.0;
             channels[Channel::CycleCount] = cycles;
-            CapacityFade.step(&Facts::Robot, 1.0, &[2e-4, 1e-3, 500.0], &mut [], &mut channels);
+            step_once(&CapacityFade, &Facts::Robot, 1.0, &[2e-4, 1e-3, 500.0], &mut [], &mut channels);
             channels[Channel::CapacityAh]
         };
         assert!((capacity_ah(500.0) - 1.8).abs() < 1e-12);

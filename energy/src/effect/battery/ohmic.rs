@@ -5,7 +5,7 @@
 //!
 //! Absence: the residual steps with the current and has its sign.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Ohmic;
 
@@ -13,7 +13,7 @@ static SPEC: EffectSpec = EffectSpec {
     id: "ohmic",
     title: "Ohmic resistance R0",
     system: System::Battery,
-    phase: Phase::Voltage,
+    phase: Phase::Series,
     channel: Channel::OverpotentialV,
     needs: &[Channel::CurrentA],
     equation: "V = R0 I",
@@ -40,7 +40,7 @@ impl Physics for Ohmic {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels.add(Channel::OverpotentialV, parameters[0] * channels[Channel::CellCurrentA]);
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels.add(Channel::OverpotentialV, own.parameters[0] * channels[Channel::CellCurrentA]);
     }
 }

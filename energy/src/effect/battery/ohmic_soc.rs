@@ -6,12 +6,23 @@
 //!
 //! Absence: the residual under load grows towards empty (and a little towards full).
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct OhmicSoc;
 
 /// State of charge of each knot: dense near empty, where the knee is.
 const KNOTS: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
+
+/// One over the distance from each knot to the next.
+const PER_WIDTH: [f64; KNOTS.len() - 1] = {
+    let mut per_width = [0.0; KNOTS.len() - 1];
+    let mut low = 0;
+    while low < per_width.len() {
+        per_width[low] = 1.0 / (KNOTS[low + 1] - KNOTS[low]);
+        low += 1;
+    }
+    per_width
+};
 
 macro_rules! knot {
     ($name:literal) => {
@@ -31,7 +42,7 @@ static SPEC: EffectSpec = EffectSpec {
     id: "ohmic_soc",
     title: "Resistance over state of charge",
     system: System::Battery,
-    phase: Phase::Voltage,
+    phase: Phase::Series,
     channel: Channel::OverpotentialV,
     needs: &[Channel::CurrentA],
     equation: "V = dR(SoC) I, dR linear between SoC 0, 0.05, 0.1, 0.2, 0.4, 0.7, 1",
@@ -58,16 +69,14 @@ impl Physics for OhmicSoc {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let soc = channels[Channel::Soc];
-        let high = KNOTS.partition_point(|&knot| knot <= soc.re()).clamp(1, KNOTS.len() - 1);
-        let low = high - 1;
-        let share = if (0.0..=1.0).contains(&soc.re()) {
-            (soc - KNOTS[low]) / (KNOTS[high] - KNOTS[low])
-        } else {
-            S::from(soc.re().clamp(0.0, 1.0).round())
-        };
-        let resistance_ohm = parameters[low] + (parameters[high] - parameters[low]) * share;
+        let knots: &[S; KNOTS.len()] = own.parameters.try_into().expect("one parameter per knot");
+        // A few comparisons without branches are faster than a search.
+        let low = KNOTS[1..KNOTS.len() - 1].iter().map(|&knot| usize::from(soc.re() >= knot)).sum::<usize>().min(KNOTS.len() - 2);
+        let share =
+            if (0.0..=1.0).contains(&soc.re()) { (soc - KNOTS[low]) * PER_WIDTH[low] } else { S::from(soc.re().clamp(0.0, 1.0).round()) };
+        let resistance_ohm = knots[low] + (knots[low + 1] - knots[low]) * share;
         channels.add(Channel::OverpotentialV, resistance_ohm * channels[Channel::CellCurrentA]);
     }
 }
@@ -75,6 +84,7 @@ impl Physics for OhmicSoc {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::step_once;
 
     #[test]
     fn interpolates_between_knots_and_holds_outside() {
@@ -83,7 +93,7 @@ mod tests {
             let mut channels = Channels::filled(0.0_f64);
             channels[Channel::Soc] = soc;
             channels[Channel::CellCurrentA] = 2.0;
-            OhmicSoc.step(&Facts::Robot, 1.0, &parameters, &mut [], &mut channels);
+            step_once(&OhmicSoc, &Facts::Robot, 1.0, &parameters, &mut [], &mut channels);
             channels[Channel::OverpotentialV]
         };
         assert!((drop_v(0.025) - 2.0 * 0.2).abs() < 1e-12);

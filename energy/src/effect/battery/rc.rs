@@ -6,7 +6,7 @@
 //!
 //! Absence: after every current step the residual relaxes exponentially.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct FirstRc;
 
@@ -14,7 +14,7 @@ static SPEC: EffectSpec = EffectSpec {
     id: "rc1",
     title: "First polarisation (RC) pair",
     system: System::Battery,
-    phase: Phase::Voltage,
+    phase: Phase::Polarisation,
     channel: Channel::OverpotentialV,
     needs: &[Channel::CurrentA],
     equation: "dV1/dt = (R1 I - V1) / tau1",
@@ -51,18 +51,26 @@ impl Physics for FirstRc {
         &SPEC
     }
 
+    fn prepared_len(&self) -> usize {
+        1
+    }
+
+    fn prepare<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        prepared[0] = (parameters[1].recip() * -dt_s).exp();
+    }
+
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], states: &mut [S], channels: &mut Channels<S>) {
-        let target_v = parameters[0] * channels[Channel::CellCurrentA];
-        let keep = (parameters[1].recip() * -dt_s).exp();
-        states[0] = target_v + (states[0] - target_v) * keep;
-        channels.add(Channel::OverpotentialV, states[0]);
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        let target_v = own.parameters[0] * channels[Channel::CellCurrentA];
+        own.states[0] = target_v + (own.states[0] - target_v) * own.prepared[0];
+        channels.add(Channel::OverpotentialV, own.states[0]);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::step_once;
 
     #[test]
     fn one_long_step_equals_many_short_ones_and_reaches_63_percent_at_tau() {
@@ -70,7 +78,7 @@ mod tests {
             let (mut states, mut channels) = ([0.0_f64], Channels::filled(0.0_f64));
             for _ in 0..steps {
                 channels[Channel::CellCurrentA] = 1.0;
-                FirstRc.step(&Facts::Robot, 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
+                step_once(&FirstRc, &Facts::Robot, 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
             }
             states[0]
         };

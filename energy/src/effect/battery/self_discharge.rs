@@ -6,7 +6,7 @@
 //! Absence: after weeks of rest the state of charge is overestimated.
 
 use crate::units::{DAYS_PER_MONTH, S_PER_DAY, S_PER_H};
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct SelfDischarge;
 
@@ -15,7 +15,7 @@ static SPEC: EffectSpec = EffectSpec {
     title: "Self-discharge",
     system: System::Battery,
     phase: Phase::Current,
-    channel: Channel::CellCurrentA,
+    channel: Channel::LostCurrentA,
     needs: &[],
     equation: "I_leak = loss_per_month Q / 30 d",
     source: "Kottas, section 3.4",
@@ -41,9 +41,9 @@ impl Physics for SelfDischarge {
     }
 
     #[inline]
-    fn step<S: Real>(&self, facts: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
+    fn step<S: Real>(&self, facts: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let hours_per_month = DAYS_PER_MONTH * S_PER_DAY / S_PER_H;
         let cell_capacity_ah = channels[Channel::CapacityAh] / f64::from(facts.parallel());
-        channels.add(Channel::CellCurrentA, parameters[0] * cell_capacity_ah / hours_per_month);
+        channels.add(Channel::LostCurrentA, own.parameters[0] * cell_capacity_ah / hours_per_month);
     }
 }

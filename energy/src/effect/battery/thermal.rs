@@ -5,7 +5,7 @@
 //!
 //! Absence: measured temperature rises under load where the model stays at ambient.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct LumpedThermal;
 
@@ -14,7 +14,7 @@ static SPEC: EffectSpec = EffectSpec {
     title: "Lumped thermal mass",
     system: System::Battery,
     phase: Phase::Heat,
-    channel: Channel::TemperatureDegc,
+    channel: Channel::CellDegc,
     needs: &[Channel::CurrentA, Channel::AmbientDegc],
     equation: "C dT/dt = I V_eta - G (T - T_amb)",
     source: "Kottas, section C.1.3",
@@ -63,27 +63,35 @@ impl Physics for LumpedThermal {
         states[0] = channels[Channel::TemperatureDegc];
     }
 
+    fn prepared_len(&self) -> usize {
+        1
+    }
+
+    fn prepare<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        prepared[0] = (parameters[0] / parameters[2] * -dt_s).exp();
+    }
+
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], states: &mut [S], channels: &mut Channels<S>) {
-        let [conductance, share, capacity] = [parameters[0], parameters[1], parameters[2]];
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        let [conductance, share] = [own.parameters[0], own.parameters[1]];
         let settled_degc = channels[Channel::AmbientDegc] + share * channels[Channel::HeatW] / conductance;
-        let keep = (conductance / capacity * -dt_s).exp();
-        states[0] = settled_degc + (states[0] - settled_degc) * keep;
-        channels[Channel::TemperatureDegc] = states[0];
+        own.states[0] = settled_degc + (own.states[0] - settled_degc) * own.prepared[0];
+        channels[Channel::CellDegc] = own.states[0];
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::step_once;
 
     #[test]
     fn settles_where_heat_and_cooling_balance() {
         let (mut states, mut channels) = ([25.0_f64], Channels::filled(0.0_f64));
         channels[Channel::AmbientDegc] = 25.0;
         channels[Channel::HeatW] = 0.5;
-        LumpedThermal.step(&Facts::Robot, 1e6, &[0.05, 1.0, 45.0], &mut states, &mut channels);
-        assert!((channels[Channel::TemperatureDegc] - 35.0).abs() < 1e-9);
+        step_once(&LumpedThermal, &Facts::Robot, 1e6, &[0.05, 1.0, 45.0], &mut states, &mut channels);
+        assert!((channels[Channel::CellDegc] - 35.0).abs() < 1e-9);
     }
 
     #[test]
@@ -91,7 +99,7 @@ mod tests {
         let (mut states, mut channels) = ([25.0_f64], Channels::filled(0.0_f64));
         channels[Channel::AmbientDegc] = 25.0;
         channels[Channel::HeatW] = 4.5;
-        LumpedThermal.step(&Facts::Robot, 0.01, &[0.05, 1.0, 45.0], &mut states, &mut channels);
+        step_once(&LumpedThermal, &Facts::Robot, 0.01, &[0.05, 1.0, 45.0], &mut states, &mut channels);
         assert!((states[0] - 25.001_f64).abs() < 1e-7);
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! Absence: the battery gives more power than the loads account for, in proportion to it.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Converter;
 
@@ -52,7 +52,7 @@ impl Physics for Converter {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels[Channel::PowerW] = channels[Channel::PowerW] / parameters[0] + parameters[1];
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels[Channel::PowerW] = channels[Channel::PowerW] / own.parameters[0] + own.parameters[1];
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! Absence: a constant power is missing whatever the robot does.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Idle;
 
@@ -40,7 +40,7 @@ impl Physics for Idle {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels.add(Channel::PowerW, parameters[0]);
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels.add(Channel::PowerW, own.parameters[0]);
     }
 }

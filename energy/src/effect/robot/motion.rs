@@ -6,7 +6,7 @@
 //! Absence: the power residual grows with speed and with uphill pitch.
 
 use crate::units::GRAVITY_MPS2;
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Motion;
 
@@ -14,7 +14,7 @@ static SPEC: EffectSpec = EffectSpec {
     id: "motion",
     title: "Rolling, slope and acceleration",
     system: System::Robot,
-    phase: Phase::Load,
+    phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
     equation: "P += max(0, (m g (c_rr cos(pitch) + sin(pitch)) + m a) v / eta)",
@@ -61,12 +61,12 @@ impl Physics for Motion {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        let mass_kg = parameters[1] + channels[Channel::PayloadKg];
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        let mass_kg = own.parameters[1] + channels[Channel::PayloadKg];
         let pitch_rad = channels[Channel::PitchRad];
         let weight_n = mass_kg * GRAVITY_MPS2;
-        let force_n = weight_n * (parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
-        let drawn_w = force_n * channels[Channel::SpeedMps] / parameters[2];
+        let force_n = weight_n * (own.parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
+        let drawn_w = force_n * channels[Channel::SpeedMps] / own.parameters[2];
         if drawn_w.re() > 0.0 {
             channels.add(Channel::PowerW, drawn_w);
         }
@@ -76,13 +76,14 @@ impl Physics for Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::step_once;
 
     #[test]
     fn a_kilogram_up_a_slope_takes_m_g_sin_v() {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SpeedMps] = 0.5;
         channels[Channel::PitchRad] = 0.1;
-        Motion.step(&Facts::Robot, 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
+        step_once(&Motion, &Facts::Robot, 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - 9.806_65 * 0.1_f64.sin() * 0.5).abs() < 1e-12);
     }
 
@@ -91,7 +92,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SpeedMps] = 0.5;
         channels[Channel::PitchRad] = -0.3;
-        Motion.step(&Facts::Robot, 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
+        step_once(&Motion, &Facts::Robot, 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
         assert_eq!(channels[Channel::PowerW], 0.0);
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! Absence: missing power in proportion to the power that robots receive.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Charger;
 
@@ -40,7 +40,7 @@ impl Physics for Charger {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels[Channel::PackPowerW] /= parameters[0];
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels[Channel::PackPowerW] /= own.parameters[0];
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! Absence: missing power in proportion to the power of all bays, and a little always.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Converter;
 
@@ -51,7 +51,7 @@ impl Physics for Converter {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels[Channel::PackPowerW] = channels[Channel::PackPowerW] / parameters[0] + parameters[1];
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels[Channel::PackPowerW] = channels[Channel::PackPowerW] / own.parameters[0] + own.parameters[1];
     }
 }

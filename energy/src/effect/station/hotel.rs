@@ -4,7 +4,7 @@
 //!
 //! Absence: a constant missing power, also with every bay empty.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Hotel;
 
@@ -39,7 +39,7 @@ impl Physics for Hotel {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels.add(Channel::PackPowerW, parameters[0]);
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels.add(Channel::PackPowerW, own.parameters[0]);
     }
 }

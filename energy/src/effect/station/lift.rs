@@ -4,7 +4,7 @@
 //!
 //! Absence: short bursts of missing power at each load and unload.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Lift;
 
@@ -39,7 +39,7 @@ impl Physics for Lift {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels.add(Channel::PackPowerW, parameters[0] * channels[Channel::LiftActive]);
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels.add(Channel::PackPowerW, own.parameters[0] * channels[Channel::LiftActive]);
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! Absence: every docked robot takes a constant power that its battery never receives.
 
-use crate::{Channel, Channels, EffectSpec, Facts, ParameterSpec, Phase, Real, System, effect::Physics};
+use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct RobotOwnLoad;
 
@@ -41,7 +41,7 @@ impl Physics for RobotOwnLoad {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], _: &mut [S], channels: &mut Channels<S>) {
-        channels.add(Channel::PackPowerW, parameters[0] * channels[Channel::RobotsDocked]);
+    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+        channels.add(Channel::PackPowerW, own.parameters[0] * channels[Channel::RobotsDocked]);
     }
 }
