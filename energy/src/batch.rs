@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use crate::effect::{Many, Phase, Steps};
+use crate::effect::{Many, Phase};
 use crate::model::Model;
 use crate::run::{begin, prepare};
 use crate::step::{self, Parts};
@@ -117,7 +117,7 @@ impl Parts<f64> for Block<'_> {
                 states: (self.states.0, self.states.1, placed.states.clone()),
                 channels: self.channels,
             };
-            Steps::<f64>::step_many(placed.effect, &self.model.facts, self.dt_s, many);
+            placed.plain.step_many(&self.model.facts, self.dt_s, many);
         }
     }
 

@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use crate::channel::{Channel, Channels};
+use crate::model::Placed;
 use crate::real::{Dual, Real};
 use crate::system::{Facts, System};
 
@@ -137,7 +138,7 @@ pub trait Physics: Send + Sync {
 }
 
 /// [`Physics`] behind a pointer, for one kind of number.
-pub trait Steps<S> {
+pub trait Steps<S>: Send + Sync {
     /// [`Physics::start`].
     fn start(&self, facts: &Facts, parameters: &[S], states: &mut [S], channels: &Channels<S>);
     /// [`Physics::prepare`].
@@ -163,7 +164,7 @@ pub struct Many<'a, S> {
 }
 
 /// [`Physics`] behind a pointer.
-pub trait Effect: Steps<f64> + Steps<Dual> + Send + Sync {
+pub trait Effect: Steps<f64> + Steps<Dual> {
     /// What is known of the effect.
     fn spec(&self) -> &'static EffectSpec;
     /// [`Physics::prepared_len`].
@@ -204,21 +205,21 @@ impl<T: Physics, S: Real> Steps<S> for T {
 
 /// The kinds of number that a [`crate::Run`] can be made of: each picks its half of [`Effect`].
 pub trait Lane: Real {
-    /// The effect for this kind of number.
-    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<Self>;
+    /// The placed effect for this kind of number.
+    fn of(placed: &Placed) -> &'static dyn Steps<Self>;
 }
 
 impl Lane for f64 {
     #[inline]
-    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<f64> {
-        effect
+    fn of(placed: &Placed) -> &'static dyn Steps<f64> {
+        placed.plain
     }
 }
 
 impl Lane for Dual {
     #[inline]
-    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<Dual> {
-        effect
+    fn of(placed: &Placed) -> &'static dyn Steps<Dual> {
+        placed.dual
     }
 }
 

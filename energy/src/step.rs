@@ -43,6 +43,7 @@ pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>)
 #[inline]
 fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut impl Parts<S>) {
     let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);
+    let per_parallel = 1.0 / parallel;
     parts.each(|_, now| {
         now[Channel::TerminalCurrentA] = now[Channel::CurrentA];
         if !warms {
@@ -52,7 +53,7 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     parts.act(Phase::Sensed);
     parts.each(|_, now| {
         now[Channel::CapacityAh] = S::from(facts.capacity_ah);
-        now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] / parallel;
+        now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] * per_parallel;
         now[Channel::LostCurrentA] = S::from(0.0);
     });
     parts.act(Phase::Capacity);
@@ -60,7 +61,8 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     parts.each(|states, now| {
         // The cell's charge over the cell's capacity, exact for a held current.
         let drained_a = now[Channel::CellCurrentA] + now[Channel::LostCurrentA];
-        states[0] -= drained_a / now[Channel::CapacityAh] * (parallel * hours);
+        let per_ampere = now[Channel::CapacityAh].recip() * (parallel * hours);
+        states[0] -= drained_a * per_ampere;
         now[Channel::Soc] = states[0];
         now[Channel::OcvV] = facts.ocv.voltage_v(states[0]);
         now[Channel::OverpotentialV] = S::from(0.0);
