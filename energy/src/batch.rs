@@ -11,8 +11,8 @@ use crate::run::{begin, prepare};
 use crate::step::{self, Parts};
 use crate::{Channels, Start};
 
-/// Runs stepped together; 16 of them with their channels take about 8 KB.
-const BLOCK: usize = 16;
+/// Runs stepped together; 64 of them with their channels take about 32 KB.
+const BLOCK: usize = 64;
 
 /// Many runs of one model. Set the input channels of each, step all, read the output channels.
 #[derive(Clone)]

@@ -56,6 +56,8 @@ channels! {
     CellCurrentA = "cell_current_a",
     /// Charge lost inside one cell per time, A: it drains the cell without passing its resistances.
     LostCurrentA = "lost_current_a",
+    /// Share of the cell's charge that one ampere moves in this step, 1/A.
+    SocPerA = "soc_per_a",
     /// Voltage of one cell, V: the mean of a series string.
     CellVoltageV = "cell_voltage_v",
     /// Temperature inside the cell, °C.

@@ -260,7 +260,8 @@ impl Model {
     #[inline]
     pub(crate) fn placed_in(&self, phase: Phase) -> &[Placed] {
         let Range { start, end } = self.phases[phase as usize];
-        &self.placed[start..end]
+        // Most phases of most models are empty: that is found out first.
+        if start == end { &[] } else { &self.placed[start..end] }
     }
 
     pub(crate) fn prepared_count(&self) -> usize {

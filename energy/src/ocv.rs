@@ -72,7 +72,7 @@ impl OcvTable {
     }
 
     /// Open-circuit voltage of one cell at `soc`, V.
-    #[inline]
+    #[inline(always)]
     pub fn voltage_v<S: Real>(&self, soc: S) -> S {
         let low = self.segment(soc.re());
         (soc - self.soc[low]) * self.slopes_v[low] + self.voltage_v[low]
@@ -99,7 +99,7 @@ impl OcvTable {
         self.soc[high - 1] + (voltage_v - self.voltage_v[high - 1]) / self.slopes_v[high - 1]
     }
 
-    #[inline]
+    #[inline(always)]
     fn segment(&self, soc: f64) -> usize {
         // Below the table the first bucket, above it the last: a float becomes an integer by
         // saturation.

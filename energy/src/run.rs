@@ -190,7 +190,7 @@ struct Lone<'a, S, F> {
 }
 
 impl<S: Lane, F: FnMut(&Placed, S, S)> Parts<S> for Lone<'_, S, F> {
-    #[inline]
+    #[inline(always)]
     fn act(&mut self, phase: Phase) {
         for placed in self.model.placed_in(phase) {
             let before = self.channels[placed.channel];
@@ -204,7 +204,7 @@ impl<S: Lane, F: FnMut(&Placed, S, S)> Parts<S> for Lone<'_, S, F> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn each(&mut self, between: impl Fn(&mut [S], &mut Channels<S>)) {
         between(self.states, self.channels);
     }

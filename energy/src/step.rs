@@ -57,12 +57,12 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         now[Channel::LostCurrentA] = S::from(0.0);
     });
     parts.act(Phase::Capacity);
+    parts.each(|_, now| now[Channel::SocPerA] = now[Channel::CapacityAh].recip() * (parallel * hours));
     parts.act(Phase::Current);
     parts.each(|states, now| {
         // The cell's charge over the cell's capacity, exact for a held current.
         let drained_a = now[Channel::CellCurrentA] + now[Channel::LostCurrentA];
-        let per_ampere = now[Channel::CapacityAh].recip() * (parallel * hours);
-        states[0] -= drained_a * per_ampere;
+        states[0] -= drained_a * now[Channel::SocPerA];
         now[Channel::Soc] = states[0];
         now[Channel::OcvV] = facts.ocv.voltage_v(states[0]);
         now[Channel::OverpotentialV] = S::from(0.0);

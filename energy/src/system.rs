@@ -83,6 +83,7 @@ impl System {
                 Channel::CapacityAh,
                 Channel::CellCurrentA,
                 Channel::LostCurrentA,
+                Channel::SocPerA,
                 Channel::CellVoltageV,
                 Channel::CellDegc,
                 Channel::OcvV,
