@@ -1,5 +1,7 @@
 //! What holds for every model, whatever its effects.
 
+mod exact;
+
 use std::sync::Arc;
 
 use energy::load::Terminals as _;
