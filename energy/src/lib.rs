@@ -28,6 +28,7 @@ pub mod model;
 pub mod ocv;
 mod params;
 pub mod real;
+pub mod relaxation;
 mod run;
 mod step;
 pub mod system;

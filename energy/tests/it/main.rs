@@ -1,6 +1,7 @@
 //! What holds for every model, whatever its effects.
 
 mod exact;
+mod relaxation;
 
 use std::sync::Arc;
 
