@@ -235,15 +235,23 @@ macro_rules! catalogue {
 catalogue! {
     battery {
         capacity_fade::CapacityFade,
+        rate_capacity::RateCapacity,
         self_discharge::SelfDischarge,
+        electrode_balance::ElectrodeBalance,
         ohmic::Ohmic,
         ohmic_soc::OhmicSoc,
+        charge_asymmetry::ChargeAsymmetry,
+        resistance_growth::ResistanceGrowth,
+        calendar_resistance::CalendarResistance,
         arrhenius::Arrhenius,
+        butler_volmer::ButlerVolmer,
         rc::FIRST,
         rc2::SECOND,
         polarisation_arrhenius::PolarisationArrhenius,
         hysteresis::Hysteresis,
         thermal::LumpedThermal,
+        weak_cell::WeakCell,
+        contact_resistance::ContactResistance,
     }
     robot {
         idle::Idle,
