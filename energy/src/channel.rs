@@ -64,6 +64,8 @@ channels! {
     CellDegc = "cell_degc",
     /// Open-circuit voltage of one cell, V.
     OcvV = "ocv_v",
+    /// Change of a cell's equilibrium voltage with its temperature, V/K: also makes reversible heat.
+    EntropyVPerK = "entropy_v_per_k",
     /// Sum of all voltage drops inside one cell, V (Kottas, Eq. C.1, taken under load).
     OverpotentialV = "overpotential_v",
     /// Heat made in one cell, W.

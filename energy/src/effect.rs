@@ -224,10 +224,10 @@ impl Lane for Dual {
 }
 
 macro_rules! catalogue {
-    ($($system:ident { $($file:ident :: $effect:ident,)* })*) => {
-        $(mod $system { $(pub(crate) mod $file;)* })*
+    ($($folder:ident { $($file:ident :: $effect:ident,)* })*) => {
+        $(mod $folder { $(pub(crate) mod $file;)* })*
 
-        static CATALOGUE: &[&dyn Effect] = &[$($(&$system::$file::$effect,)*)*];
+        static CATALOGUE: &[&dyn Effect] = &[$($(&$folder::$file::$effect,)*)*];
     };
 }
 
@@ -235,9 +235,13 @@ macro_rules! catalogue {
 catalogue! {
     battery {
         capacity_fade::CapacityFade,
+        calendar_fade::CalendarFade,
         rate_capacity::RateCapacity,
         self_discharge::SelfDischarge,
+        parasitic_load::ParasiticLoad,
+        coulombic_loss::CoulombicLoss,
         electrode_balance::ElectrodeBalance,
+        entropic::Entropic,
         ohmic::Ohmic,
         ohmic_soc::OhmicSoc,
         charge_asymmetry::ChargeAsymmetry,
@@ -252,6 +256,16 @@ catalogue! {
         thermal::LumpedThermal,
         weak_cell::WeakCell,
         contact_resistance::ContactResistance,
+        core_lag::CoreLag,
+    }
+    sensor {
+        current_dead_band::CurrentDeadBand,
+        current_offset::CurrentOffset,
+        current_gain::CurrentGain,
+        current_skew::CurrentSkew,
+        voltage_gain::VoltageGain,
+        voltage_offset::VoltageOffset,
+        temperature_bias::TemperatureBias,
     }
     robot {
         idle::Idle,

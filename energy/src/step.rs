@@ -6,7 +6,7 @@ use crate::effect::Phase;
 use crate::model::Model;
 use crate::real::Real;
 use crate::system::{BatteryFacts, Facts};
-use crate::units::S_PER_H;
+use crate::units::{KELVIN_AT_0_DEGC, S_PER_H};
 use crate::{Channel, Channels};
 
 /// One or many runs of a model.
@@ -66,6 +66,7 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         now[Channel::Soc] = states[0];
         now[Channel::OcvV] = facts.ocv.voltage_v(states[0]);
         now[Channel::OverpotentialV] = S::from(0.0);
+        now[Channel::EntropyVPerK] = S::from(0.0);
     });
     parts.act(Phase::Equilibrium);
     parts.act(Phase::Series);
@@ -77,7 +78,9 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     parts.each(|_, now| {
         now[Channel::CellVoltageV] = now[Channel::CellVoltageV] - now[Channel::OverpotentialV];
         now[Channel::OverpotentialV] = now[Channel::OcvV] - now[Channel::CellVoltageV];
-        now[Channel::HeatW] = now[Channel::OverpotentialV] * now[Channel::CellCurrentA];
+        // Bernardi's balance: what the resistances burn, and what the change of entropy gives.
+        let entropic_v = (now[Channel::CellDegc] + KELVIN_AT_0_DEGC) * now[Channel::EntropyVPerK];
+        now[Channel::HeatW] = (now[Channel::OverpotentialV] - entropic_v) * now[Channel::CellCurrentA];
         now[Channel::CellMinV] = now[Channel::CellVoltageV];
         now[Channel::CellMaxV] = now[Channel::CellVoltageV];
         now[Channel::TerminalVoltageV] = now[Channel::CellVoltageV] * series;

@@ -87,6 +87,7 @@ impl System {
                 Channel::CellVoltageV,
                 Channel::CellDegc,
                 Channel::OcvV,
+                Channel::EntropyVPerK,
                 Channel::OverpotentialV,
                 Channel::HeatW,
             ],
