@@ -321,6 +321,17 @@ pub(crate) fn cell(series: u32, effects: &[(&str, &[(&str, f64)])], start: crate
     crate::Run::new(std::sync::Arc::new(model), start)
 }
 
+/// Power that a lone effect adds to a robot's with these inputs, W: for the tests of effects.
+#[cfg(test)]
+pub(crate) fn robot_power_w(effect: &impl Physics, parameters: &[f64], inputs: &[(Channel, f64)]) -> f64 {
+    let mut channels = Channels::filled(0.0_f64);
+    for &(channel, value) in inputs {
+        channels[channel] = value;
+    }
+    step_once(effect, &Facts::Robot, 1.0, parameters, &mut [], &mut channels);
+    channels[Channel::PowerW]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -73,15 +73,10 @@ impl Physics for CasterHold {
 mod tests {
     use super::*;
     use crate::drive::explorer::{CASTER, SERVO};
-    use crate::effect::step_once;
+    use crate::effect::robot_power_w;
 
     fn power_w(parameters: &[f64], inputs: &[(Channel, f64)]) -> f64 {
-        let mut channels = Channels::filled(0.0_f64);
-        for &(channel, value) in inputs {
-            channels[channel] = value;
-        }
-        step_once(&CasterHold, &Facts::Robot, 1.0, parameters, &mut [], &mut channels);
-        channels[Channel::PowerW]
+        robot_power_w(&CasterHold, parameters, inputs)
     }
 
     #[test]

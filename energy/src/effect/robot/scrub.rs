@@ -47,15 +47,10 @@ impl Physics for Scrub {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::step_once;
+    use crate::effect::robot_power_w;
 
     fn power_w(parameters: &[f64], inputs: &[(Channel, f64)]) -> f64 {
-        let mut channels = Channels::filled(0.0_f64);
-        for &(channel, value) in inputs {
-            channels[channel] = value;
-        }
-        step_once(&Scrub, &Facts::Robot, 1.0, parameters, &mut [], &mut channels);
-        channels[Channel::PowerW]
+        robot_power_w(&Scrub, parameters, inputs)
     }
 
     #[test]
