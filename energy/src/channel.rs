@@ -95,6 +95,10 @@ channels! {
     TailAngleRad = "tail_angle_rad",
     /// Class of the floor: 0 is the one that the other numbers were stated for.
     FloorClass = "floor_class",
+    /// Force that the wheels give along the path, N: found by the effects of motion.
+    TractionN = "traction_n",
+    /// Loss in the windings of the drive motors, W: found by the effects of motion.
+    CopperW = "copper_w",
     // Station.
     /// Power into the batteries of all robots that charge here, W.
     ChargePowerW = "charge_power_w",

@@ -271,6 +271,22 @@ catalogue! {
         idle::Idle,
         motion::Motion,
         converter::Converter,
+        rolling::Rolling,
+        dry_friction::DryFriction,
+        viscous_friction::ViscousFriction,
+        floor::Floor,
+        slope::Slope,
+        acceleration::Acceleration,
+        payload::Payload,
+        regeneration::Regeneration,
+        gear_loss::GearLoss,
+        slip::Slip,
+        motor_copper::MotorCopper,
+        copper_temperature::CopperTemperature,
+        h_bridge::HBridge,
+        scrub::Scrub,
+        no_load_current::NoLoadCurrent,
+        caster_hold::CasterHold,
     }
     station {
         own_load::RobotOwnLoad,
@@ -325,6 +341,17 @@ pub(crate) fn cell(series: u32, effects: &[(&str, &[(&str, f64)])], start: crate
     }
     let model = crate::Model::parse("cell", &text, &|_| unreachable!("the table is inline")).expect("the test's model is right");
     crate::Run::new(std::sync::Arc::new(model), start)
+}
+
+/// Power that a lone effect adds to a robot's with these inputs, W: for the tests of effects.
+#[cfg(test)]
+pub(crate) fn robot_power_w(effect: &impl Physics, parameters: &[f64], inputs: &[(Channel, f64)]) -> f64 {
+    let mut channels = Channels::filled(0.0_f64);
+    for &(channel, value) in inputs {
+        channels[channel] = value;
+    }
+    step_once(effect, &Facts::Robot, 1.0, parameters, &mut [], &mut channels);
+    channels[Channel::PowerW]
 }
 
 #[cfg(test)]

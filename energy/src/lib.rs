@@ -19,6 +19,7 @@
 mod batch;
 pub mod channel;
 pub mod document;
+pub mod drive;
 pub mod effect;
 mod estimate;
 pub mod forecast;

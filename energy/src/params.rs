@@ -11,6 +11,8 @@ static MODELS: &[(&str, &str)] = &[
     ("explorer-3s1p-1320mah", include_str!("../params/explorer-3s1p-1320mah.toml")),
     ("mds-3s4p-7600mah", include_str!("../params/mds-3s4p-7600mah.toml")),
     ("explorer-robot", include_str!("../params/explorer-robot.toml")),
+    ("roomba-robot", include_str!("../params/roomba-robot.toml")),
+    ("mds-vehicle", include_str!("../params/mds-vehicle.toml")),
     ("mds-station", include_str!("../params/mds-station.toml")),
 ];
 

@@ -24,7 +24,11 @@ pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>)
     match &model.facts {
         Facts::Battery(facts) => battery(facts, model.predicts_temperature(), dt_s, parts),
         Facts::Robot => {
-            parts.each(|_, now| now[Channel::PowerW] = S::from(0.0));
+            parts.each(|_, now| {
+                now[Channel::PowerW] = S::from(0.0);
+                now[Channel::TractionN] = S::from(0.0);
+                now[Channel::CopperW] = S::from(0.0);
+            });
             parts.act(Phase::Load);
             parts.act(Phase::Converter);
             parts.act(Phase::Drive);

@@ -2,6 +2,8 @@
 
 mod exact;
 mod relaxation;
+mod measured_motors;
+mod robots;
 
 use std::sync::Arc;
 
