@@ -247,8 +247,17 @@ catalogue! {
     }
     robot {
         idle::Idle,
+        cpu::Cpu,
+        radio::Radio,
+        gps::Gps,
+        camera::Camera,
+        sensors::Sensors,
+        encoders::Encoders,
+        ldo::LinearRegulator,
         motion::Motion,
         converter::Converter,
+        converter_quadratic::ConverterQuadratic,
+        input_voltage_loss::InputVoltageLoss,
     }
     station {
         own_load::RobotOwnLoad,

@@ -46,4 +46,4 @@ pub use params::{built_in, built_in_names, load_model};
 pub use real::{Dual, Real};
 pub use run::Run;
 pub use run::Start;
-pub use system::{BatteryFacts, ChargeFacts, Facts, System};
+pub use system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};

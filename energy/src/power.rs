@@ -23,4 +23,4 @@ pub use consumer::{Consumer, ConsumerKind, Zip};
 pub use converter::{ConverterLoss, EfficiencyTable, SwitchMode};
 pub use flow::{Cause, Flow, RailCannotDeliver, RailFlow};
 pub use ldo::Ldo;
-pub use tree::{PowerTree, RAILS_MAX, Rail, RailKind, Switch};
+pub use tree::{BATTERY, PowerTree, RAILS_MAX, Rail, RailKind, Switch};
