@@ -11,6 +11,7 @@ static MODELS: &[(&str, &str)] = &[
     ("explorer-3s1p-1320mah", include_str!("../params/explorer-3s1p-1320mah.toml")),
     ("mds-3s4p-7600mah", include_str!("../params/mds-3s4p-7600mah.toml")),
     ("explorer-robot", include_str!("../params/explorer-robot.toml")),
+    ("aquapod-robot", include_str!("../params/aquapod-robot.toml")),
     ("mds-station", include_str!("../params/mds-station.toml")),
 ];
 

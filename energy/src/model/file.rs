@@ -108,7 +108,7 @@ impl Model {
         })?;
         let mut effects = Vec::new();
         for entry in raw.effect {
-            let (index, parameters, rail) = effect(&document, raw.system, entry)?;
+            let ReadEffect { index, parameters, rail } = effect(&document, raw.system, entry)?;
             if let Some(rail) = rail {
                 rails::hang(&document, &mut facts, index, &rail)?;
             }
@@ -193,12 +193,14 @@ fn ocv_from_csv(text: &str) -> Result<OcvTable, String> {
 
 type RawEffect = Spanned<BTreeMap<Spanned<String>, Spanned<toml::Value>>>;
 
-/// Reads an effect: its place in the catalogue, its parameters, and for a robot's the rail it names.
-fn effect(
-    document: &Document<'_>,
-    system: System,
-    entry: RawEffect,
-) -> Result<(usize, Vec<Parameter>, Option<Spanned<toml::Value>>), DocumentError> {
+/// An effect as read: its place in the catalogue, its parameters, and for a robot's the rail it names.
+struct ReadEffect {
+    index: usize,
+    parameters: Vec<Parameter>,
+    rail: Option<Spanned<toml::Value>>,
+}
+
+fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<ReadEffect, DocumentError> {
     let span = entry.span();
     let mut keys = entry.into_inner();
     let mut take = |name: &str| {
@@ -228,7 +230,7 @@ fn effect(
             None => default_parameter(effect.spec().id, spec),
         });
     }
-    Ok((index, parameters, rail))
+    Ok(ReadEffect { index, parameters, rail })
 }
 
 fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {

@@ -1,6 +1,8 @@
 //! What holds for every model, whatever its effects.
 
+mod converter_data;
 mod exact;
+mod rails;
 
 use std::sync::Arc;
 
