@@ -269,8 +269,17 @@ catalogue! {
     }
     robot {
         idle::Idle,
-        motion::Motion,
+        cpu::Cpu,
+        radio::Radio,
+        gps::Gps,
+        camera::Camera,
+        sensors::Sensors,
+        encoders::Encoders,
+        ldo::LinearRegulator,
         converter::Converter,
+        converter_quadratic::ConverterQuadratic,
+        input_voltage_loss::InputVoltageLoss,
+        motion::Motion,
         rolling::Rolling,
         dry_friction::DryFriction,
         viscous_friction::ViscousFriction,
@@ -350,7 +359,7 @@ pub(crate) fn robot_power_w(effect: &impl Physics, parameters: &[f64], inputs: &
     for &(channel, value) in inputs {
         channels[channel] = value;
     }
-    step_once(effect, &Facts::Robot, 1.0, parameters, &mut [], &mut channels);
+    step_once(effect, &Facts::robot(), 1.0, parameters, &mut [], &mut channels);
     channels[Channel::PowerW]
 }
 

@@ -8,6 +8,7 @@
 //!   model.rs     facts + effects + parameters, read from a TOML text
 //!   run.rs       a model in motion: channels, state, step(dt_s); batch.rs: many at once
 //!     |
+//!   power/       a robot's power tree: converters, regulators, loads, radios
 //!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
 //!   forecast.rs  energy and time to the end of a discharge or a charge, with sigma
 //!   gauge/       estimators that turn raw samples into state of charge and energy
@@ -28,6 +29,7 @@ pub mod load;
 pub mod model;
 pub mod ocv;
 mod params;
+pub mod power;
 pub mod real;
 pub mod relaxation;
 mod run;
@@ -46,4 +48,4 @@ pub use params::{built_in, built_in_names, load_model};
 pub use real::{Dual, Real};
 pub use run::Run;
 pub use run::Start;
-pub use system::{BatteryFacts, ChargeFacts, Facts, System};
+pub use system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};

@@ -4,6 +4,7 @@
 //! physics is total.
 
 mod file;
+mod rails;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -103,6 +104,8 @@ pub struct Placed {
     pub(crate) parameters: Range<usize>,
     pub(crate) prepared: Range<usize>,
     pub(crate) states: Range<usize>,
+    /// The rail that it hangs on, for a robot's effect that does not hang on the battery.
+    pub(crate) rail: Option<usize>,
 }
 
 /// Facts, effects in order of evaluation, parameters.
@@ -144,14 +147,16 @@ impl Model {
             let phase = catalogue()[index].spec().phase;
             system.phases().iter().position(|&p| p == phase).expect("the catalogue is consistent")
         };
-        effects.sort_by_key(|(index, _)| (phase_of(*index), *index));
+        // Effects on one rail lie together, before those on the battery.
+        let rail_of = |index: usize| facts.rail_of(catalogue()[index].spec().id);
+        effects.sort_by_key(|(index, _)| (phase_of(*index), rail_of(*index).unwrap_or(usize::MAX), *index));
         if let Some(twice) = effects.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             return Err(format!("effect `{}` appears twice; a model has each effect at most once", catalogue()[twice[0].0].spec().id));
         }
         let mut placed: Vec<Placed> = Vec::new();
         let mut parameters = Vec::new();
-        // A battery's own state comes first: its charge.
-        let mut state_count = usize::from(system == System::Battery);
+        // What the system itself keeps comes first.
+        let mut state_count = facts.own_states();
         let mut prepared_count = 0;
         for (index, own) in effects {
             let effect = catalogue()[index];
@@ -161,7 +166,7 @@ impl Model {
             (state_count, prepared_count) = (states.end, prepared.end);
             parameters.extend(own);
             let channel = effect.spec().channel;
-            placed.push(Placed { effect, plain: effect, dual: effect, channel, parameters: range, prepared, states });
+            placed.push(Placed { effect, plain: effect, dual: effect, channel, parameters: range, prepared, states, rail: rail_of(index) });
         }
         // Effects of a phase lie together; a phase that the system lacks has none.
         let mut phases = [const { 0..0 }; Phase::COUNT];

@@ -3,7 +3,8 @@
 //! Written once for a lone run and for a batch of runs.
 
 use crate::effect::Phase;
-use crate::model::Model;
+use crate::model::{Model, Placed};
+use crate::power::PowerTree;
 use crate::real::Real;
 use crate::system::{BatteryFacts, Facts};
 use crate::units::{KELVIN_AT_0_DEGC, S_PER_H};
@@ -14,6 +15,9 @@ pub(crate) trait Parts<S> {
     /// Lets the effects of a phase act.
     fn act(&mut self, phase: Phase);
 
+    /// Lets some effects of a phase act.
+    fn act_among(&mut self, placed: &[Placed]);
+
     /// Does what the system itself does between phases, on the states and channels of every run.
     fn each(&mut self, between: impl Fn(&mut [S], &mut Channels<S>));
 }
@@ -23,13 +27,16 @@ pub(crate) trait Parts<S> {
 pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>) {
     match &model.facts {
         Facts::Battery(facts) => battery(facts, model.predicts_temperature(), dt_s, parts),
-        Facts::Robot => {
+        Facts::Robot(robot) => {
             parts.each(|_, now| {
                 now[Channel::PowerW] = S::from(0.0);
                 now[Channel::TractionN] = S::from(0.0);
                 now[Channel::CopperW] = S::from(0.0);
             });
-            parts.act(Phase::Load);
+            match &robot.tree {
+                None => parts.act(Phase::Load),
+                Some(tree) => rails(model, tree, parts),
+            }
             parts.act(Phase::Converter);
             parts.act(Phase::Drive);
         }
@@ -42,6 +49,27 @@ pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>)
             parts.act(Phase::Overhead);
         }
     }
+}
+
+/// What loads take from the battery over the rails that they hang on. What effects ask of each
+/// rail is kept in the robot's own states.
+#[inline(never)]
+fn rails<S: Real>(model: &Model, tree: &PowerTree, parts: &mut impl Parts<S>) {
+    let count = tree.rails().len();
+    parts.each(|asked_w, _| asked_w[..count].fill(S::from(0.0)));
+    for group in model.placed_in(Phase::Load).chunk_by(|a, b| a.rail == b.rail) {
+        parts.act_among(group);
+        if let Some(rail) = group[0].rail {
+            parts.each(|asked_w, now| {
+                asked_w[rail] = now[Channel::PowerW];
+                now[Channel::PowerW] = S::from(0.0);
+            });
+        }
+    }
+    parts.each(|asked_w, now| {
+        let flow = tree.flow(model.facts.supply_v(now), now[Channel::AmbientDegc], |channel| now[channel], &asked_w[..count]);
+        now.add(Channel::PowerW, flow.battery_w);
+    });
 }
 
 #[inline]

@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::rails::{self, RawRail, RawRobot};
 use super::{Model, Parameter, Sensor, Uncertainty};
 use crate::Channel;
 use crate::document::{Document, DocumentError, hint};
 use crate::effect::{ParameterSpec, catalogue, find};
 use crate::ocv::OcvTable;
-use crate::system::{BatteryFacts, ChargeFacts, Facts, System};
+use crate::system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -21,6 +22,9 @@ struct RawModel {
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
     battery: Option<Spanned<RawBattery>>,
+    robot: Option<Spanned<RawRobot>>,
+    #[serde(default)]
+    rail: Vec<Spanned<RawRail>>,
     #[serde(default)]
     sensor: BTreeMap<Spanned<String>, Sensor>,
     #[serde(default)]
@@ -78,7 +82,8 @@ impl Model {
             let message = format!("schema = {}: this program reads schema = {SCHEMA}", raw.schema.get_ref());
             return Err(document.error_at(raw.schema.span(), message));
         }
-        let facts = facts(&document, raw.system, raw.battery, read)?;
+        let robot = rails::robot_facts(&document, raw.system, raw.robot, raw.rail)?;
+        let mut facts = facts(&document, raw.system, raw.battery, robot, read)?;
         let mut sensors = BTreeMap::new();
         for (name, sensor) in raw.sensor {
             let names = || Channel::ALL.iter().map(|c| c.name());
@@ -103,7 +108,11 @@ impl Model {
         })?;
         let mut effects = Vec::new();
         for entry in raw.effect {
-            effects.push(effect(&document, raw.system, entry)?);
+            let ReadEffect { index, parameters, rail } = effect(&document, raw.system, entry)?;
+            if let Some(rail) = rail {
+                rails::hang(&document, &mut facts, index, &rail)?;
+            }
+            effects.push((index, parameters));
         }
         Model::assemble(raw.name, raw.system, facts, sensors, uncertainty, effects).map_err(|message| document.error(message))
     }
@@ -113,6 +122,7 @@ fn facts(
     document: &Document<'_>,
     system: System,
     battery: Option<Spanned<RawBattery>>,
+    robot: RobotFacts,
     read: &dyn Fn(&str) -> Result<String, String>,
 ) -> Result<Facts, DocumentError> {
     match (system, battery) {
@@ -122,7 +132,7 @@ fn facts(
             battery_facts(raw.into_inner(), read).map(Facts::Battery).map_err(|message| document.error_at(span, message))
         }
         (_, Some(raw)) => Err(document.error_at(raw.span(), format!("a [battery] table in a model with system = \"{}\"", system.name()))),
-        (System::Robot, None) => Ok(Facts::Robot),
+        (System::Robot, None) => Ok(Facts::Robot(robot)),
         (System::Station, None) => Ok(Facts::Station),
     }
 }
@@ -183,15 +193,22 @@ fn ocv_from_csv(text: &str) -> Result<OcvTable, String> {
 
 type RawEffect = Spanned<BTreeMap<Spanned<String>, Spanned<toml::Value>>>;
 
-fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<(usize, Vec<Parameter>), DocumentError> {
+/// An effect as read: its place in the catalogue, its parameters, and for a robot's the rail it names.
+struct ReadEffect {
+    index: usize,
+    parameters: Vec<Parameter>,
+    rail: Option<Spanned<toml::Value>>,
+}
+
+fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<ReadEffect, DocumentError> {
     let span = entry.span();
     let mut keys = entry.into_inner();
-    let id = keys
-        .iter()
-        .find(|(key, _)| key.get_ref() == "id")
-        .map(|(key, _)| key.clone())
-        .and_then(|key| keys.remove(&key))
-        .ok_or_else(|| document.error_at(span.clone(), "an [[effect]] needs an id = \"...\""))?;
+    let mut take = |name: &str| {
+        let key = keys.keys().find(|key| key.get_ref() == name).cloned();
+        key.and_then(|key| keys.remove(&key))
+    };
+    let rail = if system == System::Robot { take("rail") } else { None };
+    let id = take("id").ok_or_else(|| document.error_at(span.clone(), "an [[effect]] needs an id = \"...\""))?;
     let id_text =
         id.get_ref().as_str().ok_or_else(|| document.error_at(id.span(), "an effect's id is a text such as \"ohmic\""))?.to_owned();
     let ids = || catalogue().iter().filter(|e| e.spec().system == system).map(|e| e.spec().id);
@@ -213,7 +230,7 @@ fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<(
             None => default_parameter(effect.spec().id, spec),
         });
     }
-    Ok((index, parameters))
+    Ok(ReadEffect { index, parameters, rail })
 }
 
 fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {

@@ -1,9 +1,11 @@
 //! What holds for every model, whatever its effects.
 
+mod converter_data;
 mod exact;
 mod relaxation;
 mod measured_motors;
 mod robots;
+mod rails;
 
 use std::sync::Arc;
 

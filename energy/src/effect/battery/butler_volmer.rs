@@ -81,7 +81,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::CellDegc] = 25.0;
         channels[Channel::CellCurrentA] = current_a;
-        step_once(&ButlerVolmer, &Facts::Robot, 1.0, &[1.0, exchange_current_a], &mut [], &mut channels);
+        step_once(&ButlerVolmer, &Facts::robot(), 1.0, &[1.0, exchange_current_a], &mut [], &mut channels);
         1000.0 * channels[Channel::OverpotentialV]
     }
 

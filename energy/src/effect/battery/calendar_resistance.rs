@@ -62,7 +62,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::OverpotentialV] = 1.0;
         channels[Channel::AgeDays] = age_days;
-        step_once(&CalendarResistance, &Facts::Robot, 1.0, &[growth_per_sqrt_day], &mut [], &mut channels);
+        step_once(&CalendarResistance, &Facts::robot(), 1.0, &[growth_per_sqrt_day], &mut [], &mut channels);
         channels[Channel::OverpotentialV]
     }
 

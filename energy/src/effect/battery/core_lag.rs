@@ -85,7 +85,7 @@ mod tests {
             let core = core_degc(f64::from(step) * dt_s);
             channels[Channel::CellDegc] = core;
             channels[Channel::TemperatureDegc] = core;
-            step_once(&CoreLag, &Facts::Robot, dt_s, &[tau_s], &mut states, &mut channels);
+            step_once(&CoreLag, &Facts::robot(), dt_s, &[tau_s], &mut states, &mut channels);
         }
         channels[Channel::TemperatureDegc]
     }

@@ -85,7 +85,7 @@ mod tests {
             let (mut states, mut channels) = ([0.0_f64], Channels::filled(0.0_f64));
             for _ in 0..steps {
                 channels[Channel::CellCurrentA] = 1.0;
-                step_once(&FIRST, &Facts::Robot, 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
+                step_once(&FIRST, &Facts::robot(), 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
             }
             states[0]
         };

@@ -67,7 +67,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::OverpotentialV] = 1.0;
         channels[Channel::CycleCount] = cycles;
-        step_once(&ResistanceGrowth, &Facts::Robot, 1.0, &[growth_per_cycle], &mut [], &mut channels);
+        step_once(&ResistanceGrowth, &Facts::robot(), 1.0, &[growth_per_cycle], &mut [], &mut channels);
         channels[Channel::OverpotentialV]
     }
 

@@ -84,7 +84,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SpeedMps] = 0.5;
         channels[Channel::PitchRad] = 0.1;
-        step_once(&Motion, &Facts::Robot, 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
+        step_once(&Motion, &Facts::robot(), 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - 9.806_65 * 0.1_f64.sin() * 0.5).abs() < 1e-12);
     }
 
@@ -93,7 +93,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SpeedMps] = 0.5;
         channels[Channel::PitchRad] = -0.3;
-        step_once(&Motion, &Facts::Robot, 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
+        step_once(&Motion, &Facts::robot(), 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
         assert_eq!(channels[Channel::PowerW], 0.0);
     }
 }
