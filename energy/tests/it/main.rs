@@ -7,6 +7,8 @@ use energy::real::{LANES, derivative, variable};
 use energy::{Channel, Dual, Model, Run, Start, System, built_in_names, catalogue, load_model};
 use proptest::prelude::*;
 
+mod terminals;
+
 fn built_in(name: &str) -> Arc<Model> {
     Arc::new(load_model(name, &|_| unreachable!("built in")).unwrap())
 }
