@@ -7,6 +7,7 @@
 //!     |
 //!   model.rs     facts + effects + parameters, read from a TOML text
 //!   run.rs       a model in motion: channels, state, step(dt_s); batch.rs: many at once
+//!   pack.rs      cells that differ, each in motion by itself
 //!     |
 //!   power/       a robot's power tree: converters, regulators, loads, radios
 //!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
@@ -28,6 +29,7 @@ pub mod gauge;
 pub mod load;
 pub mod model;
 pub mod ocv;
+pub mod pack;
 mod params;
 pub mod power;
 pub mod real;
@@ -44,6 +46,7 @@ pub use effect::{Effect, EffectSpec, Own, ParameterSpec, Phase, catalogue, find}
 pub use estimate::{Estimate, propagate, propagate_all};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
 pub use ocv::OcvTable;
+pub use pack::Pack;
 pub use params::{built_in, built_in_names, load_model};
 pub use real::{Dual, Real};
 pub use run::Run;

@@ -3,6 +3,7 @@
 //! Zero effects is a valid model. Reading is the only place where values are checked; after it,
 //! physics is total.
 
+mod cells;
 mod file;
 mod rails;
 
@@ -201,6 +202,19 @@ impl Model {
         let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
         Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect())
             .expect("no effect appears twice")
+    }
+
+    /// The effects of some phases on other facts, and which of this model's parameters are left,
+    /// in their order.
+    pub(crate) fn part(&self, facts: Facts, phases: &[Phase]) -> (Model, Vec<usize>) {
+        let kept = || self.placed.iter().filter(|placed| phases.contains(&placed.effect.spec().phase));
+        let effects = kept().map(|placed| {
+            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
+            (index, self.parameters[placed.parameters.clone()].to_vec())
+        });
+        let model = Model::assemble(self.name.clone(), self.system, facts, self.sensors.clone(), self.uncertainty, effects.collect())
+            .expect("no effect appears twice");
+        (model, kept().flat_map(|placed| placed.parameters.clone()).collect())
     }
 
     /// All parameters of all effects, in order of evaluation.

@@ -152,6 +152,20 @@ impl<S: Lane> Run<S> {
         self.channels = self.saved.1;
     }
 
+    /// Steps what lies around a battery's cells: sensors and connection. `cells` goes from the
+    /// current at the terminals to the voltage of all cells, in the channels it is given.
+    pub(crate) fn step_around(&mut self, warms: bool, dt_s: f64, cells: impl FnOnce(&mut [S], &mut Channels<S>)) {
+        let Run { model, parameters, prepared, prepared_dt_s, states, channels, .. } = self;
+        if *prepared_dt_s != dt_s {
+            prepare(model, dt_s, parameters, prepared);
+            *prepared_dt_s = dt_s;
+        }
+        let mut parts = Lone { model, dt_s, parameters, prepared, states, channels, observe: |_: &Placed, _, _| {} };
+        step::sensed(warms, &mut parts);
+        cells(parts.states, parts.channels);
+        step::terminals(warms, &mut parts);
+    }
+
     #[inline]
     fn step_observed(&mut self, dt_s: f64, observe: impl FnMut(&Placed, S, S)) {
         let Run { model, parameters, prepared, prepared_dt_s, states, channels, .. } = self;

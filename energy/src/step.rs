@@ -72,10 +72,17 @@ fn rails<S: Real>(model: &Model, tree: &PowerTree, parts: &mut impl Parts<S>) {
     });
 }
 
+/// A battery of like cells: between the two halves of its terminals lie the cells themselves.
 #[inline]
 fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut impl Parts<S>) {
-    let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);
-    let per_parallel = 1.0 / parallel;
+    sensed(warms, parts);
+    cells(facts, dt_s, parts);
+    terminals(warms, parts);
+}
+
+/// From the current as its sensor shows it to the one that flowed.
+#[inline]
+pub(crate) fn sensed<S: Real>(warms: bool, parts: &mut impl Parts<S>) {
     parts.each(|_, now| {
         now[Channel::TerminalCurrentA] = now[Channel::CurrentA];
         if !warms {
@@ -83,6 +90,13 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         }
     });
     parts.act(Phase::Sensed);
+}
+
+#[inline]
+fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
+    let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);
+    let per_parallel = 1.0 / parallel;
+    let (resistance, self_discharge) = (facts.cell.resistance, facts.cell.self_discharge);
     parts.each(|_, now| {
         now[Channel::CapacityAh] = S::from(facts.capacity_ah);
         now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] * per_parallel;
@@ -92,6 +106,9 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     parts.each(|_, now| now[Channel::SocPerA] = now[Channel::CapacityAh].recip() * (parallel * hours));
     parts.act(Phase::Current);
     parts.each(|states, now| {
+        if self_discharge != 1.0 {
+            now[Channel::LostCurrentA] *= self_discharge;
+        }
         // The cell's charge over the cell's capacity, exact for a held current.
         let drained_a = now[Channel::CellCurrentA] + now[Channel::LostCurrentA];
         states[0] -= drained_a * now[Channel::SocPerA];
@@ -101,6 +118,10 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         now[Channel::EntropyVPerK] = S::from(0.0);
     });
     parts.act(Phase::Equilibrium);
+    // A cell of more resistance is one of less electrode: the same current is denser in it.
+    if resistance != 1.0 {
+        parts.each(|_, now| now[Channel::CellCurrentA] *= resistance);
+    }
     parts.act(Phase::Series);
     parts.each(|_, now| {
         now[Channel::CellVoltageV] = now[Channel::OcvV] - now[Channel::OverpotentialV];
@@ -108,6 +129,9 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     });
     parts.act(Phase::Polarisation);
     parts.each(|_, now| {
+        if resistance != 1.0 {
+            now[Channel::CellCurrentA] = now[Channel::CellCurrentA] / resistance;
+        }
         now[Channel::CellVoltageV] = now[Channel::CellVoltageV] - now[Channel::OverpotentialV];
         now[Channel::OverpotentialV] = now[Channel::OcvV] - now[Channel::CellVoltageV];
         // Bernardi's balance: what the resistances burn, and what the change of entropy gives.
@@ -118,6 +142,11 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         now[Channel::TerminalVoltageV] = now[Channel::CellVoltageV] * series;
     });
     parts.act(Phase::Heat);
+}
+
+/// From the cells' voltage to the terminals and to what sensors show.
+#[inline]
+pub(crate) fn terminals<S: Real>(warms: bool, parts: &mut impl Parts<S>) {
     parts.act(Phase::Connection);
     parts.each(|_, now| {
         now[Channel::PowerW] = now[Channel::TerminalVoltageV] * now[Channel::TerminalCurrentA];

@@ -15,6 +15,7 @@ use serde::Deserialize;
 
 use crate::effect::Phase;
 use crate::ocv::OcvTable;
+use crate::pack::{Balancing, CellFactors, UnlikeCell};
 use crate::power::PowerTree;
 use crate::{Channel, Channels, Real};
 
@@ -204,6 +205,14 @@ pub struct BatteryFacts {
     pub ocv: OcvTable,
     /// How the pack is charged.
     pub charge: ChargeFacts,
+    /// How all cells differ from those that the effects describe; 1 and 0 unless this is a part
+    /// of a pack of unlike cells.
+    pub cell: CellFactors,
+    /// Cells that differ from the others: a [`crate::Pack`] steps them by themselves, a
+    /// [`crate::Run`] takes all cells as alike.
+    pub unlike: Vec<UnlikeCell>,
+    /// How unlike cells are brought together again, if anything does that.
+    pub balancing: Option<Balancing>,
 }
 
 impl BatteryFacts {

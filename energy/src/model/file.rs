@@ -5,12 +5,14 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::cells::{RawBalancing, RawCell};
 use super::rails::{self, RawRail, RawRobot};
 use super::{Model, Parameter, Sensor, Uncertainty};
 use crate::Channel;
 use crate::document::{Document, DocumentError, hint};
 use crate::effect::{ParameterSpec, catalogue, find};
 use crate::ocv::OcvTable;
+use crate::pack::CellFactors;
 use crate::system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};
 
 #[derive(Deserialize)]
@@ -45,6 +47,9 @@ struct RawBattery {
     charge_cutoff_a: f64,
     ocv: Option<RawOcv>,
     ocv_csv: Option<String>,
+    #[serde(default)]
+    cell: Vec<Spanned<RawCell>>,
+    balancing: Option<Spanned<RawBalancing>>,
 }
 
 #[derive(Deserialize)]
@@ -129,7 +134,12 @@ fn facts(
         (System::Battery, None) => Err(document.error("system = \"battery\" needs a [battery] table with its fixed facts")),
         (System::Battery, Some(raw)) => {
             let span = raw.span();
-            battery_facts(raw.into_inner(), read).map(Facts::Battery).map_err(|message| document.error_at(span, message))
+            let mut raw = raw.into_inner();
+            let (cells, balancing) = (std::mem::take(&mut raw.cell), raw.balancing.take());
+            let mut facts = battery_facts(raw, read).map_err(|message| document.error_at(span, message))?;
+            facts.unlike = super::cells::cells(document, cells, facts.series, facts.parallel)?;
+            facts.balancing = balancing.map(|raw| super::cells::balancing(document, raw, &facts)).transpose()?;
+            Ok(Facts::Battery(facts))
         }
         (_, Some(raw)) => Err(document.error_at(raw.span(), format!("a [battery] table in a model with system = \"{}\"", system.name()))),
         (System::Robot, None) => Ok(Facts::Robot(robot)),
@@ -168,6 +178,9 @@ fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>)
             current_a: within("charge_current_a", raw.charge_current_a, 1e-3, 1e5)?,
             cutoff_a: within("charge_cutoff_a", raw.charge_cutoff_a, 1e-6, raw.charge_current_a.max(1e-6))?,
         },
+        cell: CellFactors::default(),
+        unlike: Vec::new(),
+        balancing: None,
     })
 }
 

@@ -2,10 +2,10 @@
 
 mod converter_data;
 mod exact;
-mod relaxation;
 mod measured_motors;
-mod robots;
 mod rails;
+mod relaxation;
+mod robots;
 
 use std::sync::Arc;
 
@@ -13,6 +13,8 @@ use energy::load::Terminals as _;
 use energy::real::{LANES, derivative, variable};
 use energy::{Channel, Dual, Model, Run, Start, System, built_in_names, catalogue, load_model};
 use proptest::prelude::*;
+
+mod terminals;
 
 fn built_in(name: &str) -> Arc<Model> {
     Arc::new(load_model(name, &|_| unreachable!("built in")).unwrap())
