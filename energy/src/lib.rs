@@ -11,6 +11,8 @@
 //!   power/       a robot's power tree: converters, regulators, loads, radios
 //!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
 //!   forecast.rs  energy and time to the end of a discharge or a charge, with sigma
+//!   charger.rs   the CC-CV charger as a device; selector.rs: the switch between packs
+//!   service.rs   what one service of a robot takes from a station's packs (need.rs), by cause
 //!   gauge/       estimators that turn raw samples into state of charge and energy
 //! ```
 //!
@@ -19,6 +21,7 @@
 
 mod batch;
 pub mod channel;
+pub mod charger;
 pub mod document;
 pub mod drive;
 pub mod effect;
@@ -27,12 +30,15 @@ pub mod forecast;
 pub mod gauge;
 pub mod load;
 pub mod model;
+mod need;
 pub mod ocv;
 mod params;
 pub mod power;
 pub mod real;
 pub mod relaxation;
 mod run;
+pub mod selector;
+pub mod service;
 mod step;
 pub mod system;
 pub mod units;
@@ -43,6 +49,7 @@ pub use document::DocumentError;
 pub use effect::{Effect, EffectSpec, Own, ParameterSpec, Phase, catalogue, find};
 pub use estimate::{Estimate, propagate, propagate_all};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
+pub use need::Need;
 pub use ocv::OcvTable;
 pub use params::{built_in, built_in_names, load_model};
 pub use real::{Dual, Real};

@@ -3,7 +3,7 @@
 //! A wrong converter efficiency makes every service dearer at once, so deviations of the
 //! station's parameters add up over services; those of the robots' batteries are independent.
 
-use energy::Estimate;
+use crate::Estimate;
 
 /// Energy with its sensitivity to each shared parameter and its own variance.
 #[derive(Debug, Clone, PartialEq, Default)]
