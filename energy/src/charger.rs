@@ -155,14 +155,9 @@ impl Charger {
     /// own load is turned into a current at the voltage before the step.
     pub fn step(&self, charging: &mut Charging, pack: &mut impl Terminals, around: &Surroundings, dt_s: f64) -> Flow {
         let before_v = pack.channel(Channel::TerminalVoltageV).max(0.1);
-        self.before(charging, around, before_v / f64::from(around.series.max(1)));
+        let asked_a = self.asks_a(charging, &around.request, before_v / f64::from(around.series.max(1)));
         let direct = self.path == PowerPath::Direct;
         let own_a = if direct { around.own_load_w / before_v } else { 0.0 };
-        let asked_a = match charging.stage {
-            Stage::Waiting | Stage::Done => 0.0,
-            Stage::Precharge => self.precharge_a.min(around.request.current_a),
-            Stage::Current | Stage::Voltage => around.request.current_a,
-        };
         let output_a_max = self.output_a_max.min(around.output_w_max / before_v).max(0.0);
         let room_a = output_a_max - own_a;
         let voltage_v_max = self.output_v_max.min(around.request.voltage_v);
@@ -178,14 +173,16 @@ impl Charger {
         };
         let voltage_v = pack.channel(Channel::TerminalVoltageV);
         let output_a = battery_a + own_a;
-        self.after(charging, limit_a > 0.0 && battery_a < 0.999 * limit_a, output_a, dt_s);
+        self.saw(charging, limit_a > 0.0 && battery_a < 0.999 * limit_a, output_a, dt_s);
         let bypass_w = if direct { 0.0 } else { around.own_load_w };
         Flow { battery_a, output_a, output_w: output_a * voltage_v, bypass_w }
     }
 
-    fn before(&self, charging: &mut Charging, around: &Surroundings, cell_v: f64) {
+    /// The current into the battery that the charger is after at this cell voltage, A: the state
+    /// moves on by what a charger sees before it acts.
+    pub fn asks_a(&self, charging: &mut Charging, request: &ChargeRequest, cell_v: f64) -> f64 {
         charging.stage = match charging.stage {
-            _ if around.request.current_a <= 0.0 => Stage::Waiting,
+            _ if request.current_a <= 0.0 => Stage::Waiting,
             Stage::Done if cell_v >= self.recharge_below_v_per_cell => Stage::Done,
             Stage::Voltage => Stage::Voltage,
             _ if cell_v < self.precharge_below_v_per_cell => Stage::Precharge,
@@ -194,9 +191,16 @@ impl Charger {
         if charging.stage != Stage::Voltage {
             charging.below_cutoff_s = 0.0;
         }
+        match charging.stage {
+            Stage::Waiting | Stage::Done => 0.0,
+            Stage::Precharge => self.precharge_a.min(request.current_a),
+            Stage::Current | Stage::Voltage => request.current_a.min(self.output_a_max),
+        }
     }
 
-    fn after(&self, charging: &mut Charging, limited_by_voltage: bool, output_a: f64, dt_s: f64) {
+    /// The state moves on by what came of a step of `dt_s`: whether the voltage limited the current,
+    /// and the current from the output, A.
+    pub fn saw(&self, charging: &mut Charging, limited_by_voltage: bool, output_a: f64, dt_s: f64) {
         if matches!(charging.stage, Stage::Current | Stage::Voltage) {
             charging.stage = if limited_by_voltage { Stage::Voltage } else { Stage::Current };
         }

@@ -102,8 +102,10 @@ struct Stretch {
     current_a: f64,
 }
 
-/// A robot's stay at the station.
+/// A robot's stay at the station, or that of a pack alone.
 struct Stay {
+    /// Robots that hang on the bays for each battery that charges: 1, or 0 for packs alone.
+    docked: f64,
     stretches: Vec<Stretch>,
     load_h: f64,
     unload_h: f64,
@@ -117,7 +119,7 @@ impl Stay {
         let charging = self.stretches.iter().map(move |stretch| {
             let situation = Situation {
                 charge_w: robots * stretch.charge_w,
-                docked: robots,
+                docked: robots * self.docked,
                 charging: robots,
                 squared_a2: robots * stretch.current_a.powi(2),
                 lift: 0.0,
@@ -126,7 +128,7 @@ impl Stay {
             (situation, stretch.hours, robots)
         });
         // A robot that is lifted out hangs on its bay until it is out.
-        charging.chain([lifting(0.0, self.load_h), lifting(1.0, self.unload_h)])
+        charging.chain([lifting(0.0, self.load_h), lifting(self.docked, self.unload_h)])
     }
 
     fn energy_wh(&self, run: &mut Run<f64>, around: &Circumstances) -> f64 {
@@ -152,8 +154,28 @@ pub fn service_energy(
     target_soc: f64,
     around: &Circumstances,
 ) -> Recharge {
+    recharge(station, Some(handling), battery, soc, target_soc, around)
+}
+
+/// The same for a robot's pack that is charged at the station without its robot: no lift and no own
+/// load, but the same converters and chargers.
+#[must_use]
+pub fn pack_energy(station: &Arc<Model>, battery: &Arc<Model>, soc: Estimate, target_soc: f64, around: &Circumstances) -> Recharge {
+    recharge(station, None, battery, soc, target_soc, around)
+}
+
+fn recharge(
+    station: &Arc<Model>,
+    handling: Option<Handling>,
+    battery: &Arc<Model>,
+    soc: Estimate,
+    target_soc: f64,
+    around: &Circumstances,
+) -> Recharge {
     let mut load = Run::new(Arc::clone(station), Start::at_soc(0.0));
     let bay_w_max = charge_w_max(&mut load, around) / around.at_once.max(1.0);
+    let docked = if handling.is_some() { 1.0 } else { 0.0 };
+    let [load_h, unload_h] = handling.map_or([0.0; 2], |handling| [handling.load_s / S_PER_H, handling.unload_s / S_PER_H]);
     let stay = |values: &[f64]| {
         let mut stretches = Vec::new();
         let mut run = forecast::run_at(battery, values, around.temperature_degc);
@@ -161,7 +183,7 @@ pub fn service_energy(
         let charge = charge_within(&mut run, target_soc, bay_w_max / values[1], |dt_s, current_a, power_w| {
             stretches.push(Stretch { hours: values[1] * dt_s / S_PER_H, charge_w: power_w, current_a });
         });
-        let stay = Stay { stretches, load_h: handling.load_s / S_PER_H, unload_h: handling.unload_s / S_PER_H };
+        let stay = Stay { docked, stretches, load_h, unload_h };
         (stay, values[1] * charge.time_s)
     };
     let inputs = forecast::uncertain(battery, soc);

@@ -4,6 +4,7 @@
 //!   pure    ledger.rs   which commands were answered, and how
 //!           body.rs     a simulated pack behind a simulated gauge IC
 //!           publish.rs  how often an agent speaks
+//!           charging.rs what a station can charge, and with how much
 //!           wire.rs     estimates and readings on the wire
 //!   shell   clock.rs    real or accelerated time
 //!           session.rs  a Zenoh session from a [network] table; publish, serve, watch
@@ -14,6 +15,7 @@
 //! Robot agent, station agent and coordinator use it; nothing here knows which of them it serves.
 
 pub mod body;
+mod charging;
 pub mod clock;
 pub mod files;
 pub mod ledger;
@@ -22,6 +24,7 @@ pub mod session;
 mod stop;
 mod wire;
 
+pub use charging::Charging;
 pub use clock::{Clock, ClockConfig};
 pub use ledger::{Ledger, refused};
 pub use publish::{Due, Publish};

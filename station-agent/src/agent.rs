@@ -248,6 +248,11 @@ impl Agent {
                 (spare.soc, spare.ready) = (wire(swapped.given_soc), false);
             }
         }
+        for (charged, soc) in observation.charged {
+            if let Some(spare) = self.spares.iter_mut().find(|spare| spare.spare == charged) {
+                (spare.soc, spare.ready) = (wire(soc), true);
+            }
+        }
     }
 
     /// Publishes what is due: gauges by their period, the state by its period and on change.
