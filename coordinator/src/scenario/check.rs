@@ -99,6 +99,7 @@ fn check_station(station: &StationEntry) -> Result<(), String> {
         not_negative(&format!("station {id}: {key}"), value)?;
     }
     station.charging.check().map_err(|error| format!("station {id}: {error}"))?;
+    station.selector.map_or(Ok(()), |selector| selector.check()).map_err(|error| format!("station {id}: {error}"))?;
     if station.packs.is_empty() {
         return Err(format!("station {id}: packs: at least one is needed"));
     }

@@ -132,6 +132,7 @@ impl Scenario {
                 unload_s: entry.unload_s,
                 swap_s: entry.swap_s,
                 charging: entry.charging.named(|name| truth(name)),
+                selector: entry.selector,
                 temperature_degc: self.temperature_degc,
                 seed,
             },

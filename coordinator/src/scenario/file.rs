@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use energy::DocumentError;
 use energy::document::Document;
-use node::{Charging, Publish};
+use node::{Charging, Publish, SelectorConfig};
 use proto::{PackId, RobotId, SiteId, SpareId, StationId};
 use serde::Deserialize;
 use toml::Spanned;
@@ -98,6 +98,9 @@ pub struct StationEntry {
     /// What its converters and chargers can do.
     #[serde(default)]
     pub charging: Charging<String>,
+    /// What happens while it changes packs; nothing when this is left out.
+    #[serde(default)]
+    pub selector: Option<SelectorConfig>,
 }
 
 /// A pack of a station.

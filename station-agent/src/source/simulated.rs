@@ -8,6 +8,7 @@ use std::sync::Arc;
 use energy::charger::{fair_level, share_fairly};
 use energy::service::{Situation, charge_w_within};
 use energy::{Channel, Estimate, Model, Run, Start};
+use node::SelectorConfig;
 use node::body::{PackBody, Task};
 use proto::{PackId, RobotId, SimDraw, SimSupply, SpareId, Timestamp};
 
@@ -36,6 +37,8 @@ pub struct World {
     /// What packs of robots are, where they are charged and become spares; none where they are put
     /// aside.
     pub spare_battery: Option<Arc<Model>>,
+    /// What happens while it changes packs; none for changes that nobody notices.
+    pub selector: Option<SelectorConfig>,
     /// Temperature of packs and surroundings, °C.
     pub temperature_degc: f64,
     /// Chooses the gauge ICs' specimens and noise.
@@ -84,8 +87,11 @@ pub struct StationBody {
     shelf: Shelf,
     /// Packs that robots left and that are spares again since the last observation.
     charged: Vec<(SpareId, Estimate)>,
+    selector: Option<SelectorConfig>,
     /// Changes of the active pack since the last step.
     switched: u32,
+    /// Time until it has started again, s.
+    down_s: f64,
     now_s: f64,
 }
 
@@ -115,7 +121,9 @@ impl StationBody {
             recharge_w: world.recharge_w,
             shelf: Shelf::new(world.spare_battery, world.temperature_degc, world.seed),
             charged: Vec::new(),
+            selector: world.selector,
             switched: 0,
+            down_s: 0.0,
             now_s: 0.0,
         }
     }
@@ -177,7 +185,8 @@ impl StationBody {
     }
 
     /// Steps the active pack under the station's load; when it gives out, the selector hands the
-    /// load to the next without a gap, as an uninterruptible supply does (Kottas, section B.2.2).
+    /// load to the next, as an uninterruptible supply does (Kottas, section B.2.2), unless the
+    /// selector's gap is too long for its capacitor.
     fn feed(&mut self, dt_s: f64) -> Vec<PackReading> {
         let now = self.situation();
         self.share_converters(&now);
@@ -188,7 +197,9 @@ impl StationBody {
         let mut samples: Vec<_> = self.packs.iter().map(|_| None).collect();
         let before = self.active;
         self.powered = false;
-        for index in (self.active..self.packs.len()).chain(0..self.active) {
+        self.down_s = (self.down_s - dt_s).max(0.0);
+        let up = self.down_s <= 0.0;
+        for index in (self.active..self.packs.len()).chain(0..self.active).filter(|_| up) {
             let pack = &mut self.packs[index];
             if pack.depleted {
                 continue;
@@ -205,7 +216,7 @@ impl StationBody {
                 }
             }
         }
-        self.switched += u32::from(self.active != before);
+        self.changed(before, power_w);
         self.recharge(&mut samples, dt_s);
         let rest = |(pack, sample): (&mut Pack, Option<_>)| PackReading {
             pack: pack.id.clone(),
@@ -216,6 +227,19 @@ impl StationBody {
             depleted: pack.depleted,
         };
         self.packs.iter_mut().zip(samples).map(rest).collect()
+    }
+
+    /// A change of packs has happened: the station lives through it, or starts again.
+    fn changed(&mut self, before: usize, power_w: f64) {
+        if self.active == before {
+            return;
+        }
+        self.switched += 1;
+        let Some(selector) = self.selector else { return };
+        let [from_v, to_v] = [before, self.active].map(|index| self.packs[index].body.truth(Channel::TerminalVoltageV));
+        if !selector.device().transition(from_v, to_v, power_w).survives {
+            self.down_s = selector.restart_s;
+        }
     }
 
     /// Charges what does not feed the station: from the supply its own packs and those that robots
@@ -295,8 +319,9 @@ impl Source for StationBody {
             Act::Swap { robot, spare } => self.swap = Some((robot.clone(), spare.clone(), self.times_s[2])),
             Act::Select { pack } => {
                 if let Some(index) = self.packs.iter().position(|known| known.id == *pack) {
-                    self.switched += u32::from(self.active != index);
-                    self.active = index;
+                    let before = std::mem::replace(&mut self.active, index);
+                    let power_w = self.load.channels[Channel::PackPowerW];
+                    self.changed(before, power_w);
                 }
             }
         }
@@ -334,3 +359,6 @@ impl Source for StationBody {
         std::mem::take(&mut self.supplies)
     }
 }
+
+#[cfg(test)]
+mod tests;
