@@ -88,28 +88,28 @@ pub fn charge(run: &mut Run<f64>, target_soc: f64) -> Charge {
 pub fn charge_within(run: &mut Run<f64>, target_soc: f64, power_w_max: f64, mut stretch: impl FnMut(f64, f64, f64)) -> Charge {
     let model = Arc::clone(run.model());
     let facts = model.battery();
-    let most_a = |run: &Run<f64>| facts.charge.current_a.min(power_w_max / run.channels[Channel::TerminalVoltageV].max(0.1));
+    let most_a = |run: &Run<f64>| facts.charge.current_a.min(power_w_max / run.channel(Channel::TerminalVoltageV).max(0.1));
     let begin_a = most_a(run).max(POWER_SHARE_MIN * facts.charge.current_a);
-    let expected_s = (target_soc - run.channels[Channel::Soc]).max(0.0) * facts.capacity_ah / begin_a * S_PER_H;
+    let expected_s = (target_soc - run.channel(Channel::Soc)).max(0.0) * facts.capacity_ah / begin_a * S_PER_H;
     let dt_s = (expected_s / STEPS).max(1.0);
     let (mut energy_wh, mut time_s) = (0.0, 0.0);
-    while time_s < TIME_MAX_S && run.channels[Channel::Soc] < target_soc {
-        let before = run.channels[Channel::Soc];
+    while time_s < TIME_MAX_S && run.channel(Channel::Soc) < target_soc {
+        let before = run.channel(Channel::Soc);
         let limit_a = most_a(run);
         let current_a = -run.step_charge(limit_a, facts.full_v(), dt_s);
-        let after = run.channels[Channel::Soc];
+        let after = run.channel(Channel::Soc);
         // A current cut by a shared limit is not the end of the charge.
         if current_a < facts.charge.cutoff_a.min(0.999 * limit_a) || limit_a <= 0.0 {
             break;
         }
         // The last step counts only up to the target.
         let share = if after > target_soc { (target_soc - before) / (after - before) } else { 1.0 };
-        let power_w = -run.channels[Channel::PowerW];
+        let power_w = -run.channel(Channel::PowerW);
         stretch(share * dt_s, current_a, power_w);
         energy_wh += power_w * share * dt_s / S_PER_H;
         time_s += share * dt_s;
     }
-    Charge { energy_wh, time_s, soc: run.channels[Channel::Soc].min(target_soc) }
+    Charge { energy_wh, time_s, soc: run.channel(Channel::Soc).min(target_soc) }
 }
 
 /// What a pack's estimate depends on, for a forecast with sigma: its charge, its parameters and

@@ -2,10 +2,10 @@
 
 mod converter_data;
 mod exact;
-mod relaxation;
 mod measured_motors;
-mod robots;
 mod rails;
+mod relaxation;
+mod robots;
 
 use std::sync::Arc;
 
