@@ -300,9 +300,15 @@ catalogue! {
     station {
         own_load::RobotOwnLoad,
         charger::Charger,
+        charger_curve::ChargerCurve,
+        path_selection::PathSelection,
+        bay_contact::BayContact,
         converter::Converter,
+        converter_curve::ConverterCurve,
         hotel::Hotel,
         lift::Lift,
+        selector_switch::SelectorSwitch,
+        pack_wiring::PackWiring,
     }
 }
 

@@ -79,21 +79,33 @@ pub fn discharge(run: &mut impl Battery, power_w: f64) -> Discharge {
 /// Charges a pack by its own charger settings until `target_soc` or the cutoff current.
 #[must_use]
 pub fn charge(run: &mut impl Battery, target_soc: f64) -> Charge {
+    charge_within(run, target_soc, f64::INFINITY, |_, _, _| {})
+}
+
+/// [`charge`] with at most `power_w_max` into the battery, W (> 0): several share what charges
+/// them. Says of each stretch how long it was (s) and what went into the battery (A, W).
+pub fn charge_within(run: &mut impl Battery, target_soc: f64, power_w_max: f64, mut stretch: impl FnMut(f64, f64, f64)) -> Charge {
     let model = Arc::clone(run.model());
     let facts = model.battery();
-    let expected_s = (target_soc - run.channel(Channel::Soc)).max(0.0) * facts.capacity_ah / facts.charge.current_a * S_PER_H;
+    let most_a = |terminal_v: f64| facts.charge.current_a.min(power_w_max / terminal_v.max(0.1));
+    let begin_a = most_a(run.channel(Channel::TerminalVoltageV)).max(POWER_SHARE_MIN * facts.charge.current_a);
+    let expected_s = (target_soc - run.channel(Channel::Soc)).max(0.0) * facts.capacity_ah / begin_a * S_PER_H;
     let dt_s = (expected_s / STEPS).max(1.0);
     let (mut energy_wh, mut time_s) = (0.0, 0.0);
     while time_s < TIME_MAX_S && run.channel(Channel::Soc) < target_soc {
         let before = run.channel(Channel::Soc);
-        let current_a = run.step_charge(facts.charge.current_a, facts.full_v(), dt_s);
+        let limit_a = most_a(run.channel(Channel::TerminalVoltageV));
+        let current_a = -run.step_charge(limit_a, facts.full_v(), dt_s);
         let after = run.channel(Channel::Soc);
-        if -current_a < facts.charge.cutoff_a {
+        // A current cut by a shared limit is not the end of the charge.
+        if current_a < facts.charge.cutoff_a.min(0.999 * limit_a) || limit_a <= 0.0 {
             break;
         }
         // The last step counts only up to the target.
         let share = if after > target_soc { (target_soc - before) / (after - before) } else { 1.0 };
-        energy_wh -= run.channel(Channel::PowerW) * share * dt_s / S_PER_H;
+        let power_w = -run.channel(Channel::PowerW);
+        stretch(share * dt_s, current_a, power_w);
+        energy_wh += power_w * share * dt_s / S_PER_H;
         time_s += share * dt_s;
     }
     Charge { energy_wh, time_s, soc: run.channel(Channel::Soc).min(target_soc) }
@@ -101,7 +113,7 @@ pub fn charge(run: &mut impl Battery, target_soc: f64) -> Charge {
 
 /// What a pack's estimate depends on, for a forecast with sigma: its charge, its parameters and
 /// its capacity.
-fn uncertain(model: &Model, soc: Estimate) -> Vec<Estimate> {
+pub(crate) fn uncertain(model: &Model, soc: Estimate) -> Vec<Estimate> {
     let mut inputs = vec![soc, Estimate::new(1.0, model.uncertainty.capacity_relative_sigma)];
     inputs.extend(model.estimates());
     inputs
@@ -109,7 +121,7 @@ fn uncertain(model: &Model, soc: Estimate) -> Vec<Estimate> {
 
 /// A pack of the model at one draw of its uncertain inputs. The capacity's factor is left to the
 /// caller: it scales energy and time of any forecast that keeps the power per capacity.
-fn pack_at(model: &Arc<Model>, inputs: &[f64], temperature_degc: f64) -> Pack {
+pub(crate) fn pack_at(model: &Arc<Model>, inputs: &[f64], temperature_degc: f64) -> Pack {
     let start = Start { temperature_degc, ..Start::at_soc(inputs[0].clamp(0.0, 1.0)) };
     let parameters = inputs[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
     Pack::with_parameters(Arc::clone(model), parameters, start)

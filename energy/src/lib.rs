@@ -12,6 +12,8 @@
 //!   power/       a robot's power tree: converters, regulators, loads, radios
 //!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
 //!   forecast.rs  energy and time to the end of a discharge or a charge, with sigma
+//!   charger.rs   the CC-CV charger as a device; selector.rs: the switch between packs
+//!   service.rs   what one service of a robot takes from a station's packs (need.rs), by cause
 //!   gauge/       estimators that turn raw samples into state of charge and energy
 //! ```
 //!
@@ -20,6 +22,7 @@
 
 mod batch;
 pub mod channel;
+pub mod charger;
 pub mod document;
 pub mod drive;
 pub mod effect;
@@ -28,6 +31,7 @@ pub mod forecast;
 pub mod gauge;
 pub mod load;
 pub mod model;
+mod need;
 pub mod ocv;
 pub mod pack;
 mod params;
@@ -35,6 +39,8 @@ pub mod power;
 pub mod real;
 pub mod relaxation;
 mod run;
+pub mod selector;
+pub mod service;
 mod step;
 pub mod system;
 pub mod units;
@@ -45,6 +51,7 @@ pub use document::DocumentError;
 pub use effect::{Effect, EffectSpec, Own, ParameterSpec, Phase, catalogue, find};
 pub use estimate::{Estimate, propagate, propagate_all};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
+pub use need::Need;
 pub use ocv::OcvTable;
 pub use pack::Pack;
 pub use params::{built_in, built_in_names, load_model};

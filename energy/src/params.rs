@@ -15,6 +15,7 @@ static MODELS: &[(&str, &str)] = &[
     ("mds-vehicle", include_str!("../params/mds-vehicle.toml")),
     ("aquapod-robot", include_str!("../params/aquapod-robot.toml")),
     ("mds-station", include_str!("../params/mds-station.toml")),
+    ("mds-station-path-selection", include_str!("../params/mds-station-path-selection.toml")),
 ];
 
 /// Tables that built-in models name.
