@@ -13,6 +13,8 @@ use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 const FONT: &str = "sans-serif";
+/// Pixels drawn for one pixel asked for: coordinates are whole pixels, in SVG too.
+const FINE: i32 = 2;
 const INK: RGBColor = RGBColor(40, 40, 40);
 const GRID: RGBColor = RGBColor(222, 222, 222);
 
@@ -91,7 +93,7 @@ pub struct Panel {
     pub legend: SeriesLabelPosition,
 }
 
-/// Draws panels, `columns` side by side, each of `size` pixels, into `folder/name.svg` and
+/// Draws panels, `columns` side by side, each of `size` pixels at half the resolution, into `folder/name.svg` and
 /// `folder/name.png`, and gives both paths.
 ///
 /// # Errors
@@ -101,7 +103,8 @@ pub fn save(folder: &Path, name: &str, columns: usize, size: (u32, u32), panels:
     register_font(FONT, FontStyle::Bold, dejavu::sans::bold()).map_err(|_| "the font cannot be read")?;
     fs::create_dir_all(folder)?;
     let rows = panels.len().div_ceil(columns);
-    let whole = (size.0 * u32::try_from(columns)?, size.1 * u32::try_from(rows)?);
+    let fine = FINE.unsigned_abs();
+    let whole = (fine * size.0 * u32::try_from(columns)?, fine * size.1 * u32::try_from(rows)?);
     let paths = ["svg", "png"].map(|extension| folder.join(format!("{name}.{extension}")));
     draw(&SVGBackend::new(&paths[0], whole).into_drawing_area(), (rows, columns), panels)?;
     draw(&BitMapBackend::new(&paths[1], whole).into_drawing_area(), (rows, columns), panels)?;
@@ -124,13 +127,13 @@ fn draw_panel<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel) ->
 where
     B::ErrorType: 'static,
 {
-    let text = |size: i32| (FONT, size).into_font().color(&INK);
+    let text = |size: i32| (FONT, size * FINE).into_font().color(&INK);
     let mut chart = ChartBuilder::on(area)
-        .caption(&panel.title, (FONT, 19, FontStyle::Bold).into_font().color(&INK))
-        .margin(12)
-        .margin_right(24)
-        .x_label_area_size(48)
-        .y_label_area_size(70)
+        .caption(&panel.title, (FONT, 19 * FINE, FontStyle::Bold).into_font().color(&INK))
+        .margin(12 * FINE)
+        .margin_right(24 * FINE)
+        .x_label_area_size(48 * FINE)
+        .y_label_area_size(70 * FINE)
         .build_cartesian_2d(panel.x.clone(), panel.y.clone())?;
     let (x_digits, y_digits) = (digits(&panel.x), digits(&panel.y));
     chart
@@ -140,8 +143,9 @@ where
         .x_label_formatter(&|x| number(*x, x_digits))
         .y_label_formatter(&|y| number(*y, y_digits))
         .light_line_style(TRANSPARENT)
-        .bold_line_style(GRID)
-        .axis_style(INK)
+        .bold_line_style(GRID.stroke_width(FINE.unsigned_abs()))
+        .axis_style(INK.stroke_width(FINE.unsigned_abs()))
+        .set_all_tick_mark_size(5 * FINE)
         .label_style(text(15))
         .axis_desc_style(text(16))
         .x_desc(&panel.x_label)
@@ -149,19 +153,19 @@ where
         .draw()?;
     for line in &panel.lines {
         let colour = COLOURS[line.colour % COLOURS.len()];
-        let style = colour.stroke_width(2);
+        let style = colour.stroke_width(2 * FINE.unsigned_abs());
         if !line.band.is_empty() {
             let upper = line.points.iter().zip(&line.band).map(|(&(x, y), half)| (x, y + half));
             let lower = line.points.iter().zip(&line.band).rev().map(|(&(x, y), half)| (x, y - half));
             chart.draw_series([Polygon::new(upper.chain(lower).collect::<Vec<_>>(), colour.mix(0.18))])?;
         }
         let drawn = if line.dashed {
-            chart.draw_series(DashedLineSeries::new(line.points.iter().copied(), 8, 5, style))?
+            chart.draw_series(DashedLineSeries::new(line.points.iter().copied(), 8 * FINE, 5 * FINE, style))?
         } else {
             chart.draw_series(LineSeries::new(line.points.iter().copied(), style))?
         };
         if !line.label.is_empty() {
-            drawn.label(&line.label).legend(move |(x, y)| PathElement::new([(x, y), (x + 22, y)], style));
+            drawn.label(&line.label).legend(move |(x, y)| PathElement::new([(x, y), (x + 22 * FINE, y)], style));
         }
     }
     for mark in &panel.marks {
@@ -171,15 +175,17 @@ where
             1.. => HPos::Left,
         };
         let words = text(15).pos(Pos::new(side, VPos::Center));
-        let element = EmptyElement::at(mark.at) + Circle::new((0, 0), 4, INK.filled()) + Text::new(mark.text.clone(), mark.offset, words);
+        let element = EmptyElement::at(mark.at)
+            + Circle::new((0, 0), 4 * FINE, INK.filled())
+            + Text::new(mark.text.clone(), (mark.offset.0 * FINE, mark.offset.1 * FINE), words);
         chart.draw_series([element])?;
     }
     if panel.lines.iter().filter(|line| !line.label.is_empty()).count() > 0 {
         chart
             .configure_series_labels()
             .position(panel.legend.clone())
-            .margin(14)
-            .legend_area_size(28)
+            .margin(14 * FINE)
+            .legend_area_size(28 * FINE)
             .label_font(text(15))
             .background_style(WHITE.mix(0.85))
             .border_style(GRID)

@@ -5,6 +5,7 @@ mod exact;
 mod measured_motors;
 mod rails;
 mod relaxation;
+mod robot_effects;
 mod robots;
 
 use std::sync::Arc;
