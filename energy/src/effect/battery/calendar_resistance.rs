@@ -22,7 +22,7 @@ static SPEC: EffectSpec = EffectSpec {
     source: "Bloom et al., J. Power Sources 101 (2001) 238: square root of time; others find exponents of 0.5 to 0.75",
     validity: "years near room temperature; storage temperature and SoC are within c; needs a series resistance to act on",
     signature: "the residual under load grows with age, fast at first, whether or not the pack was used",
-    matters: 0.02,
+    matters: 1e-3,
     confused_with: &[
         ("resistance_growth", "two packs of one age, of which one was hardly used"),
         ("arrhenius", "two temperatures at one age"),

@@ -53,6 +53,19 @@ static SPEC: EffectSpec = EffectSpec {
     states: &["polarisation_v"],
 };
 
+/// Advances pairs side by side and adds their states up: `prepared` holds decay over the step and
+/// gain of each pair in turn, a state settles at its gain times `drive`.
+#[inline]
+pub(crate) fn step_pairs<S: Real>(states: &mut [S], prepared: &[S], drive: S) -> S {
+    let mut sum = S::from(0.0);
+    for (state, pair) in states.iter_mut().zip(prepared.chunks_exact(2)) {
+        let settled = pair[1] * drive;
+        *state = settled + (*state - settled) * pair[0];
+        sum += *state;
+    }
+    sum
+}
+
 impl Physics for Pair {
     fn spec(&self) -> &'static EffectSpec {
         self.0
