@@ -7,6 +7,7 @@
 //!     |
 //!   model.rs     facts + effects + parameters, read from a TOML text
 //!   run.rs       a model in motion: channels, state, step(dt_s); batch.rs: many at once
+//!     |          protection.rs: which switch of a pack opens, and why
 //!     |
 //!   power/       a robot's power tree: converters, regulators, loads, radios
 //!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
@@ -30,6 +31,7 @@ pub mod model;
 pub mod ocv;
 mod params;
 pub mod power;
+pub mod protection;
 pub mod real;
 pub mod relaxation;
 mod run;
@@ -45,6 +47,7 @@ pub use estimate::{Estimate, propagate, propagate_all};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
 pub use ocv::OcvTable;
 pub use params::{built_in, built_in_names, load_model};
+pub use protection::Protection;
 pub use real::{Dual, Real};
 pub use run::Run;
 pub use run::Start;

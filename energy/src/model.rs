@@ -4,6 +4,7 @@
 //! physics is total.
 
 mod file;
+mod protection;
 mod rails;
 
 use std::collections::BTreeMap;

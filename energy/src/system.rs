@@ -16,6 +16,7 @@ use serde::Deserialize;
 use crate::effect::Phase;
 use crate::ocv::OcvTable;
 use crate::power::PowerTree;
+use crate::protection::Limits;
 use crate::{Channel, Channels, Real};
 
 /// The kind of thing a model describes.
@@ -204,6 +205,8 @@ pub struct BatteryFacts {
     pub ocv: OcvTable,
     /// How the pack is charged.
     pub charge: ChargeFacts,
+    /// When the pack's own electronics stop charge and discharge.
+    pub protection: Limits,
 }
 
 impl BatteryFacts {

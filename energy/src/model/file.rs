@@ -5,12 +5,14 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::protection::{self, RawProtection};
 use super::rails::{self, RawRail, RawRobot};
 use super::{Model, Parameter, Sensor, Uncertainty};
 use crate::Channel;
 use crate::document::{Document, DocumentError, hint};
 use crate::effect::{ParameterSpec, catalogue, find};
 use crate::ocv::OcvTable;
+use crate::protection::Limits;
 use crate::system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};
 
 #[derive(Deserialize)]
@@ -22,6 +24,7 @@ struct RawModel {
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
     battery: Option<Spanned<RawBattery>>,
+    protection: Option<Spanned<RawProtection>>,
     robot: Option<Spanned<RawRobot>>,
     #[serde(default)]
     rail: Vec<Spanned<RawRail>>,
@@ -84,6 +87,7 @@ impl Model {
         }
         let robot = rails::robot_facts(&document, raw.system, raw.robot, raw.rail)?;
         let mut facts = facts(&document, raw.system, raw.battery, robot, read)?;
+        protection::apply(&document, raw.system, &mut facts, raw.protection)?;
         let mut sensors = BTreeMap::new();
         for (name, sensor) in raw.sensor {
             let names = || Channel::ALL.iter().map(|c| c.name());
@@ -168,6 +172,7 @@ fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>)
             current_a: within("charge_current_a", raw.charge_current_a, 1e-3, 1e5)?,
             cutoff_a: within("charge_cutoff_a", raw.charge_cutoff_a, 1e-6, raw.charge_current_a.max(1e-6))?,
         },
+        protection: Limits::of(raw.full_v_per_cell, eod_v_per_cell, raw.charge_current_a, raw.capacity_ah),
     })
 }
 
