@@ -2,6 +2,7 @@
 
 mod converter_data;
 mod exact;
+mod recovery;
 mod relaxation;
 mod measured_motors;
 mod robots;
