@@ -2,11 +2,11 @@
 
 mod converter_data;
 mod exact;
+mod measured_motors;
+mod rails;
 mod recovery;
 mod relaxation;
-mod measured_motors;
 mod robots;
-mod rails;
 
 use std::sync::Arc;
 

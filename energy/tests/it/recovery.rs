@@ -23,10 +23,8 @@ const NOT_RECOVERED: &[(System, &str, &str)] = &[];
 
 /// Parameters that no log of the effect alone can tell from the effect's others, and which the
 /// fit therefore knows: system, id, parameter, reason.
-const HELD: &[(System, &str, &str, &str)] = &[
-    (System::Battery, "thermal", "heat_share", "scales with conductance and heat capacity: energy conservation says 1"),
-    (System::Robot, "converter", "quiescent_w", "the base robot's load behind the converter is constant, so both are one sum"),
-];
+const HELD: &[(System, &str, &str, &str)] =
+    &[(System::Battery, "thermal", "heat_share", "scales with conductance and heat capacity: energy conservation says 1")];
 
 /// Effects whose absence is not the model at their nulls: system, id, reason.
 const NOT_NULL: &[(System, &str, &str)] =
@@ -39,17 +37,35 @@ const IDENTIFIABLE: f64 = 0.3;
 /// Deviations that an estimate may lie beside the truth. One in 16 000 estimates lies beyond.
 const SIGMAS_MAX: f64 = 4.0;
 
-/// The model that an effect is tried in: everything that others multiply is there.
+/// What stands beside or instead of a built-in model's effects, so that everything that others
+/// multiply is there and moves.
+const BATTERY_BESIDE: &str = r#"
+    effect = [{ id = "rc1", resistance_ohm = { value = 0.03, source = "guess" } }]
+"#;
+
+/// Loads on the rails that come and go, and motors with more resistance than the Explorer's.
+const ROBOT_BESIDE: &str = r#"
+    effect = [
+        { id = "cpu" },
+        { id = "radio", send_w = { value = 3.0, source = "guess" } },
+        { id = "camera", camera_w = { value = 3.0, source = "guess" } },
+        { id = "motor_copper", copper_w_per_n2 = { value = 0.3, source = "guess" } },
+    ]
+"#;
+
+/// The model that an effect is tried in.
 fn base(system: System) -> toml::Table {
-    let (name, more) = match system {
-        System::Battery => ("explorer-3s1p-1320mah", "effect = [{ id = \"rc1\", resistance_ohm = { value = 0.03, source = \"guess\" } }]"),
-        System::Robot => ("explorer-robot", ""),
-        System::Station => ("mds-station", ""),
+    let (name, beside) = match system {
+        System::Battery => ("explorer-3s1p-1320mah", BATTERY_BESIDE),
+        System::Robot => ("explorer-robot", ROBOT_BESIDE),
+        System::Station => ("mds-station", "effect = []"),
     };
-    let mut model: toml::Table = built_in(name).unwrap().parse().unwrap();
-    let more: toml::Table = more.parse().unwrap();
-    if let Some(effects) = more.get("effect") {
-        model["effect"].as_array_mut().unwrap().extend(effects.as_array().unwrap().iter().cloned());
+    let parse = |text: &str| -> toml::Table { text.parse().unwrap_or_else(|error| panic!("{error}")) };
+    let (mut model, beside) = (parse(built_in(name).unwrap()), parse(beside));
+    let effects = model["effect"].as_array_mut().unwrap();
+    for effect in beside["effect"].as_array().unwrap() {
+        effects.retain(|known| known["id"] != effect["id"]);
+        effects.push(effect.clone());
     }
     model
 }
