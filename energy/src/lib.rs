@@ -8,6 +8,7 @@
 //!   model.rs     facts + effects + parameters, read from a TOML text
 //!   run.rs       a model in motion: channels, state, step(dt_s); batch.rs: many at once
 //!   pack.rs      cells that differ, each in motion by itself
+//!     |          protection.rs: which switch of a pack opens, and why
 //!     |
 //!   power/       a robot's power tree: converters, regulators, loads, radios
 //!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
@@ -36,6 +37,7 @@ pub mod ocv;
 pub mod pack;
 mod params;
 pub mod power;
+pub mod protection;
 pub mod real;
 pub mod relaxation;
 mod run;
@@ -55,6 +57,7 @@ pub use need::Need;
 pub use ocv::OcvTable;
 pub use pack::Pack;
 pub use params::{built_in, built_in_names, load_model};
+pub use protection::Protection;
 pub use real::{Dual, Real};
 pub use run::Run;
 pub use run::Start;

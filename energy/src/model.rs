@@ -5,6 +5,7 @@
 
 mod cells;
 mod file;
+mod protection;
 mod rails;
 
 use std::collections::BTreeMap;

@@ -17,6 +17,7 @@ use crate::effect::Phase;
 use crate::ocv::OcvTable;
 use crate::pack::{Balancing, CellFactors, UnlikeCell};
 use crate::power::PowerTree;
+use crate::protection::Limits;
 use crate::{Channel, Channels, Real};
 
 /// The kind of thing a model describes.
@@ -213,6 +214,8 @@ pub struct BatteryFacts {
     pub unlike: Vec<UnlikeCell>,
     /// How unlike cells are brought together again, if anything does that.
     pub balancing: Option<Balancing>,
+    /// When the pack's own electronics stop charge and discharge.
+    pub protection: Limits,
 }
 
 impl BatteryFacts {

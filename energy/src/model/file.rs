@@ -6,6 +6,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::cells::{RawBalancing, RawCell};
+use super::protection::{self, RawProtection};
 use super::rails::{self, RawRail, RawRobot};
 use super::{Model, Parameter, Sensor, Uncertainty};
 use crate::Channel;
@@ -13,6 +14,7 @@ use crate::document::{Document, DocumentError, hint};
 use crate::effect::{ParameterSpec, catalogue, find};
 use crate::ocv::OcvTable;
 use crate::pack::CellFactors;
+use crate::protection::Limits;
 use crate::system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};
 
 #[derive(Deserialize)]
@@ -24,6 +26,7 @@ struct RawModel {
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
     battery: Option<Spanned<RawBattery>>,
+    protection: Option<Spanned<RawProtection>>,
     robot: Option<Spanned<RawRobot>>,
     #[serde(default)]
     rail: Vec<Spanned<RawRail>>,
@@ -89,6 +92,7 @@ impl Model {
         }
         let robot = rails::robot_facts(&document, raw.system, raw.robot, raw.rail)?;
         let mut facts = facts(&document, raw.system, raw.battery, robot, read)?;
+        protection::apply(&document, raw.system, &mut facts, raw.protection)?;
         let mut sensors = BTreeMap::new();
         for (name, sensor) in raw.sensor {
             let names = || Channel::ALL.iter().map(|c| c.name());
@@ -181,6 +185,7 @@ fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>)
         cell: CellFactors::default(),
         unlike: Vec::new(),
         balancing: None,
+        protection: Limits::of(raw.full_v_per_cell, eod_v_per_cell, raw.charge_current_a, raw.capacity_ah),
     })
 }
 

@@ -6,6 +6,7 @@ mod measured_motors;
 mod rails;
 mod relaxation;
 mod robot_effects;
+mod recovery;
 mod robots;
 
 use std::sync::Arc;
