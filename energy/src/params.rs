@@ -10,6 +10,8 @@ static MODELS: &[(&str, &str)] = &[
     ("enertech-lco-2280mah", include_str!("../params/enertech-lco-2280mah.toml")),
     ("explorer-3s1p-1320mah", include_str!("../params/explorer-3s1p-1320mah.toml")),
     ("mds-3s4p-7600mah", include_str!("../params/mds-3s4p-7600mah.toml")),
+    ("aquapod-2s1p-1900mah", include_str!("../params/aquapod-2s1p-1900mah.toml")),
+    ("roomba-4s2p-2640mah", include_str!("../params/roomba-4s2p-2640mah.toml")),
     ("explorer-robot", include_str!("../params/explorer-robot.toml")),
     ("mds-station", include_str!("../params/mds-station.toml")),
 ];
