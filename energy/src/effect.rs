@@ -237,7 +237,11 @@ catalogue! {
         self_discharge::SelfDischarge,
         ohmic::Ohmic,
         ohmic_soc::OhmicSoc,
-        rc::FirstRc,
+        arrhenius::Arrhenius,
+        rc::FIRST,
+        rc2::SECOND,
+        polarisation_arrhenius::PolarisationArrhenius,
+        hysteresis::Hysteresis,
         thermal::LumpedThermal,
     }
     robot {
@@ -279,6 +283,25 @@ pub(crate) fn step_once(
     let mut prepared = vec![0.0; Physics::prepared_len(effect)];
     Physics::prepare(effect, facts, dt_s, parameters, &mut prepared);
     Physics::step(effect, facts, dt_s, Own { parameters, prepared: &prepared, states }, channels);
+}
+
+/// A run of one cell of 2 Ah with an OCV line from 3 V to 4 V and these effects, for the tests of
+/// effects that meet others: `(id, [(parameter, value)])`.
+#[cfg(test)]
+pub(crate) fn cell(series: u32, effects: &[(&str, &[(&str, f64)])], start: crate::Start) -> crate::Run<f64> {
+    let mut text = format!(
+        "schema = 1\nsystem = \"battery\"\nname = \"cell\"\n\
+         [battery]\nseries = {series}\nparallel = 1\ncapacity_ah = 2.0\nfull_v_per_cell = 4.0\neod_v_per_cell = 3.0\n\
+         charge_current_a = 2.0\ncharge_cutoff_a = 0.1\nocv = {{ soc = [0.0, 1.0], voltage_v = [3.0, 4.0] }}\n"
+    );
+    for (id, parameters) in effects {
+        text += &format!("[[effect]]\nid = \"{id}\"\n");
+        for (name, value) in *parameters {
+            text += &format!("{name} = {{ value = {value:?}, source = \"test\" }}\n");
+        }
+    }
+    let model = crate::Model::parse("cell", &text, &|_| unreachable!("the table is inline")).expect("the test's model is right");
+    crate::Run::new(std::sync::Arc::new(model), start)
 }
 
 #[cfg(test)]

@@ -12,3 +12,9 @@ pub const REFERENCE_DEGC: f64 = 25.0;
 pub const DAYS_PER_MONTH: f64 = 30.0;
 /// Seconds in a day.
 pub const S_PER_DAY: f64 = 86_400.0;
+/// Molar gas constant, J/(mol K) (CODATA 2018, exact since the SI of 2019).
+pub const GAS_CONSTANT_J_PER_MOL_K: f64 = 8.314_462_618;
+/// Faraday constant, C/mol (CODATA 2018, exact since the SI of 2019).
+pub const FARADAY_C_PER_MOL: f64 = 96_485.332_12;
+/// Joules in a kilojoule.
+pub const J_PER_KJ: f64 = 1000.0;

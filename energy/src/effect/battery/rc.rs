@@ -8,7 +8,11 @@
 
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
-pub(crate) struct FirstRc;
+/// A polarisation pair: `resistance_ohm` and `tau_s` are its parameters, its voltage its state.
+pub(crate) struct Pair(pub(crate) &'static EffectSpec);
+
+/// The pair of the faster time constant.
+pub(crate) static FIRST: Pair = Pair(&SPEC);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "rc1",
@@ -22,7 +26,10 @@ static SPEC: EffectSpec = EffectSpec {
     validity: "time steps of any length; linear in the current",
     signature: "the residual relaxes exponentially after each current step",
     matters: 1e-3,
-    confused_with: &[("ohmic", "current steps logged faster than tau1")],
+    confused_with: &[
+        ("ohmic", "current steps logged faster than tau1"),
+        ("rc2", "a rest that lasts several times the longer time constant"),
+    ],
     parameters: &[
         ParameterSpec {
             name: "resistance_ohm",
@@ -46,9 +53,9 @@ static SPEC: EffectSpec = EffectSpec {
     states: &["polarisation_v"],
 };
 
-impl Physics for FirstRc {
+impl Physics for Pair {
     fn spec(&self) -> &'static EffectSpec {
-        &SPEC
+        self.0
     }
 
     fn prepared_len(&self) -> usize {
@@ -78,7 +85,7 @@ mod tests {
             let (mut states, mut channels) = ([0.0_f64], Channels::filled(0.0_f64));
             for _ in 0..steps {
                 channels[Channel::CellCurrentA] = 1.0;
-                step_once(&FirstRc, &Facts::Robot, 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
+                step_once(&FIRST, &Facts::Robot, 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
             }
             states[0]
         };
