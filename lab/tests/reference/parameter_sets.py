@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Makes the OCV tables of the fitted parameter sets, and an independent least-squares check of them.
 
-    python3 parameter_sets.py DATA [--tables DIRECTORY] [SET ...]
+    python3 parameter_sets.py DATA [--tables DIRECTORY] [--logs DIRECTORY] [SET ...]
 
 DATA holds the measured logs, one folder per set. For each set, OCV at the knots and the linear
 parameters (R0 or R over SoC, RC resistances, hysteresis) are solved together by numpy least squares
 on the rows of all its fit logs; time constants, Arrhenius temperature and the like are searched on
 a grid. Residual RMS is printed stage by stage, each stage with one more effect, and for logs that
-were kept out. With --tables the OCV of the last stage is written as `soc,voltage_v`.
+were kept out. With --tables the OCV of the last stage is written as `soc,voltage_v`; with --logs every
+log is written under our names and signs, its facts beside it, voltages below the least SoC that
+counts left out: what `lab fit` was given.
 
 The program under test (`lab fit`) then gets the table and finds the other parameters by itself.
 Charge is integrated with the current of a row over the interval that ends there. Needs numpy only.
@@ -19,6 +21,7 @@ import pathlib
 
 import numpy as np
 
+LFP_OFFSET_A = 0.0078
 R_KNOTS = np.array([0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0])
 FINE = np.unique(np.concatenate([[0.0, 0.0025, 0.005, 0.0075], np.arange(1, 10) / 100, np.arange(5, 45) / 50, np.arange(90, 101) / 100]))
 
@@ -37,18 +40,30 @@ def hat(x, knots, extend=False):
 
 
 class Log:
-    def __init__(self, path, capacity_ah, soc, current_offset_a=0.0, charging_share=1.0, hysteresis=0.0, degc=25.0):
+    def __init__(self, path, capacity_ah, soc, current_offset_a=0.0, degc=25.0):
         data = np.genfromtxt(path, delimiter=",", names=True)
+        self.time_s, self.ambient_degc, self.soc_initial = data["time_s"], degc, soc
         self.name = path.stem
         self.current_a = data["current_a"] + current_offset_a
         self.voltage_v = data["voltage_v"]
         column = next((name for name in ("temperature_c", "temperature_degc") if name in data.dtype.names), None)
         self.degc = data[column] if column else np.full(len(data), degc)
+        self.ambient = data["ambient_c"] if "ambient_c" in data.dtype.names else np.full(len(data), degc)
+        self.measured_degc = column is not None
         self.dt_s = np.diff(data["time_s"], prepend=data["time_s"][0])
-        kept_a = np.where(self.current_a < 0, self.current_a * charging_share, self.current_a)
-        self.soc = soc - np.cumsum(kept_a * self.dt_s) / 3600 / capacity_ah
+        self.soc = soc - np.cumsum(self.current_a * self.dt_s) / 3600 / capacity_ah
         self.used = np.isfinite(self.voltage_v) & (np.arange(len(data)) > 0)
-        self.capacity_ah, self.hysteresis = capacity_ah, hysteresis
+        self.capacity_ah = capacity_ah
+
+    def write(self, folder, above):
+        folder.mkdir(parents=True, exist_ok=True)
+        rows = ["time_s,current_a,voltage_v,ambient_degc" + (",temperature_degc" if self.measured_degc else "")]
+        for row in range(len(self.soc)):
+            voltage = f"{self.voltage_v[row]:.5f}" if self.used[row] and self.soc[row] >= above else ""
+            text = f"{self.time_s[row]:.3f},{self.current_a[row]:.5f},{voltage},{self.ambient[row]:.3f}"
+            rows.append(text + (f",{self.degc[row]:.3f}" if self.measured_degc else ""))
+        (folder / f"{self.name}.csv").write_text("\n".join(rows) + "\n")
+        (folder / f"{self.name}.toml").write_text(f"schema = 1\nsoc_initial = {self.soc_initial}\n")
 
     def relaxed(self, target, keep):
         """Follows `target`, keeping the share `keep` of the distance in each step."""
@@ -59,7 +74,7 @@ class Log:
         return answer
 
     def hysteresis_state(self, gamma):
-        answer, state = np.empty(len(self.current_a)), self.hysteresis
+        answer, state = np.empty(len(self.current_a)), 0.0  # as a run of ours begins
         moved = np.abs(self.current_a) * self.dt_s / 3600 / self.capacity_ah
         for row, keep in enumerate(np.exp(-gamma * moved)):
             state = state * keep - (1 - keep) * np.sign(self.current_a[row])
@@ -120,8 +135,10 @@ def sets(data):
     )
 
     folder = data / "a123_lfp_26650_2p3ah_plett"
-    slow = [Log(folder / "ocv_p25_s1.csv", 2.0617, 1.0, hysteresis=1.0), Log(folder / "ocv_p25_s3.csv", 2.0617, 0.0, hysteresis=-1.0)]
-    dynamic = [Log(folder / "dyn_p25_s1.csv", 2.0617, 1.0, 0.00225, 0.986, hysteresis=1.0)]
+    # The dynamic log is of 1 s samples of a faster profile: its current column misses 23 mAh that the
+    # cycler's own counters have, and at its end the cell is empty (1.9 V) with 2 % unaccounted for.
+    slow = [Log(folder / "ocv_p25_s1.csv", 2.0617, 1.0), Log(folder / "ocv_p25_s3.csv", 2.0617, 0.0)]
+    dynamic = [Log(folder / "dyn_p25_s1.csv", 2.0617, 1.0, LFP_OFFSET_A)]
     # C/30 both ways cannot tell R0 from hysteresis: R0 comes from the dynamic log.
     yield (
         "a123-lfp-26650-2p3ah",
@@ -136,7 +153,7 @@ def sets(data):
 
     folder = data / "samsung_inr18650_30q_3ah"
     rates = [Log(folder / f"discharge_s001_{rate}.csv", 2.9696, 1.0) for rate in ("c10", "1c", "2c", "3c", "4c")]
-    pulses = [Log(folder / f"hppc_dnn01_1c_{degc}c.csv", 2.9696, 1.0) for degc in (20, 40)]
+    pulses = [Log(folder / f"hppc_dnn01_1c_{degc}c.csv", 2.9696, 1.0, degc=degc) for degc in (20, 40)]
     kelvins = [float(k) for k in range(0, 3001, 500)]
     yield (
         "samsung-inr18650-30q-3ah",
@@ -194,6 +211,7 @@ def main():
     arguments.add_argument("data", type=pathlib.Path)
     arguments.add_argument("sets", nargs="*")
     arguments.add_argument("--tables", type=pathlib.Path)
+    arguments.add_argument("--logs", type=pathlib.Path)
     arguments = arguments.parse_args()
     for name, logs, kept_out, stages, above, provenance in sets(arguments.data):
         if arguments.sets and name not in arguments.sets:
@@ -209,9 +227,12 @@ def main():
             used = log.used & (log.soc >= 0.1)
             residual = log.voltage_v + stage.get("fixed_ohm", 0.0) * log.current_a - log.columns(stage) @ answer
             print(f"  {rms_mv(residual[used]):7.2f} mV  kept out: {log.name}, SoC above 0.1")
+        for log in logs + kept_out if arguments.logs else []:
+            log.write(arguments.logs / name, above)
         if arguments.tables:
-            # OCV of all rows, for the part below `above` too.
-            answer = solve(stage, logs)[0]
+            # OCV of all rows, for the part below `above` too; our hysteresis has one M over SoC.
+            stage = search({"knots": FINE, **[stage for stage in stages if "m" not in stage][-1]}, logs, above)
+            rms, answer = solve(stage, logs, above)[1], solve(stage, logs)[0]
             soc, voltage_v = thin(FINE, np.maximum.accumulate(answer[: len(FINE)]))
             rows = "".join(f"{s:.4g},{v:.5f}\n" for s, v in zip(soc, voltage_v))
             notes = [*provenance, "Solved by least squares together with the cell's resistances (lab/tests/reference/parameter_sets.py, 2026-11-21),",
