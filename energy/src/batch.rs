@@ -5,14 +5,14 @@
 
 use std::sync::Arc;
 
-use crate::effect::{Many, Phase, Steps};
+use crate::effect::{Many, Phase};
 use crate::model::Model;
 use crate::run::{begin, prepare};
 use crate::step::{self, Parts};
 use crate::{Channels, Start};
 
-/// Runs stepped together; 16 of them with their channels take about 8 KB.
-const BLOCK: usize = 16;
+/// Runs stepped together; 64 of them with their channels take about 32 KB.
+const BLOCK: usize = 64;
 
 /// Many runs of one model. Set the input channels of each, step all, read the output channels.
 #[derive(Clone)]
@@ -117,7 +117,7 @@ impl Parts<f64> for Block<'_> {
                 states: (self.states.0, self.states.1, placed.states.clone()),
                 channels: self.channels,
             };
-            Steps::<f64>::step_many(placed.effect, &self.model.facts, self.dt_s, many);
+            placed.plain.step_many(&self.model.facts, self.dt_s, many);
         }
     }
 

@@ -56,12 +56,16 @@ channels! {
     CellCurrentA = "cell_current_a",
     /// Charge lost inside one cell per time, A: it drains the cell without passing its resistances.
     LostCurrentA = "lost_current_a",
+    /// Share of the cell's charge that one ampere moves in this step, 1/A.
+    SocPerA = "soc_per_a",
     /// Voltage of one cell, V: the mean of a series string.
     CellVoltageV = "cell_voltage_v",
     /// Temperature inside the cell, °C.
     CellDegc = "cell_degc",
     /// Open-circuit voltage of one cell, V.
     OcvV = "ocv_v",
+    /// Change of a cell's equilibrium voltage with its temperature, V/K: also makes reversible heat.
+    EntropyVPerK = "entropy_v_per_k",
     /// Sum of all voltage drops inside one cell, V (Kottas, Eq. C.1, taken under load).
     OverpotentialV = "overpotential_v",
     /// Heat made in one cell, W.
@@ -91,6 +95,10 @@ channels! {
     TailAngleRad = "tail_angle_rad",
     /// Class of the floor: 0 is the one that the other numbers were stated for.
     FloorClass = "floor_class",
+    /// Force that the wheels give along the path, N: found by the effects of motion.
+    TractionN = "traction_n",
+    /// Loss in the windings of the drive motors, W: found by the effects of motion.
+    CopperW = "copper_w",
     // Station.
     /// Power into the batteries of all robots that charge here, W.
     ChargePowerW = "charge_power_w",

@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use crate::channel::{Channel, Channels};
+use crate::model::Placed;
 use crate::real::{Dual, Real};
 use crate::system::{Facts, System};
 
@@ -137,7 +138,7 @@ pub trait Physics: Send + Sync {
 }
 
 /// [`Physics`] behind a pointer, for one kind of number.
-pub trait Steps<S> {
+pub trait Steps<S>: Send + Sync {
     /// [`Physics::start`].
     fn start(&self, facts: &Facts, parameters: &[S], states: &mut [S], channels: &Channels<S>);
     /// [`Physics::prepare`].
@@ -163,7 +164,7 @@ pub struct Many<'a, S> {
 }
 
 /// [`Physics`] behind a pointer.
-pub trait Effect: Steps<f64> + Steps<Dual> + Send + Sync {
+pub trait Effect: Steps<f64> + Steps<Dual> {
     /// What is known of the effect.
     fn spec(&self) -> &'static EffectSpec;
     /// [`Physics::prepared_len`].
@@ -204,29 +205,29 @@ impl<T: Physics, S: Real> Steps<S> for T {
 
 /// The kinds of number that a [`crate::Run`] can be made of: each picks its half of [`Effect`].
 pub trait Lane: Real {
-    /// The effect for this kind of number.
-    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<Self>;
+    /// The placed effect for this kind of number.
+    fn of(placed: &Placed) -> &'static dyn Steps<Self>;
 }
 
 impl Lane for f64 {
     #[inline]
-    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<f64> {
-        effect
+    fn of(placed: &Placed) -> &'static dyn Steps<f64> {
+        placed.plain
     }
 }
 
 impl Lane for Dual {
     #[inline]
-    fn of(effect: &'static dyn Effect) -> &'static dyn Steps<Dual> {
-        effect
+    fn of(placed: &Placed) -> &'static dyn Steps<Dual> {
+        placed.dual
     }
 }
 
 macro_rules! catalogue {
-    ($($system:ident { $($file:ident :: $effect:ident,)* })*) => {
-        $(mod $system { $(pub(crate) mod $file;)* })*
+    ($($folder:ident { $($file:ident :: $effect:ident,)* })*) => {
+        $(mod $folder { $(pub(crate) mod $file;)* })*
 
-        static CATALOGUE: &[&dyn Effect] = &[$($(&$system::$file::$effect,)*)*];
+        static CATALOGUE: &[&dyn Effect] = &[$($(&$folder::$file::$effect,)*)*];
     };
 }
 
@@ -234,20 +235,58 @@ macro_rules! catalogue {
 catalogue! {
     battery {
         capacity_fade::CapacityFade,
+        calendar_fade::CalendarFade,
+        rate_capacity::RateCapacity,
         self_discharge::SelfDischarge,
+        parasitic_load::ParasiticLoad,
+        coulombic_loss::CoulombicLoss,
+        electrode_balance::ElectrodeBalance,
+        entropic::Entropic,
         ohmic::Ohmic,
         ohmic_soc::OhmicSoc,
+        charge_asymmetry::ChargeAsymmetry,
+        resistance_growth::ResistanceGrowth,
+        calendar_resistance::CalendarResistance,
         arrhenius::Arrhenius,
+        butler_volmer::ButlerVolmer,
         rc::FIRST,
         rc2::SECOND,
         polarisation_arrhenius::PolarisationArrhenius,
         hysteresis::Hysteresis,
         thermal::LumpedThermal,
+        weak_cell::WeakCell,
+        contact_resistance::ContactResistance,
+        core_lag::CoreLag,
+    }
+    sensor {
+        current_dead_band::CurrentDeadBand,
+        current_offset::CurrentOffset,
+        current_gain::CurrentGain,
+        current_skew::CurrentSkew,
+        voltage_gain::VoltageGain,
+        voltage_offset::VoltageOffset,
+        temperature_bias::TemperatureBias,
     }
     robot {
         idle::Idle,
         motion::Motion,
         converter::Converter,
+        rolling::Rolling,
+        dry_friction::DryFriction,
+        viscous_friction::ViscousFriction,
+        floor::Floor,
+        slope::Slope,
+        acceleration::Acceleration,
+        payload::Payload,
+        regeneration::Regeneration,
+        gear_loss::GearLoss,
+        slip::Slip,
+        motor_copper::MotorCopper,
+        copper_temperature::CopperTemperature,
+        h_bridge::HBridge,
+        scrub::Scrub,
+        no_load_current::NoLoadCurrent,
+        caster_hold::CasterHold,
     }
     station {
         own_load::RobotOwnLoad,
@@ -302,6 +341,17 @@ pub(crate) fn cell(series: u32, effects: &[(&str, &[(&str, f64)])], start: crate
     }
     let model = crate::Model::parse("cell", &text, &|_| unreachable!("the table is inline")).expect("the test's model is right");
     crate::Run::new(std::sync::Arc::new(model), start)
+}
+
+/// Power that a lone effect adds to a robot's with these inputs, W: for the tests of effects.
+#[cfg(test)]
+pub(crate) fn robot_power_w(effect: &impl Physics, parameters: &[f64], inputs: &[(Channel, f64)]) -> f64 {
+    let mut channels = Channels::filled(0.0_f64);
+    for &(channel, value) in inputs {
+        channels[channel] = value;
+    }
+    step_once(effect, &Facts::Robot, 1.0, parameters, &mut [], &mut channels);
+    channels[Channel::PowerW]
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@
 mod batch;
 pub mod channel;
 pub mod document;
+pub mod drive;
 pub mod effect;
 mod estimate;
 pub mod forecast;
@@ -28,6 +29,7 @@ pub mod model;
 pub mod ocv;
 mod params;
 pub mod real;
+pub mod relaxation;
 mod run;
 mod step;
 pub mod system;

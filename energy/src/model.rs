@@ -10,7 +10,8 @@ use std::ops::Range;
 
 use serde::Deserialize;
 
-use crate::effect::{Effect, Phase, catalogue, find};
+use crate::effect::{Effect, Phase, Steps, catalogue, find};
+use crate::real::Dual;
 use crate::system::{BatteryFacts, Facts, System};
 use crate::{Channel, Estimate};
 
@@ -92,9 +93,13 @@ pub struct Uncertainty {
     pub bay_current_relative_sigma: f64,
 }
 
-/// An effect at its place in a model.
-pub(crate) struct Placed {
+/// An effect at its place in a model. Opaque outside this crate.
+pub struct Placed {
     pub(crate) effect: &'static dyn Effect,
+    /// The effect for plain and for dual numbers: the way to it in every step, kept short.
+    pub(crate) plain: &'static dyn Steps<f64>,
+    pub(crate) dual: &'static dyn Steps<Dual>,
+    pub(crate) channel: Channel,
     pub(crate) parameters: Range<usize>,
     pub(crate) prepared: Range<usize>,
     pub(crate) states: Range<usize>,
@@ -117,6 +122,7 @@ pub struct Model {
     phases: [Range<usize>; Phase::COUNT],
     state_count: usize,
     prepared_count: usize,
+    predicts_temperature: bool,
 }
 
 impl std::fmt::Debug for Model {
@@ -154,7 +160,8 @@ impl Model {
             let prepared = prepared_count..prepared_count + effect.prepared_len();
             (state_count, prepared_count) = (states.end, prepared.end);
             parameters.extend(own);
-            placed.push(Placed { effect, parameters: range, prepared, states });
+            let channel = effect.spec().channel;
+            placed.push(Placed { effect, plain: effect, dual: effect, channel, parameters: range, prepared, states });
         }
         // Effects of a phase lie together; a phase that the system lacks has none.
         let mut phases = [const { 0..0 }; Phase::COUNT];
@@ -162,7 +169,20 @@ impl Model {
             let range = &mut phases[place.effect.spec().phase as usize];
             *range = if range.start == range.end { index..index + 1 } else { range.start..index + 1 };
         }
-        Ok(Model { name, system, facts, sensors, uncertainty, parameters, placed, phases, state_count, prepared_count })
+        let predicts_temperature = placed.iter().any(|place| place.channel == Channel::CellDegc);
+        Ok(Model {
+            name,
+            system,
+            facts,
+            sensors,
+            uncertainty,
+            parameters,
+            placed,
+            phases,
+            state_count,
+            prepared_count,
+            predicts_temperature,
+        })
     }
 
     /// The same model without some of its effects.
@@ -210,8 +230,9 @@ impl Model {
     /// Whether the model says how the cell's temperature moves; otherwise a measured temperature
     /// is an input.
     #[must_use]
+    #[inline]
     pub fn predicts_temperature(&self) -> bool {
-        self.placed_in(Phase::Heat).iter().any(|placed| placed.effect.spec().channel == Channel::CellDegc)
+        self.predicts_temperature
     }
 
     /// Facts of a pack.
@@ -236,8 +257,11 @@ impl Model {
         &self.placed
     }
 
+    #[inline]
     pub(crate) fn placed_in(&self, phase: Phase) -> &[Placed] {
-        &self.placed[self.phases[phase as usize].clone()]
+        let Range { start, end } = self.phases[phase as usize];
+        // Most phases of most models are empty: that is found out first.
+        if start == end { &[] } else { &self.placed[start..end] }
     }
 
     pub(crate) fn prepared_count(&self) -> usize {

@@ -14,11 +14,13 @@ pub struct OcvTable {
     buckets_per_soc: f64,
     /// The segment at the beginning of each of [`BUCKETS`] equal parts of the table: where a
     /// search begins, so that it ends after a step or two.
-    buckets: Vec<usize>,
+    buckets: Vec<u16>,
 }
 
+/// Most points of a table.
+const POINTS_MAX: usize = 10_000;
 /// Parts that the table is divided into for searching.
-const BUCKETS: usize = 256;
+const BUCKETS: u16 = 1024;
 
 impl OcvTable {
     /// Checks and keeps a table: at least two points, `soc` strictly increasing, voltages finite
@@ -30,8 +32,8 @@ impl OcvTable {
         if soc.len() != voltage_v.len() {
             return Err(format!("the OCV table has {} soc and {} voltage_v entries; they must be as many", soc.len(), voltage_v.len()));
         }
-        if soc.len() < 2 {
-            return Err(format!("the OCV table has {} points; at least 2 are needed", soc.len()));
+        if !(2..=POINTS_MAX).contains(&soc.len()) {
+            return Err(format!("the OCV table has {} points; it needs 2 to {POINTS_MAX}", soc.len()));
         }
         for (index, pair) in soc.windows(2).enumerate() {
             let voltages = &voltage_v[index..index + 2];
@@ -53,10 +55,13 @@ impl OcvTable {
         let slope = |(s, v): (&[f64], &[f64])| (v[1] - v[0]) / (s[1] - s[0]);
         let slopes_v = soc.windows(2).zip(voltage_v.windows(2)).map(slope).collect();
         let (first, last) = (soc[0], soc[soc.len() - 1]);
-        let buckets_per_soc = BUCKETS as f64 / (last - first);
+        let buckets_per_soc = f64::from(BUCKETS) / (last - first);
         let mut table = Self { soc, voltage_v, slopes_v, buckets_per_soc, buckets: Vec::new() };
-        let begins = (0..BUCKETS).map(|bucket| first + (last - first) * bucket as f64 / BUCKETS as f64);
-        table.buckets = begins.map(|soc| table.soc.partition_point(|&knot| knot <= soc).clamp(1, table.soc.len() - 1) - 1).collect();
+        let begins = (0..BUCKETS).map(|bucket| first + (last - first) * f64::from(bucket) / f64::from(BUCKETS));
+        table.buckets = begins
+            .map(|soc| table.soc.partition_point(|&knot| knot <= soc).clamp(1, table.soc.len() - 1) - 1)
+            .map(|segment| segment as u16)
+            .collect();
         Ok(table)
     }
 
@@ -67,7 +72,7 @@ impl OcvTable {
     }
 
     /// Open-circuit voltage of one cell at `soc`, V.
-    #[inline]
+    #[inline(always)]
     pub fn voltage_v<S: Real>(&self, soc: S) -> S {
         let low = self.segment(soc.re());
         (soc - self.soc[low]) * self.slopes_v[low] + self.voltage_v[low]
@@ -94,11 +99,12 @@ impl OcvTable {
         self.soc[high - 1] + (voltage_v - self.voltage_v[high - 1]) / self.slopes_v[high - 1]
     }
 
-    #[inline]
+    #[inline(always)]
     fn segment(&self, soc: f64) -> usize {
-        // A float becomes an index by saturation: below the table 0, above it the last bucket.
-        let bucket = ((soc - self.soc[0]) * self.buckets_per_soc) as usize;
-        let mut segment = self.buckets[bucket.min(BUCKETS - 1)];
+        // Below the table the first bucket, above it the last: a float becomes an integer by
+        // saturation.
+        let bucket = ((soc - self.soc[0]) * self.buckets_per_soc) as i32;
+        let mut segment = usize::from(self.buckets[bucket.clamp(0, i32::from(BUCKETS) - 1) as usize]);
         while segment + 2 < self.soc.len() && self.soc[segment + 1] <= soc {
             segment += 1;
         }

@@ -18,6 +18,8 @@ static MODELS: &[(&str, &str)] = &[
     ("melasta-lipo-3p7ah", include_str!("../params/melasta-lipo-3p7ah.toml")),
     ("nissan-leaf-33ah", include_str!("../params/nissan-leaf-33ah.toml")),
     ("explorer-robot", include_str!("../params/explorer-robot.toml")),
+    ("roomba-robot", include_str!("../params/roomba-robot.toml")),
+    ("mds-vehicle", include_str!("../params/mds-vehicle.toml")),
     ("mds-station", include_str!("../params/mds-station.toml")),
 ];
 

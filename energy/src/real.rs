@@ -27,3 +27,36 @@ pub fn variable(value: f64, lane: usize) -> Dual {
 pub fn derivative(dual: &Dual, lane: usize) -> f64 {
     dual.eps.0.map_or(0.0, |eps| eps[lane])
 }
+
+/// Largest argument for the series of [`exp`]: its first missing term, x^8/8!, is 7e-17 there.
+const SERIES_MAX: f64 = 0.036;
+
+/// e^x to double precision; by its series where a step changes little, which is several times
+/// faster than a general exponential.
+#[inline]
+#[must_use]
+pub fn exp<S: Real>(x: S) -> S {
+    if x.re().abs() > SERIES_MAX {
+        return x.exp();
+    }
+    let mut sum = x * (1.0 / 5040.0) + 1.0 / 720.0;
+    for factor in [1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
+        sum = sum * x + factor;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_series_meets_the_general_exponential() {
+        for step in -40..=40 {
+            let x = f64::from(step) * 1e-3;
+            assert!((exp(x) / x.exp() - 1.0).abs() < 4e-16, "{x}");
+            let dual = exp(variable(x, 3));
+            assert!((derivative(&dual, 3) / x.exp() - 1.0).abs() < 1e-13, "{x}");
+        }
+    }
+}

@@ -166,7 +166,7 @@ pub(crate) fn begin<S: Lane>(model: &Model, parameters: &[S], states: &mut [S], 
         }
     }
     for placed in model.placed() {
-        S::of(placed.effect).start(&model.facts, &parameters[placed.parameters.clone()], &mut states[placed.states.clone()], channels);
+        S::of(placed).start(&model.facts, &parameters[placed.parameters.clone()], &mut states[placed.states.clone()], channels);
     }
 }
 
@@ -174,7 +174,7 @@ pub(crate) fn begin<S: Lane>(model: &Model, parameters: &[S], states: &mut [S], 
 pub(crate) fn prepare<S: Lane>(model: &Model, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
     for placed in model.placed() {
         let own = &mut prepared[placed.prepared.clone()];
-        S::of(placed.effect).prepare(&model.facts, dt_s, &parameters[placed.parameters.clone()], own);
+        S::of(placed).prepare(&model.facts, dt_s, &parameters[placed.parameters.clone()], own);
     }
 }
 
@@ -190,22 +190,21 @@ struct Lone<'a, S, F> {
 }
 
 impl<S: Lane, F: FnMut(&Placed, S, S)> Parts<S> for Lone<'_, S, F> {
-    #[inline]
+    #[inline(always)]
     fn act(&mut self, phase: Phase) {
         for placed in self.model.placed_in(phase) {
-            let channel = placed.effect.spec().channel;
-            let before = self.channels[channel];
+            let before = self.channels[placed.channel];
             let own = Own {
                 parameters: &self.parameters[placed.parameters.clone()],
                 prepared: &self.prepared[placed.prepared.clone()],
                 states: &mut self.states[placed.states.clone()],
             };
-            S::of(placed.effect).step(&self.model.facts, self.dt_s, own, self.channels);
-            (self.observe)(placed, before, self.channels[channel]);
+            S::of(placed).step(&self.model.facts, self.dt_s, own, self.channels);
+            (self.observe)(placed, before, self.channels[placed.channel]);
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn each(&mut self, between: impl Fn(&mut [S], &mut Channels<S>)) {
         between(self.states, self.channels);
     }

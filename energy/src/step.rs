@@ -6,7 +6,7 @@ use crate::effect::Phase;
 use crate::model::Model;
 use crate::real::Real;
 use crate::system::{BatteryFacts, Facts};
-use crate::units::S_PER_H;
+use crate::units::{KELVIN_AT_0_DEGC, S_PER_H};
 use crate::{Channel, Channels};
 
 /// One or many runs of a model.
@@ -24,7 +24,11 @@ pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>)
     match &model.facts {
         Facts::Battery(facts) => battery(facts, model.predicts_temperature(), dt_s, parts),
         Facts::Robot => {
-            parts.each(|_, now| now[Channel::PowerW] = S::from(0.0));
+            parts.each(|_, now| {
+                now[Channel::PowerW] = S::from(0.0);
+                now[Channel::TractionN] = S::from(0.0);
+                now[Channel::CopperW] = S::from(0.0);
+            });
             parts.act(Phase::Load);
             parts.act(Phase::Converter);
             parts.act(Phase::Drive);
@@ -43,6 +47,7 @@ pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>)
 #[inline]
 fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut impl Parts<S>) {
     let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);
+    let per_parallel = 1.0 / parallel;
     parts.each(|_, now| {
         now[Channel::TerminalCurrentA] = now[Channel::CurrentA];
         if !warms {
@@ -52,18 +57,20 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     parts.act(Phase::Sensed);
     parts.each(|_, now| {
         now[Channel::CapacityAh] = S::from(facts.capacity_ah);
-        now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] / parallel;
+        now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] * per_parallel;
         now[Channel::LostCurrentA] = S::from(0.0);
     });
     parts.act(Phase::Capacity);
+    parts.each(|_, now| now[Channel::SocPerA] = now[Channel::CapacityAh].recip() * (parallel * hours));
     parts.act(Phase::Current);
     parts.each(|states, now| {
         // The cell's charge over the cell's capacity, exact for a held current.
         let drained_a = now[Channel::CellCurrentA] + now[Channel::LostCurrentA];
-        states[0] -= drained_a / now[Channel::CapacityAh] * (parallel * hours);
+        states[0] -= drained_a * now[Channel::SocPerA];
         now[Channel::Soc] = states[0];
         now[Channel::OcvV] = facts.ocv.voltage_v(states[0]);
         now[Channel::OverpotentialV] = S::from(0.0);
+        now[Channel::EntropyVPerK] = S::from(0.0);
     });
     parts.act(Phase::Equilibrium);
     parts.act(Phase::Series);
@@ -75,7 +82,9 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     parts.each(|_, now| {
         now[Channel::CellVoltageV] = now[Channel::CellVoltageV] - now[Channel::OverpotentialV];
         now[Channel::OverpotentialV] = now[Channel::OcvV] - now[Channel::CellVoltageV];
-        now[Channel::HeatW] = now[Channel::OverpotentialV] * now[Channel::CellCurrentA];
+        // Bernardi's balance: what the resistances burn, and what the change of entropy gives.
+        let entropic_v = (now[Channel::CellDegc] + KELVIN_AT_0_DEGC) * now[Channel::EntropyVPerK];
+        now[Channel::HeatW] = (now[Channel::OverpotentialV] - entropic_v) * now[Channel::CellCurrentA];
         now[Channel::CellMinV] = now[Channel::CellVoltageV];
         now[Channel::CellMaxV] = now[Channel::CellVoltageV];
         now[Channel::TerminalVoltageV] = now[Channel::CellVoltageV] * series;

@@ -109,6 +109,22 @@ pub fn simulate(
     Ok(Outcome { measured, events, start, schedule: core.schedule().clone(), telemetry })
 }
 
+/// What a robot's load log holds beside its power: whatever an effect of a robot may ask for.
+const LOAD_INPUTS: [Channel; 12] = [
+    Channel::SpeedMps,
+    Channel::AccelMps2,
+    Channel::PitchRad,
+    Channel::PayloadKg,
+    Channel::YawRateRadps,
+    Channel::FloorClass,
+    Channel::TailAngleRad,
+    Channel::CpuMhz,
+    Channel::CpuUtil,
+    Channel::RadioTxDbm,
+    Channel::RadioDuty,
+    Channel::CameraOn,
+];
+
 impl World {
     fn new(deployment: &Deployment, with_telemetry: bool, ambient_degc: f64, start: Timestamp) -> anyhow::Result<Self> {
         let mut telemetry = with_telemetry.then(Telemetry::default);
@@ -117,7 +133,8 @@ impl World {
             let (agent, body) = config.build_simulated(None)?;
             if let Some(telemetry) = &mut telemetry {
                 telemetry.battery(config.id.as_ref(), 0.0, agent.soc(), ambient_degc);
-                telemetry.table(&load_stem(&config.id), "power_w,speed_mps,pitch_rad,payload_kg");
+                let inputs = LOAD_INPUTS.map(Channel::name).join(",");
+                telemetry.table(&load_stem(&config.id), &format!("power_w,{inputs}"));
             }
             robots.insert(config.id.clone(), Robot { agent, body, mission_s: 0.0, exchanges: 0 });
         }
@@ -194,9 +211,9 @@ impl World {
             if let (Some(telemetry), Some(sample)) = (&mut self.telemetry, &observation.sample) {
                 telemetry.battery_row(&battery_stem(id, robot.exchanges), time_s, sample, self.ambient_degc);
                 if observation.place != Place::InBay && !observation.depleted {
-                    let [speed, pitch, payload] = robot.body.inputs([Channel::SpeedMps, Channel::PitchRad, Channel::PayloadKg]);
+                    let inputs = robot.body.inputs(LOAD_INPUTS).map(|value| value.to_string()).join(",");
                     let power_w = sample.current_a * sample.voltage_v;
-                    telemetry.row(&load_stem(id), format_args!("{time_s},{power_w:.4},{speed},{pitch},{payload}"));
+                    telemetry.row(&load_stem(id), format_args!("{time_s},{power_w:.4},{inputs}"));
                 }
             }
             robot.agent.handle(now, robot_agent::Input::Observed(observation));

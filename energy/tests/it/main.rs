@@ -1,5 +1,10 @@
 //! What holds for every model, whatever its effects.
 
+mod exact;
+mod relaxation;
+mod measured_motors;
+mod robots;
+
 use std::sync::Arc;
 
 use energy::load::Terminals as _;

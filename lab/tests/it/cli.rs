@@ -151,15 +151,29 @@ fn a_robot_log_is_fitted_with_its_own_columns() {
     for second in 0..200 {
         let driving = (second / 20) % 2;
         let speed_mps = 0.3 * f64::from(driving);
-        // 4 W idle and 0.5 kg of rolling at 0.02 through 40 %, through the converter of the model.
-        let load_w = 4.0 + 0.5 * 9.806_65 * 0.02 * speed_mps / 0.4;
-        log += &format!("{second},{},{}\n", load_w / 0.9 + 0.02, speed_mps * 3.6);
+        // 4 W idle through the converter; 0.5 kg of rolling at 0.02 through 40 % from the battery.
+        let drive_w = 0.5 * 9.806_65 * 0.02 * speed_mps / 0.4;
+        log += &format!("{second},{},{}\n", 4.0 / 0.9 + 0.02 + drive_w, speed_mps * 3.6);
     }
+    let parameter = |value: f64| format!("{{ value = {value}, source = \"test\" }}");
+    let model = format!(
+        "schema = 1\nsystem = \"robot\"\nname = \"robot\"\n[sensor.power_w]\nsigma = 0.02\n\
+         [[effect]]\nid = \"idle\"\nidle_w = {}\n\
+         [[effect]]\nid = \"motion\"\nrolling_coefficient = {}\nmass_kg = {}\ndrive_efficiency = {}\n\
+         [[effect]]\nid = \"converter\"\nefficiency = {}\nquiescent_w = {}\n",
+        parameter(3.75),
+        parameter(0.02),
+        parameter(0.5),
+        parameter(0.4),
+        parameter(0.9),
+        parameter(0.02)
+    );
+    fs::write(directory.path().join("robot.toml"), model).unwrap();
     fs::write(directory.path().join("drive.csv"), log).unwrap();
     let facts = "schema = 1\n[columns]\ntime_s = \"t\"\npower_w = \"watts\"\nspeed_mps = \"v_kmh/3.6\"\n";
     fs::write(directory.path().join("drive.toml"), facts).unwrap();
     let arguments =
-        ["fit", "--model", "explorer-robot", "--free", "idle.idle_w", "--log", "drive.csv", "-o", "fitted.toml", "--format", "json"];
+        ["fit", "--model", "robot.toml", "--free", "idle.idle_w", "--log", "drive.csv", "-o", "fitted.toml", "--format", "json"];
     let outcome = lab_in(directory.path(), &arguments);
     assert_eq!(outcome.code, 0, "{}", outcome.stderr);
     assert!((outcome.json()["parameters"][0]["value"].as_f64().unwrap() - 4.0).abs() < 1e-6);

@@ -42,14 +42,20 @@ static SPEC: EffectSpec = EffectSpec {
     states: &[],
 };
 
+/// Temperature inside the cell in K, held within the range that equations of activation follow.
+#[inline]
+pub(crate) fn kelvin<S: Real>(cell_degc: S) -> S {
+    let [low, high] = RANGE_DEGC;
+    let held_degc = if (low..=high).contains(&cell_degc.re()) { cell_degc } else { S::from(cell_degc.re().clamp(low, high)) };
+    held_degc + KELVIN_AT_0_DEGC
+}
+
 /// `exp(Ea / R (1/T - 1/T_ref))` for an activation energy in kJ/mol and a temperature in °C.
 #[inline]
 pub(crate) fn factor<S: Real>(activation_kj_per_mol: S, cell_degc: S) -> S {
     const REFERENCE_K: f64 = REFERENCE_DEGC + KELVIN_AT_0_DEGC;
-    let [low, high] = RANGE_DEGC;
-    let held_degc = if (low..=high).contains(&cell_degc.re()) { cell_degc } else { S::from(cell_degc.re().clamp(low, high)) };
-    let kelvin = held_degc + KELVIN_AT_0_DEGC;
-    (activation_kj_per_mol * (J_PER_KJ / GAS_CONSTANT_J_PER_MOL_K / REFERENCE_K) * (-held_degc + REFERENCE_DEGC) / kelvin).exp()
+    let kelvin = kelvin(cell_degc);
+    (activation_kj_per_mol * (J_PER_KJ / GAS_CONSTANT_J_PER_MOL_K / REFERENCE_K) * (-kelvin + REFERENCE_K) / kelvin).exp()
 }
 
 impl Physics for Arrhenius {

@@ -12,7 +12,7 @@
 //! Absence: the residual at rest has one sign after charges and the other after discharges, at
 //! the same SoC, however long the rest.
 
-use crate::units::S_PER_H;
+use crate::real::exp;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct Hysteresis;
@@ -64,16 +64,16 @@ impl Physics for Hysteresis {
         2
     }
 
-    fn prepare<S: Real>(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+    fn prepare<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], prepared: &mut [S]) {
         prepared[0] = parameters[0] * V_PER_MV;
-        prepared[1] = parameters[1] * (-dt_s / S_PER_H * f64::from(facts.parallel()));
+        prepared[1] = -parameters[1];
     }
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let (current_a, state) = (channels[Channel::CellCurrentA], &mut own.states[0]);
         let branch = 1f64.copysign(current_a.re());
-        let kept = (own.prepared[1] * (current_a * branch) / channels[Channel::CapacityAh]).exp();
+        let kept = exp(own.prepared[1] * (current_a * branch) * channels[Channel::SocPerA]);
         *state = (*state - branch) * kept + branch;
         channels.add(Channel::OverpotentialV, own.prepared[0] * *state);
     }
@@ -87,9 +87,9 @@ mod tests {
     /// Passes a share of the capacity through a cell of 2 Ah at 1 A; negative shares charge it.
     fn pass(share: f64, amplitude_mv: f64, rate: f64, states: &mut [f64; 1]) -> f64 {
         let mut channels = Channels::filled(0.0_f64);
-        channels[Channel::CapacityAh] = 2.0;
+        channels[Channel::SocPerA] = share.abs();
         channels[Channel::CellCurrentA] = 1f64.copysign(share);
-        step_once(&Hysteresis, &Facts::Robot, share.abs() * 2.0 * 3600.0, &[amplitude_mv, rate], states, &mut channels);
+        step_once(&Hysteresis, &Facts::Robot, 1.0, &[amplitude_mv, rate], states, &mut channels);
         channels[Channel::OverpotentialV]
     }
 
@@ -110,7 +110,7 @@ mod tests {
         assert!((long[0] - short[0]).abs() < 1e-12);
         let before = long[0];
         let mut channels = Channels::filled(0.0_f64);
-        channels[Channel::CapacityAh] = 2.0;
+        channels[Channel::SocPerA] = 1.0;
         step_once(&Hysteresis, &Facts::Robot, 1e4, &[5.0, 50.0], &mut long, &mut channels);
         assert_eq!(long[0], before);
     }

@@ -66,6 +66,7 @@ impl Physics for Motion {
         let pitch_rad = channels[Channel::PitchRad];
         let weight_n = mass_kg * GRAVITY_MPS2;
         let force_n = weight_n * (own.parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
+        channels.add(Channel::TractionN, force_n);
         let drawn_w = force_n * channels[Channel::SpeedMps] / own.parameters[2];
         if drawn_w.re() > 0.0 {
             channels.add(Channel::PowerW, drawn_w);
