@@ -10,6 +10,13 @@ static MODELS: &[(&str, &str)] = &[
     ("enertech-lco-2280mah", include_str!("../params/enertech-lco-2280mah.toml")),
     ("explorer-3s1p-1320mah", include_str!("../params/explorer-3s1p-1320mah.toml")),
     ("mds-3s4p-7600mah", include_str!("../params/mds-3s4p-7600mah.toml")),
+    ("aquapod-2s1p-1900mah", include_str!("../params/aquapod-2s1p-1900mah.toml")),
+    ("roomba-4s2p-2640mah", include_str!("../params/roomba-4s2p-2640mah.toml")),
+    ("enertech-lco-2280mah-full", include_str!("../params/enertech-lco-2280mah-full.toml")),
+    ("a123-lfp-26650-2p3ah", include_str!("../params/a123-lfp-26650-2p3ah.toml")),
+    ("samsung-inr18650-30q-3ah", include_str!("../params/samsung-inr18650-30q-3ah.toml")),
+    ("melasta-lipo-3p7ah", include_str!("../params/melasta-lipo-3p7ah.toml")),
+    ("nissan-leaf-33ah", include_str!("../params/nissan-leaf-33ah.toml")),
     ("explorer-robot", include_str!("../params/explorer-robot.toml")),
     ("roomba-robot", include_str!("../params/roomba-robot.toml")),
     ("mds-vehicle", include_str!("../params/mds-vehicle.toml")),
@@ -19,7 +26,14 @@ static MODELS: &[(&str, &str)] = &[
 ];
 
 /// Tables that built-in models name.
-static TABLES: &[(&str, &str)] = &[("enertech-lco-2280mah-ocv.csv", include_str!("../params/enertech-lco-2280mah-ocv.csv"))];
+static TABLES: &[(&str, &str)] = &[
+    ("enertech-lco-2280mah-ocv.csv", include_str!("../params/enertech-lco-2280mah-ocv.csv")),
+    ("enertech-lco-2280mah-full-ocv.csv", include_str!("../params/enertech-lco-2280mah-full-ocv.csv")),
+    ("a123-lfp-26650-2p3ah-ocv.csv", include_str!("../params/a123-lfp-26650-2p3ah-ocv.csv")),
+    ("samsung-inr18650-30q-3ah-ocv.csv", include_str!("../params/samsung-inr18650-30q-3ah-ocv.csv")),
+    ("melasta-lipo-3p7ah-ocv.csv", include_str!("../params/melasta-lipo-3p7ah-ocv.csv")),
+    ("nissan-leaf-33ah-ocv.csv", include_str!("../params/nissan-leaf-33ah-ocv.csv")),
+];
 
 /// Names of all built-in models.
 pub fn built_in_names() -> impl Iterator<Item = &'static str> {
