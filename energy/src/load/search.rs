@@ -10,7 +10,7 @@ const CLOSING_MAX: usize = 300;
 const GRID: usize = 256;
 /// A peak between two currents of the grid is looked for when the grid came this close, as a
 /// share of what is wanted.
-const WORTH_A_LOOK: f64 = 0.1;
+const WORTH_A_LOOK: f64 = 0.5;
 
 /// The smallest current from which on the pack gives what is wished, on the side of no load;
 /// none when there is no such current. The step with that current has been taken.
@@ -104,7 +104,8 @@ fn patient<T: Terminals + ?Sized>(pack: &mut T, dt_s: f64, mix: &Mix) -> Option<
     }
     let (mut before, mut last) = ((0.0, none), (0.0, none));
     for point in 1..=GRID {
-        let current_a = high_a * point as f64 / GRID as f64;
+        // Denser towards no load: a voltage that falls steeply at first has its peak there.
+        let current_a = high_a * (point as f64 / GRID as f64).powi(2);
         let (here, voltage_v, _) = at(current_a);
         if here >= -1.0 {
             return close(|a| at(a).0, last, (current_a, here));

@@ -4,9 +4,9 @@ mod converter_data;
 mod exact;
 mod measured_motors;
 mod rails;
+mod recovery;
 mod relaxation;
 mod robot_effects;
-mod recovery;
 mod robots;
 
 use std::sync::Arc;
