@@ -101,11 +101,12 @@ fn a_power_that_a_dead_band_jumps_over_is_refused_and_others_are_met() {
     assert!(pack.channel(Channel::TerminalVoltageV) <= 4.03);
 }
 
-/// Highest power of the stable branch (from no load to the first fall), by a fine scan.
+/// Highest power of the stable branch (from the first current that is shown to the first fall),
+/// by a fine scan. What flows while a dead band shows none lies on no branch.
 fn highest_stable_w(pack: &mut impl Terminals, dt_s: f64, most_a: f64) -> f64 {
     pack.save();
     let mut highest_w = f64::NEG_INFINITY;
-    for point in 0..=4000 {
+    for point in 1..=4000 {
         let power_w = pack.trial(most_a * f64::from(point) / 4000.0, dt_s).1;
         if power_w < highest_w - 1e-9 * highest_w.abs() {
             break;
@@ -150,8 +151,10 @@ proptest! {
             .parameters()
             .iter()
             .zip(shares.iter().cycle())
-            // Half of the models keep near the defaults, where real packs are.
-            .map(|(p, share)| if shares[0] < 0.5 { p.value } else { p.min + share.powi(3) * (p.max - p.min) })
+            // Half of the models keep near the defaults, where real packs are. None has a resistance
+            // below zero (a table beyond R0 may hold such): a pack is no source of power in itself.
+            // Readings that lag by a whole step leave nothing for the present current to do.
+            .map(|(p, share)| if p.effect == "current_skew" { 0.0 } else if shares[0] < 0.5 { p.value } else { p.min.max(0.0) + share.powi(3) * (p.max - p.min.max(0.0)) })
             .collect();
         let start = Start { soc, temperature_degc: 20.0, cycle_count: 300.0, age_days: 400.0 };
         let mut run = Run::with_parameters(Arc::clone(&model), parameters.clone(), start);
