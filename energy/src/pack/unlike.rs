@@ -33,8 +33,11 @@ pub(super) struct Unlike {
     groups: Vec<Range<usize>>,
     /// The strand of every cell, group by group.
     strand_of: Vec<usize>,
-    /// Current past each group, A.
+    /// Current past each group, A; and that when the pack was kept.
     bypass_a: Vec<f64>,
+    kept_bypass_a: Vec<f64>,
+    /// Voltage of each group as balancing measured it, V.
+    measured_v: Vec<f64>,
     /// Whether the model predicts temperature.
     warms: bool,
 }
@@ -76,8 +79,9 @@ impl Unlike {
         }
         let (shell, values) = part(model.facts.clone(), OF_THE_TERMINALS);
         let shell = Run::with_parameters(shell, values, start);
-        let (bypass_a, warms) = (vec![0.0; groups.len()], model.predicts_temperature());
-        let mut unlike = Self { shell, strands, groups, strand_of, bypass_a, warms, model };
+        let (none, warms) = (vec![0.0; groups.len()], model.predicts_temperature());
+        let (bypass_a, kept_bypass_a, measured_v) = (none.clone(), none.clone(), none);
+        let mut unlike = Self { shell, strands, groups, strand_of, bypass_a, kept_bypass_a, measured_v, warms, model };
         unlike.restart(start);
         unlike
     }
@@ -101,11 +105,13 @@ impl Unlike {
 
     pub(super) fn save(&mut self) {
         self.shell.save();
+        self.kept_bypass_a.copy_from_slice(&self.bypass_a);
         self.strands.iter_mut().for_each(Strand::save);
     }
 
     pub(super) fn restore(&mut self) {
         self.shell.restore();
+        self.bypass_a.copy_from_slice(&self.kept_bypass_a);
         self.strands.iter_mut().for_each(Strand::restore);
     }
 
@@ -141,16 +147,23 @@ impl Unlike {
         let facts = self.model.battery();
         let Some(Balancing { bypass_a_max, start_v, difference_v, at_rest }) = facts.balancing else { return };
         let (flowing_a, rest_a) = (self.shell.channels[Channel::TerminalCurrentA], REST_PER_H * facts.capacity_ah);
-        let balances = flowing_a < -rest_a || (at_rest && flowing_a.abs() <= rest_a);
-        let lowest_v = self.shell.channels[Channel::CellMinV];
-        for (group, bypass_a) in self.groups.iter().zip(&mut self.bypass_a) {
-            let strands = &self.strands[group.clone()];
-            let above_v = voltage_v(strands) - lowest_v;
+        if !(flowing_a < -rest_a || (at_rest && flowing_a.abs() <= rest_a)) {
+            self.bypass_a.fill(0.0);
+            return;
+        }
+        for ((group, measured_v), bypass_a) in self.groups.iter().zip(&mut self.measured_v).zip(&self.bypass_a) {
+            let strands = &mut self.strands[group.clone()];
+            *measured_v = if *bypass_a == 0.0 { voltage_v(strands) } else { paused_v(strands, flowing_a) };
+        }
+        let lowest_v = self.measured_v.iter().copied().fold(f64::INFINITY, f64::min);
+        for ((group, measured_v), bypass_a) in self.groups.iter().zip(&self.measured_v).zip(&mut self.bypass_a) {
+            let above_v = measured_v - lowest_v;
             *bypass_a = 0.0;
-            if balances && lowest_v + above_v >= start_v && above_v > difference_v {
+            if *measured_v >= start_v && above_v > difference_v {
                 // A long step ends where the difference is gone: not all of it is bypassed.
-                let per_v: f64 = strands.iter().map(|strand| holds_ah(strand) / facts.ocv.slope_v(soc(strand)).max(1e-3)).sum();
-                *bypass_a = bypass_a_max.min(above_v * per_v * S_PER_H / dt_s);
+                let per_v = |strand: &Strand| holds_ah(strand) / facts.ocv.slope_v(soc(strand)).max(1e-3);
+                let excess_ah = above_v * self.strands[group.clone()].iter().map(per_v).sum::<f64>();
+                *bypass_a = bypass_a_max.min(excess_ah * S_PER_H / dt_s);
             }
         }
     }
@@ -181,6 +194,23 @@ fn holds_ah(strand: &Strand) -> f64 {
 /// Voltage of a group, V: the strands agree on it as closely as their shares were found.
 fn voltage_v(strands: &[Strand]) -> f64 {
     strands.iter().map(|strand| strand.run.channels[Channel::TerminalVoltageV]).sum::<f64>() / strands.len() as f64
+}
+
+/// Voltage of a group with its bypass paused for a moment, V: the electronics do not take the
+/// drop that they cause for a difference between cells.
+fn paused_v(strands: &mut [Strand], current_a: f64) -> f64 {
+    const MOMENT_S: f64 = 1e-3;
+    match &mut *strands {
+        [lone] => {
+            lone.run.save();
+            lone.run.channels[Channel::CurrentA] = current_a;
+            lone.run.step(MOMENT_S);
+        }
+        several => share(several, current_a, MOMENT_S),
+    }
+    let paused_v = voltage_v(strands);
+    strands.iter_mut().for_each(|strand| strand.run.restore());
+    paused_v
 }
 
 /// Puts what the cells are into the pack's channels and returns the pack's state of charge.
