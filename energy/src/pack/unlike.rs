@@ -6,14 +6,21 @@ use std::sync::Arc;
 use super::cell::{Balancing, CellFactors};
 use super::share::share;
 use super::strand::Strand;
-use crate::effect::Phase;
+use crate::effect::{EffectSpec, Phase};
 use crate::system::Facts;
 use crate::units::S_PER_H;
 use crate::{Channel, Channels, Model, Run, Start};
 
-/// Phases that belong to a cell; the others belong to the pack's terminals.
-const OF_A_CELL: &[Phase] = &[Phase::Capacity, Phase::Current, Phase::Equilibrium, Phase::Series, Phase::Polarisation, Phase::Heat];
-const OF_THE_TERMINALS: &[Phase] = &[Phase::Sensed, Phase::Connection, Phase::Shown];
+/// Whether an effect belongs to a cell. The others belong to the pack's terminals: sensors,
+/// connection, and what draws a current from all cells unseen.
+fn of_a_cell(effect: &EffectSpec) -> bool {
+    match effect.phase {
+        Phase::Sensed | Phase::Connection | Phase::Shown => false,
+        Phase::Current => effect.channel != Channel::CellCurrentA,
+        _ => true,
+    }
+}
+
 /// What surrounds all cells alike.
 const SHARED: [Channel; 3] = [Channel::AmbientDegc, Channel::CycleCount, Channel::AgeDays];
 /// A pack rests below this share of its capacity per hour; a guess, between a robot's standby
@@ -46,8 +53,8 @@ impl Unlike {
     /// Cells that are alike and in one group share a strand, unless `lone`.
     pub(super) fn new(model: Arc<Model>, parameters: &[f64], start: Start, lone: bool) -> Self {
         let facts = model.battery();
-        let part = |facts: Facts, phases: &[Phase]| {
-            let (part, kept) = model.part(facts, phases);
+        let part = |facts: Facts, of_cells: bool| {
+            let (part, kept) = model.part(facts, |effect| of_a_cell(effect) == of_cells);
             (Arc::new(part), kept.into_iter().map(|index| parameters[index]).collect::<Vec<f64>>())
         };
         let mut kinds: Vec<(u32, CellFactors, Arc<Model>, Vec<f64>)> = Vec::new();
@@ -68,7 +75,7 @@ impl Unlike {
             for (factors, count) in members {
                 let known = kinds.iter().position(|kind| (kind.0, kind.1) == (count, factors));
                 let index = known.unwrap_or_else(|| {
-                    let (part, values) = part(Facts::Battery(facts.part(count, factors)), OF_A_CELL);
+                    let (part, values) = part(Facts::Battery(facts.part(count, factors)), true);
                     kinds.push((count, factors, part, values));
                     kinds.len() - 1
                 });
@@ -77,7 +84,7 @@ impl Unlike {
             }
             groups.push(first..strands.len());
         }
-        let (shell, values) = part(model.facts.clone(), OF_THE_TERMINALS);
+        let (shell, values) = part(model.facts.clone(), false);
         let shell = Run::with_parameters(shell, values, start);
         let (none, warms) = (vec![0.0; groups.len()], model.predicts_temperature());
         let (bypass_a, kept_bypass_a, measured_v) = (none.clone(), none.clone(), none);
@@ -118,6 +125,8 @@ impl Unlike {
     pub(super) fn step(&mut self, dt_s: f64) {
         self.balance(dt_s);
         let Unlike { model, shell, strands, groups, bypass_a, warms, .. } = self;
+        let parallel = f64::from(model.battery().parallel);
+        let mut range_v = (0.0, 0.0);
         shell.step_around(*warms, dt_s, |states, now| {
             for strand in strands.iter_mut() {
                 for channel in SHARED {
@@ -127,8 +136,9 @@ impl Unlike {
                     strand.run.channels[Channel::TemperatureDegc] = now[Channel::CellDegc];
                 }
             }
+            // `gather` overwrites it with what then flows through the cells.
             for (group, bypass_a) in groups.iter().zip(bypass_a.iter()) {
-                let current_a = now[Channel::TerminalCurrentA] + bypass_a;
+                let current_a = now[Channel::CellCurrentA] * parallel + bypass_a;
                 match &mut strands[group.clone()] {
                     [lone] => {
                         lone.run.channels[Channel::CurrentA] = current_a;
@@ -138,7 +148,11 @@ impl Unlike {
                 }
             }
             states[0] = gather(strands, groups, model, now);
+            range_v = (now[Channel::CellMinV], now[Channel::CellMaxV]);
         });
+        // An effect on the whole string knows no cells: what they show counts beside it.
+        let now = &mut shell.channels;
+        (now[Channel::CellMinV], now[Channel::CellMaxV]) = (now[Channel::CellMinV].min(range_v.0), now[Channel::CellMaxV].max(range_v.1));
     }
 
     /// Switches the bypass of every group by what was measured at the end of the last step, so

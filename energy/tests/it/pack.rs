@@ -29,7 +29,9 @@ fn cell(series: u32, text: &str) -> String {
 
 #[test]
 fn like_cells_stepped_one_by_one_do_what_one_lumped_run_does() {
-    let model = everything();
+    // What a rate does to capacity counts the current at the terminals in a lumped run, and with
+    // what the terminals do not see in a cell; everything else is the same.
+    let model = Arc::new(everything().without(|id| id == "parasitic_load"));
     let start = Start { soc: 0.8, temperature_degc: 15.0, cycle_count: 100.0, age_days: 200.0 };
     let mut lumped = Run::new(Arc::clone(&model), start);
     let (mut single, mut pack) = (Pack::cell_by_cell(Arc::clone(&model), start), Pack::new(model, start));
@@ -40,7 +42,6 @@ fn like_cells_stepped_one_by_one_do_what_one_lumped_run_does() {
         pack.step_current(current_a, 5.0);
         for &channel in Channel::ALL {
             let (one, many) = (lumped.channels[channel], single.channels()[channel]);
-            // The gauge of what a full pack holds is told by charge left and room: the same here.
             assert!((one - many).abs() <= 1e-9 * (1.0 + one.abs()), "{}: {one} and {many}", channel.name());
             assert_eq!(one, pack.channels()[channel], "{}", channel.name());
         }
@@ -74,7 +75,7 @@ fn a_weak_cell_ends_the_discharge() {
     let start = Start::at_soc(1.0);
     let lasts_s = |model: Arc<Model>| {
         let mut pack = Pack::new(model, start);
-        let mut time_s = 0.0;
+        let mut time_s = 0.0_f64;
         while !pack.is_empty() {
             pack.step_current(1.0, 1.0);
             time_s += 1.0;
@@ -116,7 +117,7 @@ fn unbalanced(at_rest: bool) -> Pack {
 #[test]
 fn ten_milliamperes_past_a_cell_take_away_20_milliampere_hours_in_two_hours() {
     let mut pack = unbalanced(true);
-    let mut time_s = 0.0;
+    let mut time_s = 0.0_f64;
     while pack.cell(0, 0).soc > pack.cell(1, 0).soc + 1e-6 {
         pack.step_current(0.0, 1.0);
         time_s += 1.0;
@@ -136,7 +137,8 @@ fn ten_milliamperes_past_a_cell_take_away_20_milliampere_hours_in_two_hours() {
         for _ in 0..600 {
             pack.step_current(current_a, 1.0);
         }
-        assert!((pack.cell(0, 0).soc - pack.cell(1, 0).soc - 0.01).abs() < 1e-12);
+        // The first step still balances: the one before it was a rest.
+        assert!((pack.cell(0, 0).soc - pack.cell(1, 0).soc - 0.01).abs() < 2e-6);
     }
 }
 
@@ -223,17 +225,20 @@ proptest! {
         }
         extra += "[battery.balancing]\nbypass_a_max = 0.1\nstart_v = 3.0\ndifference_v = 0.01\nat_rest = true\n";
         let model = everything_with(&extra);
-        let mut pack = Pack::new(model, Start { soc, temperature_degc: 20.0, cycle_count: 10.0, age_days: 30.0 });
+        let start = Start { soc, temperature_degc: 20.0, cycle_count: 10.0, age_days: 30.0 };
+        let (mut pack, mut lumped) = (Pack::new(Arc::clone(&model), start), Run::new(model, start));
         for current_a in currents_a {
             pack.step_current(current_a, dt_s);
             for &channel in Channel::ALL {
                 prop_assert!(pack.channels()[channel].is_finite(), "{} = {}", channel.name(), pack.channels()[channel]);
             }
-            let terminal_a = pack.channels()[Channel::TerminalCurrentA];
+            // With what is drawn unseen by the terminals.
+            lumped.step_current(current_a, dt_s);
+            let drawn_a = 2.0 * lumped.channels[Channel::CellCurrentA];
             for series in 0..3 {
                 let cells = [0, 1].map(|parallel| pack.cell(series, parallel));
                 let sum_a = cells[0].current_a + cells[1].current_a - pack.bypass_a(series);
-                prop_assert!((sum_a - terminal_a).abs() < 1e-12 * (1.0 + cells[0].current_a.abs()), "{sum_a} and {terminal_a}");
+                prop_assert!((sum_a - drawn_a).abs() < 1e-12 * (1.0 + cells[0].current_a.abs()), "{sum_a} and {drawn_a}");
                 prop_assert!((cells[0].voltage_v - cells[1].voltage_v).abs() < 1e-6, "{cells:?}");
             }
         }

@@ -105,8 +105,8 @@ fn a_power_that_a_dead_band_jumps_over_is_refused_and_others_are_met() {
 fn highest_stable_w(pack: &mut impl Terminals, dt_s: f64, most_a: f64) -> f64 {
     pack.save();
     let mut highest_w = f64::NEG_INFINITY;
-    for point in 0..=4000 {
-        let power_w = pack.trial(most_a * f64::from(point) / 4000.0, dt_s).1;
+    for point in 0..=2500 {
+        let power_w = pack.trial(most_a * 1.01_f64.powi(point - 2500), dt_s).1;
         if power_w < highest_w - 1e-9 * highest_w.abs() {
             break;
         }
