@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use serde::Deserialize;
 
-use crate::effect::{Effect, Phase, Steps, catalogue, find};
+use crate::effect::{Effect, EffectSpec, Phase, Steps, catalogue, find};
 use crate::real::Dual;
 use crate::system::{BatteryFacts, Facts, System};
 use crate::{Channel, Estimate};
@@ -205,10 +205,10 @@ impl Model {
             .expect("no effect appears twice")
     }
 
-    /// The effects of some phases on other facts, and which of this model's parameters are left,
+    /// Some of the effects on other facts, and which of this model's parameters are left,
     /// in their order.
-    pub(crate) fn part(&self, facts: Facts, phases: &[Phase]) -> (Model, Vec<usize>) {
-        let kept = || self.placed.iter().filter(|placed| phases.contains(&placed.effect.spec().phase));
+    pub(crate) fn part(&self, facts: Facts, keep: impl Fn(&EffectSpec) -> bool) -> (Model, Vec<usize>) {
+        let kept = || self.placed.iter().filter(|placed| keep(placed.effect.spec()));
         let effects = kept().map(|placed| {
             let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
             (index, self.parameters[placed.parameters.clone()].to_vec())

@@ -162,6 +162,7 @@ impl<S: Lane> Run<S> {
         }
         let mut parts = Lone { model, dt_s, parameters, prepared, states, channels, observe: |_: &Placed, _, _| {} };
         step::sensed(warms, &mut parts);
+        step::drawn(model.facts.parallel(), &mut parts);
         cells(parts.states, parts.channels);
         step::terminals(warms, &mut parts);
     }

@@ -92,6 +92,16 @@ pub(crate) fn sensed<S: Real>(warms: bool, parts: &mut impl Parts<S>) {
     parts.act(Phase::Sensed);
 }
 
+/// From the current at a pack's terminals to that of its cells, where these are stepped by
+/// themselves: what the terminals do not see is drawn from all of them.
+pub(crate) fn drawn<S: Real>(parallel: u32, parts: &mut impl Parts<S>) {
+    parts.each(|_, now| {
+        now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] * (1.0 / f64::from(parallel));
+        now[Channel::LostCurrentA] = S::from(0.0);
+    });
+    parts.act(Phase::Current);
+}
+
 #[inline]
 fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
     let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);

@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use energy::gauge::Sample;
 use energy::load::{CannotDeliver, Terminals as _};
-use energy::{Channel, Estimate, Model, Run, Start};
+use energy::pack::Battery as _;
+use energy::protection::{Measured, Protection};
+use energy::{Channel, Estimate, Model, Pack, Start};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -13,10 +15,11 @@ use rand_pcg::Pcg64Mcg;
 /// The channels that a gauge IC reads.
 const SENSED: [Channel; 3] = [Channel::CurrentA, Channel::VoltageV, Channel::TemperatureDegc];
 
-/// A pack, its true state, and the specimen of gauge IC that watches it.
+/// A pack with all its cells, its true state, and the specimen of gauge IC that watches it.
 #[derive(Clone)]
 pub struct PackBody {
-    run: Run<f64>,
+    pack: Pack,
+    protection: Protection,
     rng: Pcg64Mcg,
     offset: [f64; 3],
     gain: [f64; 3],
@@ -43,66 +46,73 @@ impl PackBody {
     pub fn new(model: Arc<Model>, soc: f64, temperature_degc: f64, seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let [offset, gain] = [0, 1].map(|_| [0, 1, 2].map(|_| StandardNormal.sample(&mut rng)));
-        let run = Run::new(model, Start { temperature_degc, ..Start::at_soc(soc) });
-        Self { run, rng, offset, gain }
+        let pack = Pack::new(model, Start { temperature_degc, ..Start::at_soc(soc) });
+        let protection = watched(&pack);
+        Self { pack, protection, rng, offset, gain }
     }
 
     /// The true value of a channel at the end of the last step.
     #[must_use]
     pub fn truth(&self, channel: Channel) -> f64 {
-        self.run.channels[channel]
+        self.pack.channels()[channel]
     }
 
     /// The pack's model.
     #[must_use]
     pub fn model(&self) -> &Arc<Model> {
-        self.run.model()
+        self.pack.model()
     }
 
     /// Puts in another pack of the same kind.
     pub fn exchange(&mut self, soc: f64) {
         let temperature_degc = self.truth(Channel::AmbientDegc);
-        self.run.restart(Start { temperature_degc, ..Start::at_soc(soc) });
+        self.pack.restart(Start { temperature_degc, ..Start::at_soc(soc) });
+        self.protection = watched(&self.pack);
     }
 
-    /// Steps the pack and reads its sensors.
+    /// What keeps the pack from being charged or discharged, if anything does.
+    #[must_use]
+    pub fn protection(&self) -> &Protection {
+        &self.protection
+    }
+
+    /// Steps the pack and reads its sensors. A charge that the protection does not allow is a
+    /// step of rest.
     ///
     /// # Errors
-    /// [`CannotDeliver`] when the power cannot be had or the pack would fall below its end of
-    /// discharge: the protection opens, and the step is one of rest.
+    /// [`CannotDeliver`] when the power cannot be had, when the pack or its weakest cell would
+    /// fall below its end of discharge, or when the protection has opened: the step is one of
+    /// rest.
     pub fn step(&mut self, dt_s: f64, task: Task) -> Result<Sample, CannotDeliver> {
-        let facts = self.run.model().battery();
-        let (eod_v, full_v, charge) = (facts.eod_v(), facts.full_v(), facts.charge);
-        let failed = match task {
+        let facts = self.pack.model().battery();
+        let (full_v, charge) = (facts.full_v(), facts.charge);
+        let allowed = self.protection.allowed();
+        let mut failed = None;
+        match task {
             Task::Power(power_w) => {
-                let before = self.run.clone();
-                let under = self.run.step_power(power_w, dt_s).is_err() || self.truth(Channel::VoltageV) < eod_v;
-                if under {
-                    self.run = before;
+                let open = if power_w > 0.0 { allowed.discharge } else { allowed.charge };
+                if open.is_err() || self.pack.step_power(power_w, dt_s).is_err() {
+                    failed = Some(CannotDeliver { power_w });
+                } else if self.pack.is_empty() {
+                    self.pack.restore();
+                    failed = Some(CannotDeliver { power_w });
                 }
-                under.then_some(CannotDeliver { power_w })
+                if failed.is_some() {
+                    self.pack.step_current(0.0, dt_s);
+                }
             }
-            Task::Charge { current_a_max } => {
-                self.run.step_charge(charge.current_a.min(current_a_max), full_v, dt_s);
-                None
+            Task::Charge { current_a_max } if allowed.charge.is_ok() => {
+                self.pack.step_charge(charge.current_a.min(current_a_max), full_v, dt_s);
             }
-            Task::Rest => {
-                self.run.channels[Channel::CurrentA] = 0.0;
-                self.run.step(dt_s);
-                None
-            }
-        };
-        if let Some(error) = failed {
-            self.run.channels[Channel::CurrentA] = 0.0;
-            self.run.step(dt_s);
-            return Err(error);
+            Task::Charge { .. } | Task::Rest => self.pack.step_current(0.0, dt_s),
         }
-        Ok(self.sample(dt_s))
+        self.protection.step(dt_s, &measured(&self.pack));
+        failed.map_or_else(|| Ok(self.sample(dt_s)), Err)
     }
 
     /// Reads the sensors once, as after a step of `dt_s`.
     pub fn sample(&mut self, dt_s: f64) -> Sample {
-        let model = Arc::clone(self.run.model());
+        let model = Arc::clone(self.pack.model());
         let mut shown = [0.0; 3];
         for (index, channel) in SENSED.into_iter().enumerate() {
             let noise = StandardNormal.sample(&mut self.rng);
@@ -114,8 +124,74 @@ impl PackBody {
     /// What a gauge that watched this pack before would start from: the true state of charge
     /// within the model's stated deviation.
     pub fn remembered_soc(&mut self) -> Estimate {
-        let sigma = self.run.model().uncertainty.soc_initial_sigma;
+        let sigma = self.pack.model().uncertainty.soc_initial_sigma;
         let noise: f64 = StandardNormal.sample(&mut self.rng);
         Estimate::new((self.truth(Channel::Soc) + sigma * noise).clamp(0.0, 1.0), sigma)
+    }
+}
+
+/// The protection of a pack that has been at rest for long.
+fn watched(pack: &Pack) -> Protection {
+    const LONG_S: f64 = 3600.0;
+    let mut protection = Protection::of(pack.model().battery());
+    protection.step(LONG_S, &measured(pack));
+    protection
+}
+
+fn measured(pack: &Pack) -> Measured {
+    let [cell_min_v, cell_max_v, current_a, temperature_degc] =
+        [Channel::CellMinV, Channel::CellMaxV, Channel::TerminalCurrentA, Channel::CellDegc].map(|channel| pack.channels()[channel]);
+    Measured { cell_min_v, cell_max_v, current_a, temperature_degc }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CHARGE: Task = Task::Charge { current_a_max: f64::INFINITY };
+
+    fn body(extra: &str, soc: f64, temperature_degc: f64) -> PackBody {
+        let text =
+            energy::built_in("explorer-3s1p-1320mah").unwrap().replacen("[sensor.voltage_v]", &format!("{extra}\n[sensor.voltage_v]"), 1);
+        let read = |table: &str| Ok(energy::built_in(table).unwrap().to_owned());
+        PackBody::new(Arc::new(Model::parse("pack", &text, &read).unwrap()), soc, temperature_degc, 1)
+    }
+
+    #[test]
+    fn a_pack_below_freezing_takes_no_charge_but_gives_power() {
+        let mut cold = body("", 0.5, -5.0);
+        cold.step(1.0, CHARGE).unwrap();
+        assert_eq!(cold.truth(Channel::TerminalCurrentA), 0.0);
+        assert!(cold.step(1.0, Task::Power(3.0)).is_ok());
+        let mut warm = body("", 0.5, 20.0);
+        warm.step(1.0, CHARGE).unwrap();
+        assert_eq!(warm.truth(Channel::TerminalCurrentA), -1.32);
+    }
+
+    #[test]
+    fn a_cell_above_its_highest_voltage_stops_the_charge_until_it_is_back() {
+        // The third cell is 15 % ahead of the others: full long before the pack.
+        let ahead = "[[battery.cell]]\nseries = 1\nsoc_offset = -0.15\n[[battery.cell]]\nseries = 2\nsoc_offset = -0.15";
+        let mut body = body(ahead, 0.9, 25.0);
+        let mut stopped_s = 0;
+        for _ in 0..3600 {
+            body.step(1.0, CHARGE).unwrap();
+            stopped_s += u32::from(body.protection().allowed().charge.is_err());
+            // 4.3 V, and two seconds more.
+            assert!(body.truth(Channel::CellMaxV) < 4.32, "{}", body.truth(Channel::CellMaxV));
+        }
+        assert!(stopped_s > 0);
+    }
+
+    #[test]
+    fn a_weak_cell_ends_what_the_pack_gives() {
+        let lasts_s = |extra: &str| {
+            let mut body = body(extra, 1.0, 25.0);
+            (0..).find(|_| body.step(10.0, Task::Power(4.0)).is_err()).unwrap() * 10
+        };
+        let (like_s, weak_s) = (lasts_s(""), lasts_s("[[battery.cell]]\nseries = 2\ncapacity_factor = 0.8"));
+        let share = f64::from(weak_s) / f64::from(like_s);
+        // 80 % of the charge at a somewhat higher mean voltage.
+        assert!((0.79..0.84).contains(&share), "{share}");
     }
 }

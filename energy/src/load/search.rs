@@ -6,11 +6,13 @@ use super::{Mix, Terminals};
 const NEWTON_MAX: usize = 20;
 /// Bound on halvings and secants within a bracket.
 const CLOSING_MAX: usize = 300;
-/// Currents that the patient search looks at before it refuses.
-const GRID: usize = 256;
+/// Each current that the patient search looks at, as a multiple of the one before.
+const STEP: f64 = 1.02;
+/// How many it looks at before it refuses, unless the voltage is gone before.
+const GRID: usize = 1200;
 /// A peak between two currents of the grid is looked for when the grid came this close, as a
 /// share of what is wanted.
-const WORTH_A_LOOK: f64 = 0.5;
+const WORTH_A_LOOK: f64 = 0.1;
 
 /// The smallest current from which on the pack gives what is wished, on the side of no load;
 /// none when there is no such current. The step with that current has been taken.
@@ -93,30 +95,26 @@ fn patient<T: Terminals + ?Sized>(pack: &mut T, dt_s: f64, mix: &Mix) -> Option<
         }
         return None;
     }
-    // The highest current of interest is one that pulls the voltage to nothing, or gives enough.
-    let mut high_a = missing_a;
-    for _ in 0..100 {
-        let (high, voltage_v, _) = at(high_a);
-        if high >= 0.0 || voltage_v <= 0.0 {
-            break;
-        }
-        high_a *= 2.0;
-    }
+    // The voltage falls with the current, so no current below that of the open-circuit voltage
+    // is enough, and no point of the grid is less than 1 / STEP of a peak to the right of it.
     let (mut before, mut last) = ((0.0, none), (0.0, none));
-    for point in 1..=GRID {
-        // Denser towards no load: a voltage that falls steeply at first has its peak there.
-        let current_a = high_a * (point as f64 / GRID as f64).powi(2);
+    let mut current_a = missing_a;
+    for _ in 0..GRID {
         let (here, voltage_v, _) = at(current_a);
         if here >= -1.0 {
             return close(|a| at(a).0, last, (current_a, here));
         }
-        if last.1 >= before.1 && last.1 >= here && last.1 >= -WORTH_A_LOOK * mix.power_w(voltage_v) / mix.tolerance_w(voltage_v) {
+        if last.1 >= before.1 && last.1 >= here && last.1 >= -WORTH_A_LOOK * mix.power_w(voltage_v).abs() / mix.tolerance_w(voltage_v) {
             let peak = highest(|a| at(a).0, before.0, current_a);
             if peak.1 >= -1.0 {
                 return close(|a| at(a).0, before, peak);
             }
         }
+        if voltage_v <= 0.0 {
+            break;
+        }
         (before, last) = (last, (current_a, here));
+        current_a *= STEP;
     }
     None
 }

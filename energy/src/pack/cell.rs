@@ -43,7 +43,7 @@ pub struct UnlikeCell {
 }
 
 /// Passive balancing: a resistor beside each group of parallel cells, switched on by what the
-/// pack's electronics measured at the end of the step before.
+/// pack's electronics measured at the end of the step before, with the bypass paused.
 ///
 /// A group is bypassed while the pack charges (or rests, if so wished), when its voltage is at
 /// least `start_v` and more than `difference_v` above that of the lowest group.

@@ -6,14 +6,21 @@ use std::sync::Arc;
 use super::cell::{Balancing, CellFactors};
 use super::share::share;
 use super::strand::Strand;
-use crate::effect::Phase;
+use crate::effect::{EffectSpec, Phase};
 use crate::system::Facts;
 use crate::units::S_PER_H;
 use crate::{Channel, Channels, Model, Run, Start};
 
-/// Phases that belong to a cell; the others belong to the pack's terminals.
-const OF_A_CELL: &[Phase] = &[Phase::Capacity, Phase::Current, Phase::Equilibrium, Phase::Series, Phase::Polarisation, Phase::Heat];
-const OF_THE_TERMINALS: &[Phase] = &[Phase::Sensed, Phase::Connection, Phase::Shown];
+/// Whether an effect belongs to a cell. The others belong to the pack's terminals: sensors,
+/// connection, and what draws a current from all cells unseen.
+fn of_a_cell(effect: &EffectSpec) -> bool {
+    match effect.phase {
+        Phase::Sensed | Phase::Connection | Phase::Shown => false,
+        Phase::Current => effect.channel != Channel::CellCurrentA,
+        _ => true,
+    }
+}
+
 /// What surrounds all cells alike.
 const SHARED: [Channel; 3] = [Channel::AmbientDegc, Channel::CycleCount, Channel::AgeDays];
 /// A pack rests below this share of its capacity per hour; a guess, between a robot's standby
@@ -33,8 +40,11 @@ pub(super) struct Unlike {
     groups: Vec<Range<usize>>,
     /// The strand of every cell, group by group.
     strand_of: Vec<usize>,
-    /// Current past each group, A.
+    /// Current past each group, A; and that when the pack was kept.
     bypass_a: Vec<f64>,
+    kept_bypass_a: Vec<f64>,
+    /// Voltage of each group as balancing measured it, V.
+    measured_v: Vec<f64>,
     /// Whether the model predicts temperature.
     warms: bool,
 }
@@ -43,8 +53,8 @@ impl Unlike {
     /// Cells that are alike and in one group share a strand, unless `lone`.
     pub(super) fn new(model: Arc<Model>, parameters: &[f64], start: Start, lone: bool) -> Self {
         let facts = model.battery();
-        let part = |facts: Facts, phases: &[Phase]| {
-            let (part, kept) = model.part(facts, phases);
+        let part = |facts: Facts, of_cells: bool| {
+            let (part, kept) = model.part(facts, |effect| of_a_cell(effect) == of_cells);
             (Arc::new(part), kept.into_iter().map(|index| parameters[index]).collect::<Vec<f64>>())
         };
         let mut kinds: Vec<(u32, CellFactors, Arc<Model>, Vec<f64>)> = Vec::new();
@@ -65,7 +75,7 @@ impl Unlike {
             for (factors, count) in members {
                 let known = kinds.iter().position(|kind| (kind.0, kind.1) == (count, factors));
                 let index = known.unwrap_or_else(|| {
-                    let (part, values) = part(Facts::Battery(facts.part(count, factors)), OF_A_CELL);
+                    let (part, values) = part(Facts::Battery(facts.part(count, factors)), true);
                     kinds.push((count, factors, part, values));
                     kinds.len() - 1
                 });
@@ -74,10 +84,11 @@ impl Unlike {
             }
             groups.push(first..strands.len());
         }
-        let (shell, values) = part(model.facts.clone(), OF_THE_TERMINALS);
+        let (shell, values) = part(model.facts.clone(), false);
         let shell = Run::with_parameters(shell, values, start);
-        let (bypass_a, warms) = (vec![0.0; groups.len()], model.predicts_temperature());
-        let mut unlike = Self { shell, strands, groups, strand_of, bypass_a, warms, model };
+        let (none, warms) = (vec![0.0; groups.len()], model.predicts_temperature());
+        let (bypass_a, kept_bypass_a, measured_v) = (none.clone(), none.clone(), none);
+        let mut unlike = Self { shell, strands, groups, strand_of, bypass_a, kept_bypass_a, measured_v, warms, model };
         unlike.restart(start);
         unlike
     }
@@ -101,17 +112,21 @@ impl Unlike {
 
     pub(super) fn save(&mut self) {
         self.shell.save();
+        self.kept_bypass_a.copy_from_slice(&self.bypass_a);
         self.strands.iter_mut().for_each(Strand::save);
     }
 
     pub(super) fn restore(&mut self) {
         self.shell.restore();
+        self.bypass_a.copy_from_slice(&self.kept_bypass_a);
         self.strands.iter_mut().for_each(Strand::restore);
     }
 
     pub(super) fn step(&mut self, dt_s: f64) {
         self.balance(dt_s);
         let Unlike { model, shell, strands, groups, bypass_a, warms, .. } = self;
+        let parallel = f64::from(model.battery().parallel);
+        let mut range_v = (0.0, 0.0);
         shell.step_around(*warms, dt_s, |states, now| {
             for strand in strands.iter_mut() {
                 for channel in SHARED {
@@ -121,8 +136,9 @@ impl Unlike {
                     strand.run.channels[Channel::TemperatureDegc] = now[Channel::CellDegc];
                 }
             }
+            // `gather` overwrites it with what then flows through the cells.
             for (group, bypass_a) in groups.iter().zip(bypass_a.iter()) {
-                let current_a = now[Channel::TerminalCurrentA] + bypass_a;
+                let current_a = now[Channel::CellCurrentA] * parallel + bypass_a;
                 match &mut strands[group.clone()] {
                     [lone] => {
                         lone.run.channels[Channel::CurrentA] = current_a;
@@ -132,7 +148,11 @@ impl Unlike {
                 }
             }
             states[0] = gather(strands, groups, model, now);
+            range_v = (now[Channel::CellMinV], now[Channel::CellMaxV]);
         });
+        // An effect on the whole string knows no cells: what they show counts beside it.
+        let now = &mut shell.channels;
+        (now[Channel::CellMinV], now[Channel::CellMaxV]) = (now[Channel::CellMinV].min(range_v.0), now[Channel::CellMaxV].max(range_v.1));
     }
 
     /// Switches the bypass of every group by what was measured at the end of the last step, so
@@ -141,16 +161,23 @@ impl Unlike {
         let facts = self.model.battery();
         let Some(Balancing { bypass_a_max, start_v, difference_v, at_rest }) = facts.balancing else { return };
         let (flowing_a, rest_a) = (self.shell.channels[Channel::TerminalCurrentA], REST_PER_H * facts.capacity_ah);
-        let balances = flowing_a < -rest_a || (at_rest && flowing_a.abs() <= rest_a);
-        let lowest_v = self.shell.channels[Channel::CellMinV];
-        for (group, bypass_a) in self.groups.iter().zip(&mut self.bypass_a) {
-            let strands = &self.strands[group.clone()];
-            let above_v = voltage_v(strands) - lowest_v;
+        if !(flowing_a < -rest_a || (at_rest && flowing_a.abs() <= rest_a)) {
+            self.bypass_a.fill(0.0);
+            return;
+        }
+        for ((group, measured_v), bypass_a) in self.groups.iter().zip(&mut self.measured_v).zip(&self.bypass_a) {
+            let strands = &mut self.strands[group.clone()];
+            *measured_v = if *bypass_a == 0.0 { voltage_v(strands) } else { paused_v(strands, flowing_a) };
+        }
+        let lowest_v = self.measured_v.iter().copied().fold(f64::INFINITY, f64::min);
+        for ((group, measured_v), bypass_a) in self.groups.iter().zip(&self.measured_v).zip(&mut self.bypass_a) {
+            let above_v = measured_v - lowest_v;
             *bypass_a = 0.0;
-            if balances && lowest_v + above_v >= start_v && above_v > difference_v {
+            if *measured_v >= start_v && above_v > difference_v {
                 // A long step ends where the difference is gone: not all of it is bypassed.
-                let per_v: f64 = strands.iter().map(|strand| holds_ah(strand) / facts.ocv.slope_v(soc(strand)).max(1e-3)).sum();
-                *bypass_a = bypass_a_max.min(above_v * per_v * S_PER_H / dt_s);
+                let per_v = |strand: &Strand| holds_ah(strand) / facts.ocv.slope_v(soc(strand)).max(1e-3);
+                let excess_ah = above_v * self.strands[group.clone()].iter().map(per_v).sum::<f64>();
+                *bypass_a = bypass_a_max.min(excess_ah * S_PER_H / dt_s);
             }
         }
     }
@@ -181,6 +208,23 @@ fn holds_ah(strand: &Strand) -> f64 {
 /// Voltage of a group, V: the strands agree on it as closely as their shares were found.
 fn voltage_v(strands: &[Strand]) -> f64 {
     strands.iter().map(|strand| strand.run.channels[Channel::TerminalVoltageV]).sum::<f64>() / strands.len() as f64
+}
+
+/// Voltage of a group with its bypass paused for a moment, V: the electronics do not take the
+/// drop that they cause for a difference between cells.
+fn paused_v(strands: &mut [Strand], current_a: f64) -> f64 {
+    const MOMENT_S: f64 = 1e-3;
+    match &mut *strands {
+        [lone] => {
+            lone.run.save();
+            lone.run.channels[Channel::CurrentA] = current_a;
+            lone.run.step(MOMENT_S);
+        }
+        several => share(several, current_a, MOMENT_S),
+    }
+    let paused_v = voltage_v(strands);
+    strands.iter_mut().for_each(|strand| strand.run.restore());
+    paused_v
 }
 
 /// Puts what the cells are into the pack's channels and returns the pack's state of charge.

@@ -16,6 +16,7 @@ use energy::real::{LANES, derivative, variable};
 use energy::{Channel, Dual, Model, Run, Start, System, built_in_names, catalogue, load_model};
 use proptest::prelude::*;
 
+mod pack;
 mod terminals;
 
 fn built_in(name: &str) -> Arc<Model> {
@@ -24,15 +25,29 @@ fn built_in(name: &str) -> Arc<Model> {
 
 /// A battery with every effect of the catalogue, at defaults.
 fn everything() -> Arc<Model> {
+    everything_with("")
+}
+
+/// The same with more in its `[battery]` table: cells that differ, balancing.
+fn everything_with(battery: &str) -> Arc<Model> {
     let mut text = r#"
         schema = 1
         system = "battery"
         name = "everything"
-        battery = { series = 3, parallel = 2, capacity_ah = 4.0, full_v_per_cell = 4.2, eod_v_per_cell = 3.0, charge_current_a = 4.0, charge_cutoff_a = 0.2, ocv = { soc = [0.0, 0.1, 1.0], voltage_v = [3.0, 3.5, 4.2] } }
+        [battery]
+        series = 3
+        parallel = 2
+        capacity_ah = 4.0
+        full_v_per_cell = 4.2
+        eod_v_per_cell = 3.0
+        charge_current_a = 4.0
+        charge_cutoff_a = 0.2
+        ocv = { soc = [0.0, 0.1, 1.0], voltage_v = [3.0, 3.5, 4.2] }
     "#
-    .to_owned();
+    .to_owned()
+        + battery;
     for effect in catalogue().iter().filter(|effect| effect.spec().system == System::Battery) {
-        text += &format!("[[effect]]\nid = \"{}\"\n", effect.spec().id);
+        text += &format!("\n[[effect]]\nid = \"{}\"\n", effect.spec().id);
     }
     Arc::new(Model::parse("everything", &text, &|_| unreachable!()).unwrap())
 }
