@@ -102,7 +102,7 @@ pub fn capacity(basis: &Basis<'_>) -> Capacity {
         let Some(station) = basis.fleet.stations.get(id) else { continue };
         let Some(state) = station.known() else { continue };
         let Some(battery) = basis.reference_battery() else { continue };
-        let service = basis.reference_recharge(models, battery);
+        let service = basis.reference_recharge(models, battery, state.bays.len());
         let service_s = service.charge_s + models.handling.load_s + models.handling.unload_s;
         let view = basis.station(id, models, Some(station));
         let begun = view.committed.plus(&view.overhead_per_h.scaled(view.committed_until_s / energy::units::S_PER_H));

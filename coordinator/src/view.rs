@@ -238,7 +238,7 @@ impl Basis<'_> {
     pub fn working_power_w(&self, models: &StationModels, state: &StationState) -> f64 {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return overhead_w };
-        let recharge = self.reference_recharge(models, battery);
+        let recharge = self.reference_recharge(models, battery, state.bays.len());
         overhead_w + state.bays.len() as f64 * recharge.need.mean_wh / (recharge.charge_s / S_PER_H).max(1e-6)
     }
 
@@ -250,10 +250,11 @@ impl Basis<'_> {
         known.or_else(|| self.models.robots.values().chain(self.models.batteries.values()).next())
     }
 
-    /// The service that capacity is counted in: from where a service is wanted to where it ends.
+    /// The service that capacity is counted in: from where a service is wanted to where it ends,
+    /// with as many robots at once as there are bays.
     #[must_use]
-    pub fn reference_recharge(&self, models: &StationModels, battery: &Arc<Model>) -> Recharge {
+    pub fn reference_recharge(&self, models: &StationModels, battery: &Arc<Model>, bays: usize) -> Recharge {
         let from = Estimate::exact(self.settings.serve_below_soc);
-        forecast::recharge(models, 1, battery, from, self.settings.charge_to_soc)
+        forecast::recharge(models, bays, battery, from, self.settings.charge_to_soc)
     }
 }

@@ -126,37 +126,36 @@ fn services(battery: &Arc<Model>) -> Result<Panel, Box<dyn Error>> {
     let causes = ["charge", "own load", "charger_efficiency", "converter_efficiency", "lift"];
     let (mut lines, mut marks) = (Vec::new(), Vec::new());
     for (place, (name, own, title)) in
-        [("mds-station", "robot_own_load", "direct connection"), ("mds-station-path-selection", "path_selection", "path selection")]
-            .into_iter()
-            .enumerate()
+        [("mds-station", "robot_own_load", "direct"), ("mds-station-path-selection", "path_selection", "selected")].into_iter().enumerate()
     {
         let recharge = service_energy(&model(name)?, handling, battery, Estimate::new(0.1, 0.01), 0.98, &around);
         let mut bottom_wh = 0.0;
         for (colour, cause) in causes.iter().enumerate() {
             let wh = recharge.breakdown_wh.get(if *cause == "own load" { own } else { cause }).copied().unwrap_or(0.0);
-            let left = place as f64 + 0.2;
+            let left = place as f64 + 0.25;
             let label = if place == 0 { cause.replace('_', " ") } else { String::new() };
-            // A bar is a line in its middle with a band up to its ends.
-            let middle = bottom_wh + wh / 2.0;
-            lines.push(Line { band: vec![wh / 2.0; 2], ..Line::through(&label, colour, vec![(left, middle), (left + 0.45, middle)]) });
-            let edge =
-                [(left, bottom_wh), (left + 0.45, bottom_wh), (left + 0.45, bottom_wh + wh), (left, bottom_wh + wh), (left, bottom_wh)];
-            lines.push(Line::through("", colour, edge.to_vec()));
+            // A filled bar is a line to and fro, closer than it is wide.
+            let turns = (wh / 0.1).ceil() as u32;
+            let turn = |turn: u32| {
+                let y = bottom_wh + wh * f64::from(turn) / f64::from(turns.max(1));
+                if turn.is_multiple_of(2) { [(left, y), (left + 0.5, y)] } else { [(left + 0.5, y), (left, y)] }
+            };
+            lines.push(Line::through(&label, colour, (0..=turns).flat_map(turn).collect()));
             bottom_wh += wh;
         }
         let whole = recharge.need.estimate();
         let text = format!("{title}: {:.1} ± {:.1} Wh", whole.value, whole.sigma);
-        marks.push(Mark { at: (place as f64 + 0.425, whole.value), text, offset: (0, -16) });
+        marks.push(Mark { at: (place as f64 + 0.5, whole.value), text, offset: (0, -16) });
     }
     Ok(Panel {
         title: "Energy of one service, 10 % to 98 %".to_owned(),
-        x_label: String::new(),
-        x: 0.0..2.9,
+        x_label: "left: direct connection, right: path selection".to_owned(),
+        x: 0.0..2.0,
         y_label: "energy from the pack / Wh".to_owned(),
-        y: 0.0..32.0,
+        y: 0.0..48.0,
         lines,
         marks,
-        legend: LowerRight,
+        legend: UpperRight,
     })
 }
 
