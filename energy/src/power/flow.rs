@@ -186,10 +186,14 @@ impl PowerTree {
         demand_w: &[f64],
     ) -> Result<Flow<f64>, RailCannotDeliver> {
         let flow = self.flow(battery_v, ambient_degc, share, demand_w);
-        match flow.refusal() {
-            Some((index, cause)) => Err(RailCannotDeliver { rail: self.rails()[index].id.clone(), cause }),
-            None => Ok(flow),
-        }
+        self.refused(&flow).map_or(Ok(flow), Err)
+    }
+
+    /// The first rail from the battery that cannot deliver in a flow of this tree, by name.
+    #[must_use]
+    pub fn refused<S: Real>(&self, flow: &Flow<S>) -> Option<RailCannotDeliver> {
+        let (index, cause) = flow.refusal()?;
+        Some(RailCannotDeliver { rail: self.rails()[index].id.clone(), cause })
     }
 
     /// Voltages when no current flows.

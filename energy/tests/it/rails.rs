@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use energy::power::Cause;
 use energy::real::{derivative, variable};
-use energy::{Channel, Dual, Model, Run, Start, load_model};
+use energy::{Channel, Dual, Model, Phase, Run, Start, System, catalogue, load_model};
+use proptest::prelude::*;
 
 /// Kottas, Fig. 4.1: a converter with a regulator behind it, and a regulator beside it.
 const ROBOT: &str = r#"
@@ -118,9 +119,8 @@ fn a_rail_that_cannot_deliver_is_named_and_the_power_stays_a_number() {
     run.channels[Channel::VoltageV] = 5.5;
     run.step(1.0);
     assert!(run.channels[Channel::PowerW].is_finite());
-    let (index, cause) = run.rails().unwrap().refusal().unwrap();
-    assert_eq!(run.model().facts.tree().unwrap().rails()[index].id, "5v");
-    assert_eq!(cause, Cause::DropOut { input_v: 5.5, needed_v: 6.0 });
+    let refused = run.model().facts.tree().unwrap().refused(&run.rails().unwrap()).unwrap();
+    assert_eq!((refused.rail.as_str(), refused.cause), ("5v", Cause::DropOut { input_v: 5.5, needed_v: 6.0 }));
     run.channels[Channel::VoltageV] = 7.4;
     run.step(1.0);
     assert_eq!(run.rails().unwrap().refusal(), None);
@@ -197,4 +197,39 @@ fn the_aquapod_stands_on_two_branches_and_its_converter_gains_as_the_pack_emptie
         assert!((0.5..3.0).contains(&run.channels[Channel::PowerW]), "{}", run.channels[Channel::PowerW]);
     }
     assert!(losses_w[0] > losses_w[1] && losses_w[1] > losses_w[2], "{losses_w:?}");
+}
+
+/// The robot of above with every effect that may hang on a rail, in turn on each of them.
+fn everything_on_rails() -> Arc<Model> {
+    let mut text = ROBOT[..ROBOT.find("[[effect]]").unwrap()].to_owned();
+    let specs = catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == System::Robot);
+    for (index, spec) in specs.enumerate() {
+        text += &format!("[[effect]]\nid = \"{}\"\n", spec.id);
+        if spec.phase == Phase::Load {
+            text += &format!("rail = \"{}\"\n", ["battery", "5v", "3v3", "clean"][index % 4]);
+        }
+    }
+    Arc::new(parse(&text).unwrap())
+}
+
+proptest! {
+    /// Physics is total: any parameters in their ranges and any inputs give numbers.
+    #[test]
+    fn every_step_of_every_robot_effect_is_finite(
+        shares in proptest::collection::vec(0.0..1.0_f64, 64),
+        inputs in proptest::collection::vec(-1.0..1.0_f64, Channel::COUNT),
+        size in prop_oneof![Just(1.0), Just(20.0), Just(500.0)],
+        dt_s in 0.001..10_000.0_f64,
+    ) {
+        let model = everything_on_rails();
+        let parameters = model.parameters().iter().zip(shares.iter().cycle()).map(|(p, share)| p.min + share * (p.max - p.min)).collect();
+        let mut run = Run::with_parameters(model, parameters, Start::at_soc(0.0));
+        for _ in 0..3 {
+            for (&channel, share) in Channel::ALL.iter().zip(&inputs) {
+                run.channels[channel] = share * size;
+            }
+            run.step(dt_s);
+            prop_assert!(run.channels[Channel::PowerW].is_finite(), "{}", run.channels[Channel::PowerW]);
+        }
+    }
 }
