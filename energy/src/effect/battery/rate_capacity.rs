@@ -27,6 +27,7 @@ static SPEC: EffectSpec = EffectSpec {
     signature: "the SoC error of a discharge grows with its current",
     matters: 1e-2,
     confused_with: &[
+        ("coulombic_loss", "a charge and a discharge at one rate, between the same two rests"),
         ("capacity_fade", "one pack discharged at two rates"),
         ("ohmic", "the voltage half an hour after discharges at two rates that removed the same charge"),
     ],
