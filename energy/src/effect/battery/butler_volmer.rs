@@ -27,7 +27,10 @@ static SPEC: EffectSpec = EffectSpec {
     validity: "exchange current constant over SoC; no double layer, so at once; far below i0 it is one with R0",
     signature: "the drop per ampere is larger at small currents than at large ones",
     matters: 1e-3,
-    confused_with: &[("ohmic", "currents of a twentieth and of twice the capacity per hour at one SoC and temperature")],
+    confused_with: &[
+        ("ohmic", "currents of a twentieth and of twice the capacity per hour at one SoC and temperature"),
+        ("current_dead_band", "small currents measured by a second ammeter"),
+    ],
     parameters: &[
         ParameterSpec {
             name: "share",

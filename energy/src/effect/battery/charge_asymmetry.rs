@@ -21,7 +21,7 @@ static SPEC: EffectSpec = EffectSpec {
     validity: "any current; the same share at every SoC and temperature; needs a series resistance to act on",
     signature: "the residual under charge follows the current, at once; discharges leave none",
     matters: 1e-3,
-    confused_with: &[("hysteresis", "a long rest at one SoC reached from both sides")],
+    confused_with: &[("hysteresis", "a long rest at one SoC reached from both sides"), ("current_offset", "a zeroed shunt")],
     parameters: &[ParameterSpec {
         name: "extra_share",
         meaning: "k: what the resistance has more under charge, as a share of that under discharge",

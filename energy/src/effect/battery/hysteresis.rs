@@ -29,7 +29,10 @@ static SPEC: EffectSpec = EffectSpec {
     validity: "reversals of some per cent of SoC and more; M constant over SoC; does not relax at rest",
     signature: "rests at one SoC differ by whether a charge or a discharge came before, and the difference stays",
     matters: 1e-3,
-    confused_with: &[("rc2", "a long rest at one SoC reached from both sides")],
+    confused_with: &[
+        ("rc2", "a rest of several hours after a charge and after a discharge"),
+        ("charge_asymmetry", "a long rest at one SoC reached from both sides"),
+    ],
     parameters: &[
         ParameterSpec {
             name: "amplitude_mv",

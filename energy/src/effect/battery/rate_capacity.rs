@@ -23,10 +23,11 @@ static SPEC: EffectSpec = EffectSpec {
     needs: &[Channel::CurrentA],
     equation: "Q(I) = Q / (1 + k (|I| / Q)^n)",
     source: "generalised Peukert equation: Galushkin et al., J. Electrochem. Soc. 167 (2020) 120516",
-    validity: "constant-current discharges up to about 4 C; a shortcut for diffusion, so wrong right after a change of current",
+    validity: "constant-current discharges up to about 4 C, until half of the capacity is lost (held there); a shortcut for diffusion, so wrong right after a change of current",
     signature: "the SoC error of a discharge grows with its current",
     matters: 1e-2,
     confused_with: &[
+        ("coulombic_loss", "a charge and a discharge at one rate, between the same two rests"),
         ("capacity_fade", "one pack discharged at two rates"),
         ("ohmic", "the voltage half an hour after discharges at two rates that removed the same charge"),
     ],
@@ -37,7 +38,7 @@ static SPEC: EffectSpec = EffectSpec {
             default: 0.02,
             null: Some(0.0),
             min: 0.0,
-            max: 1.0,
+            max: 0.5,
             source: "0.5 % for a Samsung 30Q discharged to 2.5 V; some per cent for energy cells; range is a guess",
         },
         ParameterSpec {
@@ -63,7 +64,8 @@ impl Physics for RateCapacity {
         let per_h = (channels[Channel::TerminalCurrentA] / channels[Channel::CapacityAh]).abs();
         if per_h.re() > 0.0 {
             let loss = own.parameters[0] * (per_h.ln() * own.parameters[1]).exp();
-            channels[Channel::CapacityAh] /= loss + 1.0;
+            // Beyond its range of validity the power would take nearly all.
+            channels[Channel::CapacityAh] /= if loss.re() < 1.0 { loss + 1.0 } else { S::from(2.0) };
         }
     }
 }
@@ -86,6 +88,7 @@ mod tests {
         assert_eq!(capacity_ah([0.1, 0.5], 2.0, 0.0), 2.0);
         assert!((capacity_ah([0.1, 0.5], 2.0, 2.0) - 2.0 / 1.1).abs() < 1e-12);
         assert!((capacity_ah([0.1, 0.5], 2.0, -2.0) - 2.0 / 1.1).abs() < 1e-12);
+        assert_eq!(capacity_ah([0.1, 3.0], 2.0, 1e3), 1.0);
     }
 
     /// Samsung 30Q to 2.5 V (ARTS laboratory data): 2.970 Ah at C/10, 2.957 / 2.946 / 2.926 /

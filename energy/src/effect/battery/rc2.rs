@@ -24,7 +24,11 @@ static SPEC: EffectSpec = EffectSpec {
     validity: "time steps of any length; linear in the current; one time constant for what is a range of them",
     signature: "the residual relaxes over many minutes after a current step, slower than the first pair",
     matters: 1e-3,
-    confused_with: &[("rc1", "pulses and rests of seconds as well as of an hour")],
+    confused_with: &[
+        ("rc1", "pulses and rests of seconds as well as of an hour"),
+        ("warburg", "a rest of over one hour, logged from its first second"),
+        ("hysteresis", "a rest of several hours after a charge and after a discharge"),
+    ],
     parameters: &[
         ParameterSpec {
             name: "resistance_ohm",

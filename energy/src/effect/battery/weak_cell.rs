@@ -31,6 +31,7 @@ static SPEC: EffectSpec = EffectSpec {
         ("ohmic_soc", "the voltage of each cell, or a rest near empty"),
         ("ohmic", "the voltage of each cell: a pack voltage alone does not tell r from R0"),
         ("capacity_fade", "the voltage of each cell"),
+        ("contact_resistance", "the voltage of each cell"),
     ],
     parameters: &[
         ParameterSpec {
