@@ -120,7 +120,7 @@ pub fn capacity(basis: &Basis<'_>) -> Capacity {
                 service_s,
                 bays: state.bays.len() as u32,
                 overhead_per_h: view.overhead_per_h.clone(),
-                overhead_breakdown: forecast::overhead_breakdown(&models.load),
+                overhead_breakdown: forecast::overhead_breakdown(models),
             });
         }
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use energy::System;
 use node::files::{ModelRef, read_text};
-use node::{ClockConfig, NetworkConfig};
+use node::{Charging, ClockConfig, NetworkConfig};
 use proto::{PackId, RobotId, SiteId, StationId};
 use serde::{Deserialize, Serialize};
 
@@ -100,6 +100,9 @@ pub struct StationConfig {
     pub swap_s: f64,
     /// Battery model of each pack.
     pub packs: BTreeMap<PackId, ModelRef>,
+    /// What its converters and chargers can do.
+    #[serde(default)]
+    pub charging: Charging,
 }
 
 /// Shortest and longest time that a configuration may state, s.
@@ -207,7 +210,10 @@ impl Config {
             }
             let handling = Handling { load_s: config.load_s, unload_s: config.unload_s, swap_s: config.swap_s };
             let load = of(System::Station, &config.load, format!("stations.{station}.load"))?;
-            models.stations.insert(station.clone(), StationModels { load, handling, packs });
+            config.charging.check().with_context(|| format!("stations.{station}"))?;
+            let (converter_w_max, recharge_w) = (config.charging.converter_w(), config.charging.recharge_w);
+            let spare_battery = config.charging.load(path).with_context(|| format!("stations.{station}"))?;
+            models.stations.insert(station.clone(), StationModels { load, handling, packs, converter_w_max, recharge_w, spare_battery });
         }
         Ok((self.policy.settings()?, models))
     }

@@ -4,7 +4,7 @@
 //!   pure    core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
 //!             fleet.rs        the newest word of each robot and station
 //!             models.rs       the coordinator's own models and settings
-//!             forecast.rs     what a service takes; need.rs: energy with a common doubt
+//!             forecast.rs     what a service takes
 //!             view.rs         beliefs and models as one planning problem
 //!             scheduler/      problem -> plan, capacity
 //!             service_run.rs  a service that has begun, and the commands that carry it on
@@ -24,7 +24,6 @@ pub mod core;
 pub mod fleet;
 pub mod forecast;
 pub mod models;
-pub mod need;
 pub mod scenario;
 pub mod scheduler;
 pub mod service;

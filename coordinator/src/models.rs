@@ -41,6 +41,13 @@ pub struct StationModels {
     pub handling: Handling,
     /// Its packs.
     pub packs: BTreeMap<PackId, Arc<Model>>,
+    /// Most power that its converters give to all bays together, W; infinite for none.
+    pub converter_w_max: f64,
+    /// Power of an external supply that charges what does not feed the station, W; 0 for none.
+    pub recharge_w: f64,
+    /// What packs of robots are, where they are charged and become spares; none where they are put
+    /// aside.
+    pub spare_battery: Option<Arc<Model>>,
 }
 
 /// All models.

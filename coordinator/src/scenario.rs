@@ -2,12 +2,14 @@
 //!
 //! ```text
 //!   file.rs    the TOML file as it is written, unknown keys refused
+//!   check.rs   what must hold of it beyond its types
 //!   expect.rs  what is measured in a run, and what is expected of it
 //!   deploy.rs  one run as configurations of coordinator, agents and their true worlds
 //! ```
 //!
 //! World and belief are separate: a world model may have an effect that the coordinator's lacks.
 
+mod check;
 mod deploy;
 mod expect;
 mod file;

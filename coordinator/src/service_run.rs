@@ -5,7 +5,7 @@ use proto::{
 };
 
 use crate::fleet::{Robot, Station};
-use crate::need::Need;
+use energy::Need;
 
 /// How a robot is serviced.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,12 +8,12 @@ use energy::{Estimate, Model};
 use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::fleet::{Fleet, Station};
+use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Recharge};
 use crate::models::{Models, Settings, StationModels, from_wire};
-use crate::need::Need;
 use crate::scheduler::{BayView, OptionView, PackView, Problem, RobotView, SpareView, StationView, Way};
 use crate::service_run::{How, ServiceRun, Stage};
+use energy::Need;
 
 /// Share of the time to empty after which a service is wanted whatever the state of charge.
 const QUEUE_SHARE: f64 = 0.9;
@@ -98,14 +98,20 @@ impl Basis<'_> {
         let mut ways = Vec::new();
         if !station.bays.is_empty() {
             let to_soc = self.settings.charge_to_soc;
-            let recharge = forecast::recharge(&models.load, models.handling, battery, soc_ready, to_soc);
+            let recharge = forecast::recharge(models, self.side_by_side(&station.station), battery, soc_ready, to_soc);
             let facts = battery.battery();
-            let charge_s_per_s = drain_soc_per_s * facts.capacity_ah / facts.charge.current_a * S_PER_H;
             let need_share_per_s = drain_soc_per_s / (to_soc - soc_ready.value).max(0.01);
+            // What a robot loses while it waits is charged at full current, or at what robots that
+            // share a converter get on average.
+            let charge_s_per_s = if models.converter_w_max.is_finite() {
+                recharge.charge_s * need_share_per_s
+            } else {
+                drain_soc_per_s * facts.capacity_ah / facts.charge.current_a * S_PER_H
+            };
             ways.push(Way::Recharge { to_soc, recharge, charge_s_per_s, need_share_per_s });
         }
         if !station.spares.is_empty() {
-            ways.push(Way::Swap { need: forecast::exchange(&models.load, models.handling) });
+            ways.push(Way::Swap { need: forecast::exchange(models, soc_ready, self.settings.charge_to_soc) });
         }
         ways.into_iter().map(|way| OptionView { station: index, travel_s, way }).collect()
     }
@@ -124,7 +130,7 @@ impl Basis<'_> {
             packs: Vec::new(),
             committed: Need::default(),
             committed_until_s: 0.0,
-            overhead_per_h: forecast::overhead_per_h(&models.load),
+            overhead_per_h: forecast::overhead_per_h(models),
         };
         let Some((station, state)) = station.and_then(|station| Some((station, station.known()?))) else {
             view.out_of_order = Some("it has not been heard".to_owned());
@@ -140,6 +146,10 @@ impl Basis<'_> {
         let charged = |soc: f64| soc > self.settings.serve_below_soc;
         let ready = state.spares.iter().filter(|s| s.ready && charged(s.soc.value) && !taken_spares.contains(&&s.spare));
         view.spares = ready.map(|spare| SpareView { spare: spare.spare.clone(), soc: from_wire(spare.soc) }).collect();
+        // Packs that robots left are still to be charged.
+        for left in state.spares.iter().filter(|spare| !spare.ready) {
+            view.committed = view.committed.plus(&forecast::spare_again(models, from_wire(left.soc), self.settings.charge_to_soc));
+        }
         view.bays = state.bays.iter().map(|bay| self.bay(&bay.bay, bay.phase, &here)).collect();
         for run in here {
             let ends_s = self.ends_s(run);
@@ -153,6 +163,14 @@ impl Basis<'_> {
         view.lift_busy.sort_by(|a, b| a.0.total_cmp(&b.0));
         view.packs = self.packs(models, station, state);
         view
+    }
+
+    /// How many robots may charge side by side at a station: as many as it has bays, or as can come.
+    #[must_use]
+    pub fn side_by_side(&self, id: &StationId) -> usize {
+        let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map_or(1, |state| state.bays.len());
+        let reaches = |robot: &&Robot| robot.known().is_some_and(|(_, state)| state.travel.contains_key(id));
+        bays.min(self.fleet.robots.values().filter(reaches).count()).max(1)
     }
 
     fn bay(&self, bay: &proto::BayId, phase: BayPhase, here: &[&ServiceRun]) -> BayView {
@@ -190,8 +208,7 @@ impl Basis<'_> {
         let robot = self.fleet.robots.get(&run.robot);
         let Some((gauge, state)) = robot.and_then(|robot| robot.known()) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
-        let Recharge { need, .. } = forecast::recharge(&models.load, models.handling, battery, from_wire(gauge.soc), to_soc);
-        need
+        forecast::recharge(models, self.side_by_side(&run.station), battery, from_wire(gauge.soc), to_soc).need
     }
 
     /// Packs that hold something, in the order in which they are drained: the active one, then
@@ -219,7 +236,7 @@ impl Basis<'_> {
     /// Power out of the active pack while every bay charges: usable energy is counted at that.
     #[must_use]
     pub fn working_power_w(&self, models: &StationModels, state: &StationState) -> f64 {
-        let overhead_w = forecast::overhead_per_h(&models.load).mean_wh;
+        let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return overhead_w };
         let recharge = self.reference_recharge(models, battery);
         overhead_w + state.bays.len() as f64 * recharge.need.mean_wh / (recharge.charge_s / S_PER_H).max(1e-6)
@@ -237,6 +254,6 @@ impl Basis<'_> {
     #[must_use]
     pub fn reference_recharge(&self, models: &StationModels, battery: &Arc<Model>) -> Recharge {
         let from = Estimate::exact(self.settings.serve_below_soc);
-        forecast::recharge(&models.load, models.handling, battery, from, self.settings.charge_to_soc)
+        forecast::recharge(models, 1, battery, from, self.settings.charge_to_soc)
     }
 }

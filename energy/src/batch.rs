@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::effect::{Many, Phase};
-use crate::model::Model;
+use crate::model::{Model, Placed};
 use crate::run::{begin, prepare};
 use crate::step::{self, Parts};
 use crate::{Channels, Start};
@@ -110,7 +110,12 @@ struct Block<'a> {
 impl Parts<f64> for Block<'_> {
     #[inline]
     fn act(&mut self, phase: Phase) {
-        for placed in self.model.placed_in(phase) {
+        self.act_among(self.model.placed_in(phase));
+    }
+
+    #[inline]
+    fn act_among(&mut self, placed: &[Placed]) {
+        for placed in placed {
             let many = Many {
                 parameters: (self.parameters.0, self.parameters.1, placed.parameters.clone()),
                 prepared: (self.prepared.0, self.prepared.1, placed.prepared.clone()),

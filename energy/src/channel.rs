@@ -110,7 +110,7 @@ channels! {
     BaySquaredCurrentA2 = "bay_squared_current_a2",
     /// Times that the selector switched to another pack during the step.
     SelectorEvents = "selector_events",
-    /// 1 while the lift moves, else 0.
+    /// Movements of the lift under way: 1 while it moves, else 0; the exchange of a robot's pack is one.
     LiftActive = "lift_active",
     /// Current out of the station's active pack, A.
     PackCurrentA = "pack_current_a",

@@ -251,6 +251,9 @@ catalogue! {
         butler_volmer::ButlerVolmer,
         rc::FIRST,
         rc2::SECOND,
+        rc_ladder::RcLadder,
+        warburg::Warburg,
+        surface_diffusion::SurfaceDiffusion,
         polarisation_arrhenius::PolarisationArrhenius,
         hysteresis::Hysteresis,
         thermal::LumpedThermal,
@@ -269,8 +272,17 @@ catalogue! {
     }
     robot {
         idle::Idle,
-        motion::Motion,
+        cpu::Cpu,
+        radio::Radio,
+        gps::Gps,
+        camera::Camera,
+        sensors::Sensors,
+        encoders::Encoders,
+        ldo::LinearRegulator,
         converter::Converter,
+        converter_quadratic::ConverterQuadratic,
+        input_voltage_loss::InputVoltageLoss,
+        motion::Motion,
         rolling::Rolling,
         dry_friction::DryFriction,
         viscous_friction::ViscousFriction,
@@ -291,9 +303,15 @@ catalogue! {
     station {
         own_load::RobotOwnLoad,
         charger::Charger,
+        charger_curve::ChargerCurve,
+        path_selection::PathSelection,
+        bay_contact::BayContact,
         converter::Converter,
+        converter_curve::ConverterCurve,
         hotel::Hotel,
         lift::Lift,
+        selector_switch::SelectorSwitch,
+        pack_wiring::PackWiring,
     }
 }
 
@@ -350,7 +368,7 @@ pub(crate) fn robot_power_w(effect: &impl Physics, parameters: &[f64], inputs: &
     for &(channel, value) in inputs {
         channels[channel] = value;
     }
-    step_once(effect, &Facts::Robot, 1.0, parameters, &mut [], &mut channels);
+    step_once(effect, &Facts::robot(), 1.0, parameters, &mut [], &mut channels);
     channels[Channel::PowerW]
 }
 

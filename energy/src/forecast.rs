@@ -5,9 +5,9 @@
 
 use std::sync::Arc;
 
-use crate::load::Terminals as _;
+use crate::pack::Battery;
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model, Run, Start, propagate, propagate_all};
+use crate::{Channel, Estimate, Model, Pack, Run, Start, propagate, propagate_all};
 
 /// A discharge at constant power, to the end of discharge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,27 +38,26 @@ const TIME_MAX_S: f64 = 7.0 * 24.0 * 3600.0;
 /// per hour (C/100: slower discharges deliver no more energy).
 const POWER_SHARE_MIN: f64 = 0.01;
 
-/// Discharges a pack at `power_w` until it reaches its end of discharge.
+/// Discharges a pack at `power_w` until it, or its weakest cell, reaches the end of discharge.
 ///
 /// A power below 1 % of the stored energy per hour is taken as that: it delivers what the pack
 /// can deliver at rest, and the time is that of the small power.
 #[must_use]
-pub fn discharge(run: &mut Run<f64>, power_w: f64) -> Discharge {
+pub fn discharge(run: &mut impl Battery, power_w: f64) -> Discharge {
     let model = Arc::clone(run.model());
     let facts = model.battery();
     let stored_wh = facts.stored_wh();
     let drawn_w = power_w.max(POWER_SHARE_MIN * stored_wh);
-    let soc = run.channels[Channel::Soc];
+    let soc = run.channel(Channel::Soc);
     let expected_s = (soc.max(0.0) * stored_wh / drawn_w * S_PER_H).min(TIME_MAX_S);
     let longest_s = (expected_s / STEPS).max(1.0);
     let (mut dt_s, mut time_s, mut energy_wh) = (longest_s, 0.0, 0.0);
     let mut before_v = None;
     while time_s < TIME_MAX_S {
-        let before = run.clone();
         let current_a = run.step_power(drawn_w, dt_s);
-        let voltage_v = run.channels[Channel::VoltageV];
+        let voltage_v = run.channel(Channel::VoltageV);
         if let Ok(current_a) = current_a
-            && voltage_v >= facts.eod_v()
+            && !run.is_empty()
         {
             // The step holds the current that gives this power at its end; the voltage fell to
             // there from that of the step before, so the step's energy is that of their mean.
@@ -68,7 +67,7 @@ pub fn discharge(run: &mut Run<f64>, power_w: f64) -> Discharge {
             continue;
         }
         // The end lies inside this step: go back and approach it by halves.
-        *run = before;
+        run.restore();
         if dt_s < 0.01 * longest_s {
             break;
         }
@@ -79,55 +78,67 @@ pub fn discharge(run: &mut Run<f64>, power_w: f64) -> Discharge {
 
 /// Charges a pack by its own charger settings until `target_soc` or the cutoff current.
 #[must_use]
-pub fn charge(run: &mut Run<f64>, target_soc: f64) -> Charge {
+pub fn charge(run: &mut impl Battery, target_soc: f64) -> Charge {
+    charge_within(run, target_soc, f64::INFINITY, |_, _, _| {})
+}
+
+/// [`charge`] with at most `power_w_max` into the battery, W (> 0): several share what charges
+/// them. Says of each stretch how long it was (s) and what went into the battery (A, W).
+pub fn charge_within(run: &mut impl Battery, target_soc: f64, power_w_max: f64, mut stretch: impl FnMut(f64, f64, f64)) -> Charge {
     let model = Arc::clone(run.model());
     let facts = model.battery();
-    let expected_s = (target_soc - run.channels[Channel::Soc]).max(0.0) * facts.capacity_ah / facts.charge.current_a * S_PER_H;
+    let most_a = |terminal_v: f64| facts.charge.current_a.min(power_w_max / terminal_v.max(0.1));
+    let begin_a = most_a(run.channel(Channel::TerminalVoltageV)).max(POWER_SHARE_MIN * facts.charge.current_a);
+    let expected_s = (target_soc - run.channel(Channel::Soc)).max(0.0) * facts.capacity_ah / begin_a * S_PER_H;
     let dt_s = (expected_s / STEPS).max(1.0);
     let (mut energy_wh, mut time_s) = (0.0, 0.0);
-    while time_s < TIME_MAX_S && run.channels[Channel::Soc] < target_soc {
-        let before = run.channels[Channel::Soc];
-        let current_a = run.step_charge(facts.charge.current_a, facts.full_v(), dt_s);
-        let after = run.channels[Channel::Soc];
-        if -current_a < facts.charge.cutoff_a {
+    while time_s < TIME_MAX_S && run.channel(Channel::Soc) < target_soc {
+        let before = run.channel(Channel::Soc);
+        let limit_a = most_a(run.channel(Channel::TerminalVoltageV));
+        let current_a = -run.step_charge(limit_a, facts.full_v(), dt_s);
+        let after = run.channel(Channel::Soc);
+        // A current cut by a shared limit is not the end of the charge.
+        if current_a < facts.charge.cutoff_a.min(0.999 * limit_a) || limit_a <= 0.0 {
             break;
         }
         // The last step counts only up to the target.
         let share = if after > target_soc { (target_soc - before) / (after - before) } else { 1.0 };
-        energy_wh -= run.channels[Channel::PowerW] * share * dt_s / S_PER_H;
+        let power_w = -run.channel(Channel::PowerW);
+        stretch(share * dt_s, current_a, power_w);
+        energy_wh += power_w * share * dt_s / S_PER_H;
         time_s += share * dt_s;
     }
-    Charge { energy_wh, time_s, soc: run.channels[Channel::Soc].min(target_soc) }
+    Charge { energy_wh, time_s, soc: run.channel(Channel::Soc).min(target_soc) }
 }
 
 /// What a pack's estimate depends on, for a forecast with sigma: its charge, its parameters and
 /// its capacity.
-fn uncertain(model: &Model, soc: Estimate) -> Vec<Estimate> {
+pub(crate) fn uncertain(model: &Model, soc: Estimate) -> Vec<Estimate> {
     let mut inputs = vec![soc, Estimate::new(1.0, model.uncertainty.capacity_relative_sigma)];
     inputs.extend(model.estimates());
     inputs
 }
 
-/// A run of the model at one draw of its uncertain inputs. The capacity's factor is left to the
+/// A pack of the model at one draw of its uncertain inputs. The capacity's factor is left to the
 /// caller: it scales energy and time of any forecast that keeps the power per capacity.
-fn run_at(model: &Arc<Model>, inputs: &[f64], temperature_degc: f64) -> Run<f64> {
+pub(crate) fn pack_at(model: &Arc<Model>, inputs: &[f64], temperature_degc: f64) -> Pack {
     let start = Start { temperature_degc, ..Start::at_soc(inputs[0].clamp(0.0, 1.0)) };
     let parameters = inputs[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
-    Run::with_parameters(Arc::clone(model), parameters, start)
+    Pack::with_parameters(Arc::clone(model), parameters, start)
 }
 
 /// Energy that a pack still delivers at `power_w`, Wh, with its deviation from those of state of
 /// charge, parameters and capacity.
 #[must_use]
 pub fn remaining_wh(model: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_w: f64) -> Estimate {
-    propagate(&uncertain(model, soc), |x| x[1] * discharge(&mut run_at(model, x, temperature_degc), power_w / x[1]).energy_wh)
+    propagate(&uncertain(model, soc), |x| x[1] * discharge(&mut pack_at(model, x, temperature_degc), power_w / x[1]).energy_wh)
 }
 
 /// Energy and time of a charge to `target_soc`, each with its deviation.
 #[must_use]
 pub fn charge_estimate(model: &Arc<Model>, soc: Estimate, target_soc: f64, temperature_degc: f64) -> (Estimate, Estimate) {
     let [energy_wh, time_s] = propagate_all(&uncertain(model, soc), |x| {
-        let charge = charge(&mut run_at(model, x, temperature_degc), target_soc);
+        let charge = charge(&mut pack_at(model, x, temperature_degc), target_soc);
         [x[1] * charge.energy_wh, x[1] * charge.time_s]
     });
     (energy_wh, time_s)
@@ -150,6 +161,7 @@ pub fn power_w(model: &Arc<Model>, inputs: &[(Channel, f64)]) -> Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::load::Terminals as _;
     use crate::load_model;
 
     fn model(name: &str) -> Arc<Model> {

@@ -7,9 +7,14 @@
 //!     |
 //!   model.rs     facts + effects + parameters, read from a TOML text
 //!   run.rs       a model in motion: channels, state, step(dt_s); batch.rs: many at once
+//!   pack.rs      cells that differ, each in motion by itself
+//!     |          protection.rs: which switch of a pack opens, and why
 //!     |
+//!   power/       a robot's power tree: converters, regulators, loads, radios
 //!   load.rs      what holds at the terminals: constant power or resistance, CC-CV charge
 //!   forecast.rs  energy and time to the end of a discharge or a charge, with sigma
+//!   charger.rs   the CC-CV charger as a device; selector.rs: the switch between packs
+//!   service.rs   what one service of a robot takes from a station's packs (need.rs), by cause
 //!   gauge/       estimators that turn raw samples into state of charge and energy
 //! ```
 //!
@@ -18,6 +23,7 @@
 
 mod batch;
 pub mod channel;
+pub mod charger;
 pub mod document;
 pub mod drive;
 pub mod effect;
@@ -26,11 +32,17 @@ pub mod forecast;
 pub mod gauge;
 pub mod load;
 pub mod model;
+mod need;
 pub mod ocv;
+pub mod pack;
 mod params;
+pub mod power;
+pub mod protection;
 pub mod real;
 pub mod relaxation;
 mod run;
+pub mod selector;
+pub mod service;
 mod step;
 pub mod system;
 pub mod units;
@@ -41,9 +53,12 @@ pub use document::DocumentError;
 pub use effect::{Effect, EffectSpec, Own, ParameterSpec, Phase, catalogue, find};
 pub use estimate::{Estimate, propagate, propagate_all};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
+pub use need::Need;
 pub use ocv::OcvTable;
+pub use pack::Pack;
 pub use params::{built_in, built_in_names, load_model};
+pub use protection::Protection;
 pub use real::{Dual, Real};
 pub use run::Run;
 pub use run::Start;
-pub use system::{BatteryFacts, ChargeFacts, Facts, System};
+pub use system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};

@@ -1,5 +1,7 @@
 //! What holds at a pack's terminals when it is not the current: a constant power, a constant
-//! resistance, or a charger.
+//! resistance, a mix of both, or a charger.
+
+mod search;
 
 use std::fmt;
 
@@ -23,10 +25,45 @@ impl std::error::Error for CannotDeliver {}
 
 /// Largest relative error of the power that the root search leaves.
 const POWER_TOLERANCE: f64 = 1e-9;
+/// Error of the power that no search tries to undercut, W.
+const POWER_FLOOR_W: f64 = 1e-12;
 /// Largest error of a charger's voltage that the search leaves, V.
 const VOLTAGE_TOLERANCE_V: f64 = 1e-7;
-/// Bound on iterations; quadratic convergence needs about five.
-const ITERATIONS_MAX: usize = 60;
+/// Bound on iterations.
+const ITERATIONS_MAX: usize = 200;
+/// Secants before every second guess is the middle: one end of the bracket may stay where it is.
+const SECANTS: usize = 8;
+
+/// Loads side by side at a pack's terminals: constant power, constant current and constant
+/// resistance ("ZIP"). Together they take `P + I V + G V^2`. Negative numbers feed the pack.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Mix {
+    /// Sum of the loads of constant power, W.
+    pub power_w: f64,
+    /// Sum of the loads of constant current, A.
+    pub current_a: f64,
+    /// Sum of the conductances of resistors, S (>= 0).
+    pub conductance_s: f64,
+}
+
+impl Mix {
+    /// Power that the mix takes at that voltage, W.
+    #[must_use]
+    pub fn power_w(&self, voltage_v: f64) -> f64 {
+        self.power_w + self.current_a * voltage_v + self.conductance_s * voltage_v * voltage_v
+    }
+
+    /// What a search may leave of it, W.
+    fn tolerance_w(&self, voltage_v: f64) -> f64 {
+        let parts_w = [self.power_w, self.current_a * voltage_v, self.conductance_s * voltage_v * voltage_v];
+        POWER_TOLERANCE * parts_w.into_iter().map(f64::abs).sum::<f64>() + POWER_FLOOR_W
+    }
+
+    /// How much more than the mix takes there is at the terminals, in tolerances.
+    fn excess(&self, voltage_v: f64, power_w: f64) -> f64 {
+        (power_w - self.power_w(voltage_v)) / self.tolerance_w(voltage_v)
+    }
+}
 
 /// A thing with two terminals whose steps can be tried: a run of like cells, or a pack of unlike
 /// ones. Whatever holds at the terminals is found by trying currents.
@@ -48,52 +85,38 @@ pub trait Terminals {
     }
 
     /// Steps a battery by `dt_s` under a constant power (W, discharge positive) and returns the
-    /// current, A.
+    /// current, A. [`Terminals::restore`] takes the step back.
     ///
-    /// Power rises with current up to the power limit and falls beyond it. Newton's iteration
-    /// on a concave curve approaches the root from the no-load side and cannot jump to the far
-    /// branch; past the limit the slope turns and there is no answer.
+    /// Power rises with current up to the power limit and falls beyond it; the answer lies
+    /// before the limit. See [`Terminals::step_mix`].
     ///
     /// # Errors
     /// [`CannotDeliver`] when no current gives that power; everything is as it was before.
     fn step_power(&mut self, power_w: f64, dt_s: f64) -> Result<f64, CannotDeliver> {
-        // Under a steady power the last current is a close start; a discharge lets it rise slowly.
-        let last_a = self.channel(Channel::CurrentA).max(0.0);
+        self.step_mix(Mix { power_w, ..Mix::default() }, dt_s)
+    }
+
+    /// Steps a battery by `dt_s` under a mix of loads side by side and returns the current, A.
+    /// [`Terminals::restore`] takes the step back.
+    ///
+    /// Newton's iteration from the last current does nearly every step. Where it does not end,
+    /// near the power limit or at a kink, a patient search over all currents finds the smallest
+    /// that meets the mix, to 1e-9 of it, or finds that there is none: beyond the limit, or where
+    /// the power jumps over the wish because a sensor has a dead band.
+    ///
+    /// # Errors
+    /// [`CannotDeliver`] when no current does; everything is as it was before.
+    fn step_mix(&mut self, mix: Mix, dt_s: f64) -> Result<f64, CannotDeliver> {
+        // Under a steady load the last current is a close start; a discharge lets it rise slowly.
+        let last_a = self.channel(Channel::CurrentA);
+        let asked_w = mix.power_w(self.channel(Channel::TerminalVoltageV));
         self.save();
-        if power_w == 0.0 {
-            self.trial(0.0, dt_s);
-            return Ok(0.0);
-        }
-        let mut current_a = if power_w > 0.0 { last_a } else { 0.0 };
-        let mut slope = None;
-        let mut before_w = f64::INFINITY;
-        for _ in 0..ITERATIONS_MAX {
-            let given_w = self.trial(current_a, dt_s).1;
-            let missing_w = power_w - given_w;
-            if missing_w.abs() <= POWER_TOLERANCE * power_w.abs() {
-                return Ok(current_a);
-            }
-            // Where it bends more, near the power limit, the slope is taken anew.
-            if missing_w.abs() > 0.1 * before_w.abs() {
-                slope = None;
-            }
-            before_w = missing_w;
-            // The curve bends so little over one step that its first slope serves all iterations.
-            let slope_v = *slope.get_or_insert_with(|| {
-                let nudge_a = 1e-4 * (1.0 + current_a.abs());
-                (self.trial(current_a + nudge_a, dt_s).1 - given_w) / nudge_a
-            });
-            if slope_v > 0.0 {
-                current_a += missing_w / slope_v;
-            } else if current_a > 0.0 && missing_w < 0.0 {
-                // The start was beyond the limit of a smaller power: come from the other side.
-                (current_a, slope) = (0.0, None);
-            } else {
-                break;
-            }
-        }
-        self.restore();
-        Err(CannotDeliver { power_w })
+        let start_a = if last_a * asked_w > 0.0 { last_a } else { 0.0 };
+        let found = search::meet(self, dt_s, start_a, &mix);
+        found.ok_or_else(|| {
+            self.restore();
+            CannotDeliver { power_w: asked_w }
+        })
     }
 
     /// Steps a battery by `dt_s` with a resistance (ohm, > 0) across its terminals and returns
@@ -107,11 +130,12 @@ pub trait Terminals {
         let mut high_a = low_v.max(0.0) / resistance_ohm;
         let mut high_v = self.trial(high_a, dt_s).0 - resistance_ohm * high_a;
         let mut current_a = low_a;
-        for _ in 0..ITERATIONS_MAX {
+        for round in 0..ITERATIONS_MAX {
             if high_a - low_a <= POWER_TOLERANCE * high_a {
                 break;
             }
-            current_a = low_a + low_v / (low_v - high_v) * (high_a - low_a);
+            let secant_a = low_a + low_v / (low_v - high_v) * (high_a - low_a);
+            current_a = if round > SECANTS && round % 2 == 0 { f64::midpoint(low_a, high_a) } else { secant_a };
             let excess_v = self.trial(current_a, dt_s).0 - resistance_ohm * current_a;
             if excess_v.abs() <= POWER_TOLERANCE * resistance_ohm * current_a {
                 break;
@@ -136,10 +160,14 @@ pub trait Terminals {
         if less_v >= voltage_max_v {
             return 0.0;
         }
-        for _ in 0..ITERATIONS_MAX {
-            let guess_a = less_a + (voltage_max_v - less_v) / (more_v - less_v) * (more_a - less_a);
+        for round in 0..ITERATIONS_MAX {
+            if more_a - less_a < 1e-9 {
+                break;
+            }
+            let secant_a = less_a + (voltage_max_v - less_v) / (more_v - less_v) * (more_a - less_a);
+            let guess_a = if round > SECANTS && round % 2 == 0 { f64::midpoint(less_a, more_a) } else { secant_a };
             let guess_v = self.trial(-guess_a, dt_s).0;
-            if (guess_v - voltage_max_v).abs() < VOLTAGE_TOLERANCE_V || (more_a - less_a) < 1e-9 {
+            if (guess_v - voltage_max_v).abs() < VOLTAGE_TOLERANCE_V {
                 return -guess_a;
             }
             if guess_v > voltage_max_v {
@@ -148,9 +176,9 @@ pub trait Terminals {
                 (less_a, less_v) = (guess_a, guess_v);
             }
         }
-        let kept_a = less_a;
-        self.trial(-kept_a, dt_s);
-        -kept_a
+        // At a jump, the side that stays below the charger's voltage.
+        self.trial(-less_a, dt_s);
+        -less_a
     }
 }
 

@@ -3,7 +3,10 @@
 //! Zero effects is a valid model. Reading is the only place where values are checked; after it,
 //! physics is total.
 
+mod cells;
 mod file;
+mod protection;
+mod rails;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -103,6 +106,8 @@ pub struct Placed {
     pub(crate) parameters: Range<usize>,
     pub(crate) prepared: Range<usize>,
     pub(crate) states: Range<usize>,
+    /// The rail that it hangs on, for a robot's effect that does not hang on the battery.
+    pub(crate) rail: Option<usize>,
 }
 
 /// Facts, effects in order of evaluation, parameters.
@@ -144,14 +149,16 @@ impl Model {
             let phase = catalogue()[index].spec().phase;
             system.phases().iter().position(|&p| p == phase).expect("the catalogue is consistent")
         };
-        effects.sort_by_key(|(index, _)| (phase_of(*index), *index));
+        // Effects on one rail lie together, before those on the battery.
+        let rail_of = |index: usize| facts.rail_of(catalogue()[index].spec().id);
+        effects.sort_by_key(|(index, _)| (phase_of(*index), rail_of(*index).unwrap_or(usize::MAX), *index));
         if let Some(twice) = effects.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             return Err(format!("effect `{}` appears twice; a model has each effect at most once", catalogue()[twice[0].0].spec().id));
         }
         let mut placed: Vec<Placed> = Vec::new();
         let mut parameters = Vec::new();
-        // A battery's own state comes first: its charge.
-        let mut state_count = usize::from(system == System::Battery);
+        // What the system itself keeps comes first.
+        let mut state_count = facts.own_states();
         let mut prepared_count = 0;
         for (index, own) in effects {
             let effect = catalogue()[index];
@@ -161,7 +168,7 @@ impl Model {
             (state_count, prepared_count) = (states.end, prepared.end);
             parameters.extend(own);
             let channel = effect.spec().channel;
-            placed.push(Placed { effect, plain: effect, dual: effect, channel, parameters: range, prepared, states });
+            placed.push(Placed { effect, plain: effect, dual: effect, channel, parameters: range, prepared, states, rail: rail_of(index) });
         }
         // Effects of a phase lie together; a phase that the system lacks has none.
         let mut phases = [const { 0..0 }; Phase::COUNT];
@@ -196,6 +203,19 @@ impl Model {
         let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
         Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect())
             .expect("no effect appears twice")
+    }
+
+    /// The effects of some phases on other facts, and which of this model's parameters are left,
+    /// in their order.
+    pub(crate) fn part(&self, facts: Facts, phases: &[Phase]) -> (Model, Vec<usize>) {
+        let kept = || self.placed.iter().filter(|placed| phases.contains(&placed.effect.spec().phase));
+        let effects = kept().map(|placed| {
+            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
+            (index, self.parameters[placed.parameters.clone()].to_vec())
+        });
+        let model = Model::assemble(self.name.clone(), self.system, facts, self.sensors.clone(), self.uncertainty, effects.collect())
+            .expect("no effect appears twice");
+        (model, kept().flat_map(|placed| placed.parameters.clone()).collect())
     }
 
     /// All parameters of all effects, in order of evaluation.

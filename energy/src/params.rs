@@ -20,7 +20,9 @@ static MODELS: &[(&str, &str)] = &[
     ("explorer-robot", include_str!("../params/explorer-robot.toml")),
     ("roomba-robot", include_str!("../params/roomba-robot.toml")),
     ("mds-vehicle", include_str!("../params/mds-vehicle.toml")),
+    ("aquapod-robot", include_str!("../params/aquapod-robot.toml")),
     ("mds-station", include_str!("../params/mds-station.toml")),
+    ("mds-station-path-selection", include_str!("../params/mds-station-path-selection.toml")),
 ];
 
 /// Tables that built-in models name.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::effect::{Lane, Own, Phase};
 use crate::model::{Model, Placed};
+use crate::power::Flow;
 use crate::step::{self, Parts};
 use crate::system::Facts;
 use crate::units::REFERENCE_DEGC;
@@ -96,8 +97,8 @@ impl<S: Lane> Run<S> {
         &self.model
     }
 
-    /// All states: for a battery its state of charge, then those of the effects in order of
-    /// evaluation.
+    /// All states: first what the system keeps (a battery its state of charge, a robot the power
+    /// that effects asked of each rail, W), then those of the effects in order of evaluation.
     #[must_use]
     pub fn states(&self) -> &[S] {
         &self.states
@@ -115,12 +116,28 @@ impl<S: Lane> Run<S> {
     }
 
     /// Advances like [`Run::step`] and says what each effect added to its own channel, as
-    /// `(effect id, share)` in order of evaluation. On the power channels of robot and station
+    /// `(effect id, share)` in order of evaluation; last, where there are rails, what these add
+    /// with their own loads and losses. On the power channels of robot and station
     /// the shares sum to what the step adds to its input.
     pub fn step_explained(&mut self, dt_s: f64) -> Vec<(&'static str, f64)> {
         let mut shares = Vec::with_capacity(self.model.placed().len());
         self.step_observed(dt_s, |placed, before, after| shares.push((placed.effect.spec().id, after.re() - before.re())));
+        if let Some(flow) = self.rails() {
+            // What the rails take beyond the effects that hang on them: their own loads and losses.
+            let asked_w: f64 = self.states[..flow.rails().len()].iter().map(S::re).sum();
+            shares.push(("rails", flow.battery_w.re() - asked_w));
+        }
         shares
+    }
+
+    /// The rails of a robot at the channels and the effects' demand of the last step: voltages,
+    /// currents and losses, and which rail cannot deliver. None without rails.
+    #[must_use]
+    pub fn rails(&self) -> Option<Flow<S>> {
+        let tree = self.model.facts.tree()?;
+        let now = &self.channels;
+        let asked_w = &self.states[..tree.rails().len()];
+        Some(tree.flow(self.model.facts.supply_v(now), now[Channel::AmbientDegc], |channel| now[channel], asked_w))
     }
 
     /// Keeps states and channels, so that [`Run::restore`] can take trial steps back.
@@ -133,6 +150,20 @@ impl<S: Lane> Run<S> {
     pub fn restore(&mut self) {
         self.states.copy_from_slice(&self.saved.0);
         self.channels = self.saved.1;
+    }
+
+    /// Steps what lies around a battery's cells: sensors and connection. `cells` goes from the
+    /// current at the terminals to the voltage of all cells, in the channels it is given.
+    pub(crate) fn step_around(&mut self, warms: bool, dt_s: f64, cells: impl FnOnce(&mut [S], &mut Channels<S>)) {
+        let Run { model, parameters, prepared, prepared_dt_s, states, channels, .. } = self;
+        if *prepared_dt_s != dt_s {
+            prepare(model, dt_s, parameters, prepared);
+            *prepared_dt_s = dt_s;
+        }
+        let mut parts = Lone { model, dt_s, parameters, prepared, states, channels, observe: |_: &Placed, _, _| {} };
+        step::sensed(warms, &mut parts);
+        cells(parts.states, parts.channels);
+        step::terminals(warms, &mut parts);
     }
 
     #[inline]
@@ -192,7 +223,12 @@ struct Lone<'a, S, F> {
 impl<S: Lane, F: FnMut(&Placed, S, S)> Parts<S> for Lone<'_, S, F> {
     #[inline(always)]
     fn act(&mut self, phase: Phase) {
-        for placed in self.model.placed_in(phase) {
+        self.act_among(self.model.placed_in(phase));
+    }
+
+    #[inline(always)]
+    fn act_among(&mut self, placed: &[Placed]) {
+        for placed in placed {
             let before = self.channels[placed.channel];
             let own = Own {
                 parameters: &self.parameters[placed.parameters.clone()],

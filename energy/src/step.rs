@@ -3,7 +3,8 @@
 //! Written once for a lone run and for a batch of runs.
 
 use crate::effect::Phase;
-use crate::model::Model;
+use crate::model::{Model, Placed};
+use crate::power::PowerTree;
 use crate::real::Real;
 use crate::system::{BatteryFacts, Facts};
 use crate::units::{KELVIN_AT_0_DEGC, S_PER_H};
@@ -14,6 +15,9 @@ pub(crate) trait Parts<S> {
     /// Lets the effects of a phase act.
     fn act(&mut self, phase: Phase);
 
+    /// Lets some effects of a phase act.
+    fn act_among(&mut self, placed: &[Placed]);
+
     /// Does what the system itself does between phases, on the states and channels of every run.
     fn each(&mut self, between: impl Fn(&mut [S], &mut Channels<S>));
 }
@@ -23,13 +27,16 @@ pub(crate) trait Parts<S> {
 pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>) {
     match &model.facts {
         Facts::Battery(facts) => battery(facts, model.predicts_temperature(), dt_s, parts),
-        Facts::Robot => {
+        Facts::Robot(robot) => {
             parts.each(|_, now| {
                 now[Channel::PowerW] = S::from(0.0);
                 now[Channel::TractionN] = S::from(0.0);
                 now[Channel::CopperW] = S::from(0.0);
             });
-            parts.act(Phase::Load);
+            match &robot.tree {
+                None => parts.act(Phase::Load),
+                Some(tree) => rails(model, tree, parts),
+            }
             parts.act(Phase::Converter);
             parts.act(Phase::Drive);
         }
@@ -44,10 +51,38 @@ pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>)
     }
 }
 
+/// What loads take from the battery over the rails that they hang on. What effects ask of each
+/// rail is kept in the robot's own states.
+#[inline(never)]
+fn rails<S: Real>(model: &Model, tree: &PowerTree, parts: &mut impl Parts<S>) {
+    let count = tree.rails().len();
+    parts.each(|asked_w, _| asked_w[..count].fill(S::from(0.0)));
+    for group in model.placed_in(Phase::Load).chunk_by(|a, b| a.rail == b.rail) {
+        parts.act_among(group);
+        if let Some(rail) = group[0].rail {
+            parts.each(|asked_w, now| {
+                asked_w[rail] = now[Channel::PowerW];
+                now[Channel::PowerW] = S::from(0.0);
+            });
+        }
+    }
+    parts.each(|asked_w, now| {
+        let flow = tree.flow(model.facts.supply_v(now), now[Channel::AmbientDegc], |channel| now[channel], &asked_w[..count]);
+        now.add(Channel::PowerW, flow.battery_w);
+    });
+}
+
+/// A battery of like cells: between the two halves of its terminals lie the cells themselves.
 #[inline]
 fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut impl Parts<S>) {
-    let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);
-    let per_parallel = 1.0 / parallel;
+    sensed(warms, parts);
+    cells(facts, dt_s, parts);
+    terminals(warms, parts);
+}
+
+/// From the current as its sensor shows it to the one that flowed.
+#[inline]
+pub(crate) fn sensed<S: Real>(warms: bool, parts: &mut impl Parts<S>) {
     parts.each(|_, now| {
         now[Channel::TerminalCurrentA] = now[Channel::CurrentA];
         if !warms {
@@ -55,6 +90,13 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         }
     });
     parts.act(Phase::Sensed);
+}
+
+#[inline]
+fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
+    let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);
+    let per_parallel = 1.0 / parallel;
+    let (resistance, self_discharge) = (facts.cell.resistance, facts.cell.self_discharge);
     parts.each(|_, now| {
         now[Channel::CapacityAh] = S::from(facts.capacity_ah);
         now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] * per_parallel;
@@ -64,6 +106,9 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     parts.each(|_, now| now[Channel::SocPerA] = now[Channel::CapacityAh].recip() * (parallel * hours));
     parts.act(Phase::Current);
     parts.each(|states, now| {
+        if self_discharge != 1.0 {
+            now[Channel::LostCurrentA] *= self_discharge;
+        }
         // The cell's charge over the cell's capacity, exact for a held current.
         let drained_a = now[Channel::CellCurrentA] + now[Channel::LostCurrentA];
         states[0] -= drained_a * now[Channel::SocPerA];
@@ -73,6 +118,10 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         now[Channel::EntropyVPerK] = S::from(0.0);
     });
     parts.act(Phase::Equilibrium);
+    // A cell of more resistance is one of less electrode: the same current is denser in it.
+    if resistance != 1.0 {
+        parts.each(|_, now| now[Channel::CellCurrentA] *= resistance);
+    }
     parts.act(Phase::Series);
     parts.each(|_, now| {
         now[Channel::CellVoltageV] = now[Channel::OcvV] - now[Channel::OverpotentialV];
@@ -80,6 +129,9 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
     });
     parts.act(Phase::Polarisation);
     parts.each(|_, now| {
+        if resistance != 1.0 {
+            now[Channel::CellCurrentA] = now[Channel::CellCurrentA] / resistance;
+        }
         now[Channel::CellVoltageV] = now[Channel::CellVoltageV] - now[Channel::OverpotentialV];
         now[Channel::OverpotentialV] = now[Channel::OcvV] - now[Channel::CellVoltageV];
         // Bernardi's balance: what the resistances burn, and what the change of entropy gives.
@@ -90,6 +142,11 @@ fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut im
         now[Channel::TerminalVoltageV] = now[Channel::CellVoltageV] * series;
     });
     parts.act(Phase::Heat);
+}
+
+/// From the cells' voltage to the terminals and to what sensors show.
+#[inline]
+pub(crate) fn terminals<S: Real>(warms: bool, parts: &mut impl Parts<S>) {
     parts.act(Phase::Connection);
     parts.each(|_, now| {
         now[Channel::PowerW] = now[Channel::TerminalVoltageV] * now[Channel::TerminalCurrentA];

@@ -3,17 +3,22 @@
 //! ```text
 //!   battery   shown current ──> [sensed] ─> [capacity] [leaks] ─> SoC ─> OCV [equilibrium] ─> [series] [polarisation]
 //!             ─> cell voltage ─> [heat] ─> temperature ─> [connection] ─> terminal voltage ─> [shown] ─> voltage
-//!   robot     speed, pitch ... ──> [loads] ─> [converter] ─> [drive] ─> power out of the robot's pack
+//!   robot     speed, pitch ... ──> [loads] ─> rails ─> [converter] ─> [drive] ─> power out of the robot's pack
 //!   station   charge power ──> [robots' loads] ─> [chargers] ─> [bypass] ─> [converters] ─> [hotel, lift] ─> power out of the pack
 //! ```
 //!
 //! In brackets: the effects of the model, of which there may be none.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 
-use crate::Channel;
 use crate::effect::Phase;
 use crate::ocv::OcvTable;
+use crate::pack::{Balancing, CellFactors, UnlikeCell};
+use crate::power::PowerTree;
+use crate::protection::Limits;
+use crate::{Channel, Channels, Real};
 
 /// The kind of thing a model describes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize)]
@@ -112,8 +117,8 @@ impl System {
 pub enum Facts {
     /// A pack.
     Battery(BatteryFacts),
-    /// A robot: all it is lies in its effects.
-    Robot,
+    /// A robot.
+    Robot(RobotFacts),
     /// A station: all it is lies in its effects.
     Station,
 }
@@ -127,6 +132,61 @@ impl Facts {
             _ => 1,
         }
     }
+
+    /// A robot of which nothing is fixed: all it is lies in its effects.
+    #[must_use]
+    pub fn robot() -> Self {
+        Facts::Robot(RobotFacts::default())
+    }
+
+    /// The rails of a robot; none where all loads hang on the battery.
+    #[must_use]
+    pub fn tree(&self) -> Option<&PowerTree> {
+        match self {
+            Facts::Robot(robot) => robot.tree.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// Voltage of the pack that feeds a robot, V: its channel, or the nominal one when the channel
+    /// is not above 0; 0 when neither is known.
+    #[inline]
+    pub fn supply_v<S: Real>(&self, channels: &Channels<S>) -> S {
+        let voltage_v = channels[Channel::VoltageV];
+        match self {
+            Facts::Robot(robot) if voltage_v.re() <= 0.0 => S::from(robot.nominal_v),
+            _ => voltage_v,
+        }
+    }
+
+    /// The rail that an effect hangs on.
+    pub(crate) fn rail_of(&self, effect: &str) -> Option<usize> {
+        match self {
+            Facts::Robot(robot) => robot.on_rails.get(effect).copied(),
+            _ => None,
+        }
+    }
+
+    /// Numbers that the system itself keeps in front of its effects' states: a battery its charge,
+    /// a robot what effects ask of each rail.
+    pub(crate) fn own_states(&self) -> usize {
+        match self {
+            Facts::Battery(_) => 1,
+            Facts::Robot(_) => self.tree().map_or(0, |tree| tree.rails().len()),
+            Facts::Station => 0,
+        }
+    }
+}
+
+/// What is fixed about a robot: the supply side of its loads.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RobotFacts {
+    /// Voltage of its pack when the channel `voltage_v` does not tell, V; 0 when not known.
+    pub nominal_v: f64,
+    /// Its rails; none when every load hangs on the battery.
+    pub tree: Option<PowerTree>,
+    /// Effects of phase Load that hang on a rail: id, and place of the rail in the tree.
+    pub on_rails: BTreeMap<&'static str, usize>,
 }
 
 /// Fixed facts of a pack of like cells.
@@ -146,6 +206,16 @@ pub struct BatteryFacts {
     pub ocv: OcvTable,
     /// How the pack is charged.
     pub charge: ChargeFacts,
+    /// How all cells differ from those that the effects describe; 1 and 0 unless this is a part
+    /// of a pack of unlike cells.
+    pub cell: CellFactors,
+    /// Cells that differ from the others: a [`crate::Pack`] steps them by themselves, a
+    /// [`crate::Run`] takes all cells as alike.
+    pub unlike: Vec<UnlikeCell>,
+    /// How unlike cells are brought together again, if anything does that.
+    pub balancing: Option<Balancing>,
+    /// When the pack's own electronics stop charge and discharge.
+    pub protection: Limits,
 }
 
 impl BatteryFacts {

@@ -18,3 +18,7 @@ pub const GAS_CONSTANT_J_PER_MOL_K: f64 = 8.314_462_618;
 pub const FARADAY_C_PER_MOL: f64 = 96_485.332_12;
 /// Joules in a kilojoule.
 pub const J_PER_KJ: f64 = 1000.0;
+/// Speed of light in vacuum, m/s (exact, SI).
+pub const LIGHT_MPS: f64 = 299_792_458.0;
+/// Siemens in one nF MHz: switched capacitance times frequency is a conductance.
+pub const S_PER_NF_MHZ: f64 = 1e-3;

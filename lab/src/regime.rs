@@ -36,7 +36,7 @@ pub fn dimensions(model: &Model, prepared: &Prepared, prediction: &Prediction) -
             let current = input(Channel::CurrentA).map(|current_a| current(current_a, facts.capacity_ah));
             std::iter::once(soc(&prediction.soc)).chain(current).collect()
         }
-        Facts::Robot => input(Channel::SpeedMps)
+        Facts::Robot(_) => input(Channel::SpeedMps)
             .map(|speed_mps| two("motion", ["standing still", "driving"], speed_mps, |speed| speed.abs() >= STILL_MPS))
             .into_iter()
             .collect(),

@@ -28,7 +28,10 @@ pub enum Task {
     /// Give this power, W.
     Power(f64),
     /// Take charge from its own CC-CV charger.
-    Charge,
+    Charge {
+        /// Most current that the charger has for it, A; infinite when only its own limits count.
+        current_a_max: f64,
+    },
     /// Nothing.
     Rest,
 }
@@ -79,8 +82,8 @@ impl PackBody {
                 }
                 under.then_some(CannotDeliver { power_w })
             }
-            Task::Charge => {
-                self.run.step_charge(charge.current_a, full_v, dt_s);
+            Task::Charge { current_a_max } => {
+                self.run.step_charge(charge.current_a.min(current_a_max), full_v, dt_s);
                 None
             }
             Task::Rest => {

@@ -248,6 +248,11 @@ impl Agent {
                 (spare.soc, spare.ready) = (wire(swapped.given_soc), false);
             }
         }
+        for (charged, soc) in observation.charged {
+            if let Some(spare) = self.spares.iter_mut().find(|spare| spare.spare == charged) {
+                (spare.soc, spare.ready) = (wire(soc), true);
+            }
+        }
     }
 
     /// Publishes what is due: gauges by their period, the state by its period and on change.
@@ -274,6 +279,10 @@ impl Agent {
         }
     }
 
+    fn why_down(&self) -> &'static str {
+        if self.packs.iter().all(|pack| pack.depleted) { "every pack is depleted" } else { "it starts again" }
+    }
+
     fn state_message(&mut self, now: Timestamp) -> StationState {
         self.state_seq += 1;
         let bay = |bay: &Bay| BayState { bay: bay.id.clone(), phase: bay.phase, robot: bay.robot.clone() };
@@ -290,7 +299,7 @@ impl Agent {
             pack_power_w: self.pack_power_w,
             spares: self.spares.clone(),
             last_command: self.last_command.clone(),
-            note: (!self.powered).then(|| "every pack is depleted".to_owned()),
+            note: (!self.powered).then(|| self.why_down().to_owned()),
         }
     }
 }

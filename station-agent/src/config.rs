@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use energy::gauge::CoulombCounter;
 use node::files::{ModelRef, read_text};
-use node::{ClockConfig, NetworkConfig, Publish};
+use node::{Charging, ClockConfig, NetworkConfig, Publish, SelectorConfig};
 use proto::{BayId, Estimate, PackId, SiteId, SpareId, StationId};
 use serde::{Deserialize, Serialize};
 
@@ -79,6 +79,12 @@ pub enum SourceConfig {
         unload_s: f64,
         /// Time to exchange a robot's pack, s.
         swap_s: f64,
+        /// What its converters and chargers can do.
+        #[serde(default)]
+        charging: Charging,
+        /// What happens while it changes packs; nothing when this is left out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        selector: Option<SelectorConfig>,
         /// Temperature of the surroundings, °C.
         temperature_degc: f64,
         /// Chooses the gauge ICs' specimens and noise.
@@ -138,7 +144,9 @@ impl Config {
         for spare in &self.spares {
             fraction(format!("spares.{}.soc", spare.id), spare.soc)?;
         }
-        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, temperature_degc, .. } = &self.source;
+        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, charging, selector, temperature_degc, .. } = &self.source;
+        charging.check().context("source")?;
+        selector.map_or(Ok(()), |selector| selector.check()).context("source")?;
         ensure!((-60.0..=100.0).contains(temperature_degc), "source.temperature_degc = {temperature_degc}: must be between -60 and 100");
         for (key, value) in [("load_s", load_s), ("unload_s", unload_s), ("swap_s", swap_s)] {
             ensure!((0.0..=TIME_MAX_S).contains(value), "source.{key} = {value}: must be between 0 and {TIME_MAX_S}");
@@ -155,7 +163,7 @@ impl Config {
     /// # Errors
     /// When a model cannot be read.
     pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, StationBody)> {
-        let SourceConfig::Sim { load, packs, load_s, unload_s, swap_s, temperature_degc, seed } = &self.source;
+        let SourceConfig::Sim { load, packs, load_s, unload_s, swap_s, charging, selector, temperature_degc, seed } = &self.source;
         let mut true_packs = Vec::new();
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
@@ -168,6 +176,10 @@ impl Config {
             load_s: *load_s,
             unload_s: *unload_s,
             swap_s: *swap_s,
+            converter_w_max: charging.converter_w(),
+            recharge_w: charging.recharge_w,
+            spare_battery: charging.load(path)?,
+            selector: *selector,
             temperature_degc: *temperature_degc,
             seed: *seed,
         });

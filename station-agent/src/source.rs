@@ -21,8 +21,10 @@ pub struct Observation {
     pub lifted: Option<Lifted>,
     /// An exchange of a robot's pack that has just ended.
     pub swapped: Option<Swapped>,
-    /// Whether the lift moves.
+    /// Whether the lift moves, or a pack is being exchanged.
     pub lift_active: bool,
+    /// Packs of robots that have been charged and are spares now, with their state of charge.
+    pub charged: Vec<(SpareId, Estimate)>,
 }
 
 /// Reading of one pack.

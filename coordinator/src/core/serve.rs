@@ -5,9 +5,9 @@ use proto::{EventKind, RobotAction, RobotId, RobotPhase, StationAction, Timestam
 use super::Core;
 use crate::answers;
 use crate::fleet::{Robot, Station};
-use crate::need::Need;
 use crate::scheduler::Planned;
 use crate::service_run::{How, ServiceRun, Stage, Step};
+use energy::Need;
 
 impl Core {
     /// Begins the services whose robots must leave now.

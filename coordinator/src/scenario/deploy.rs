@@ -65,6 +65,7 @@ impl Scenario {
                 unload_s: entry.unload_s,
                 swap_s: entry.swap_s,
                 packs: entry.packs.iter().map(|pack| (pack.id.clone(), believed(&pack.battery))).collect(),
+                charging: entry.charging.named(|name| believed(name)),
             };
             coordinator.stations.insert(entry.id.clone(), config);
             stations.push(self.station_config(entry, seed, &believed, &truth)?);
@@ -130,6 +131,8 @@ impl Scenario {
                 load_s: entry.load_s,
                 unload_s: entry.unload_s,
                 swap_s: entry.swap_s,
+                charging: entry.charging.named(|name| truth(name)),
+                selector: entry.selector,
                 temperature_degc: self.temperature_degc,
                 seed,
             },
@@ -146,7 +149,10 @@ impl Scenario {
         let stations = self.station.iter().map(toml::Spanned::get_ref);
         let robots = self.robot.iter().map(toml::Spanned::get_ref);
         let mut names: Vec<&str> = stations
-            .flat_map(|station| std::iter::once(station.load.as_str()).chain(station.packs.iter().map(|pack| pack.battery.as_str())))
+            .flat_map(|station| {
+                let packs = station.packs.iter().map(|pack| pack.battery.as_str());
+                std::iter::once(station.load.as_str()).chain(packs).chain(station.charging.spare_battery.as_deref())
+            })
             .chain(robots.flat_map(|robot| [robot.battery.as_str(), robot.load.as_str()]))
             .collect();
         names.sort_unstable();

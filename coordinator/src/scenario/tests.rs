@@ -89,13 +89,15 @@ fn default_toml_names_every_key_of_the_format() {
     parse(DEFAULT).unwrap();
     let (unused, structs) = unused_keys(DEFAULT);
     assert!(unused.is_empty(), "scenarios/default.toml lacks {unused:#?}");
-    // The file, policy, publish, three changes, station, pack, spare, robot, mission, run, range.
-    assert_eq!(structs, 13, "has serde's message changed, or is a new table missing here?");
+    // The file, policy, publish, three changes, station, pack, spare, charging, selector, robot, mission, run, range.
+    assert_eq!(structs, 15, "has serde's message changed, or is a new table missing here?");
 }
 
 #[test]
 fn a_key_that_default_toml_would_lack_is_found() {
-    for line in ["seed = 1", "resend_s = 5", "state_period_s = 10", "swap_s = 60", "count = 2", "weight = 1.0", "min = 20"] {
+    for line in
+        ["seed = 1", "resend_s = 5", "state_period_s = 10", "swap_s = 60", "recharge_w = 0", "count = 2", "weight = 1.0", "min = 20"]
+    {
         let key = line.split(' ').next().unwrap();
         let mut without = DEFAULT.replace(&format!("\n{line}\n"), "\n");
         if key == "count" {
@@ -136,6 +138,8 @@ fn values_in_default_toml_are_the_defaults() {
     let least = parse(station).unwrap();
     assert_eq!(written.station[0].get_ref().swap_s, least.station[0].get_ref().swap_s);
     assert!(least.station[0].get_ref().spares.is_empty());
+    assert_eq!(least.station[0].get_ref().charging, node::Charging::default());
+    assert_eq!(written.station[0].get_ref().charging.recharge_w, 0.0);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use proto::{Capacity, PackCapacity, PackId, StationId, Timestamp};
 
 use super::feasible::margin;
 use crate::forecast::Recharge;
-use crate::need::Need;
+use energy::Need;
 
 /// More services than this are not counted.
 const ROBOTS_MAX: u32 = 10_000;
@@ -53,16 +53,7 @@ pub fn capacity(at: Timestamp, questions: &[PackQuestion], confidence: f64) -> C
 fn need(question: &PackQuestion, robots: u32) -> Need {
     let rounds = robots.div_ceil(question.bays.max(1));
     let hours = f64::from(rounds) * question.service_s / S_PER_H;
-    question.service.need.scaled_as_many(robots).plus(&question.overhead_per_h.scaled(hours))
-}
-
-impl Need {
-    /// That many needs with the same shared doubt and independent own doubts.
-    fn scaled_as_many(&self, count: u32) -> Need {
-        let mut many = self.scaled(f64::from(count));
-        many.own_variance = self.own_variance * f64::from(count);
-        many
-    }
+    question.service.need.times(robots).plus(&question.overhead_per_h.scaled(hours))
 }
 
 fn answer(question: &PackQuestion, confidence: f64) -> PackCapacity {

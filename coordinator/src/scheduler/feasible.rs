@@ -8,7 +8,7 @@ use proto::{BayId, PackId, SpareId};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::problem::{OptionView, Problem, RobotView, StationView, Way};
-use crate::need::Need;
+use energy::Need;
 
 /// A promise that was given is kept as long as it is more likely than not that it can be.
 const KEEP_CONFIDENCE: f64 = 0.5;

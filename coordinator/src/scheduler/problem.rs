@@ -4,7 +4,7 @@ use energy::Estimate;
 use proto::{BayId, PackId, RobotId, SpareId, StationId};
 
 use crate::forecast::{Handling, Recharge};
-use crate::need::Need;
+use energy::Need;
 
 /// Everything a plan is made from.
 #[derive(Debug, Clone)]

@@ -9,7 +9,7 @@ use proto::{BayId, PackId, RobotId, SpareId, StationId};
 
 use super::*;
 use crate::forecast::{Handling, Recharge};
-use crate::need::Need;
+use energy::Need;
 
 fn station(name: usize, bays: &[Option<f64>], spares: &[f64], usable_wh: &[f64]) -> StationView {
     let bay = |(n, free_s): (usize, &Option<f64>)| BayView { bay: BayId::new(format!("bay-{n}")).unwrap(), free_s: *free_s };

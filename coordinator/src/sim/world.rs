@@ -49,6 +49,16 @@ impl Outcome {
     }
 }
 
+/// Inputs of a station's model, as its log has them.
+const INPUTS: [Channel; 6] = [
+    Channel::ChargePowerW,
+    Channel::RobotsDocked,
+    Channel::RobotsCharging,
+    Channel::BaySquaredCurrentA2,
+    Channel::SelectorEvents,
+    Channel::LiftActive,
+];
+
 struct Robot {
     agent: robot_agent::Agent,
     body: RobotBody,
@@ -146,7 +156,7 @@ impl World {
                     telemetry.battery(&pack_stem(&config.id, pack), 0.0, soc, ambient_degc);
                 }
                 let bays: String = (1..=config.bays.len()).map(|n| format!(",bay_{n}_robot,bay_{n}_current_a,bay_{n}_voltage_v")).collect();
-                let columns = "charge_power_w,robots_docked,lift_active,pack_current_a,pack_voltage_v,pack_power_w";
+                let columns = INPUTS.map(Channel::name).join(",") + ",pack_current_a,pack_voltage_v,pack_power_w";
                 telemetry.table(config.id.as_ref(), &format!("{columns}{bays}"));
             }
             stations.insert(config.id.clone(), Station { agent, body, energy_wh: 0.0 });
@@ -303,11 +313,14 @@ fn log_station(
     }
     let active = observation.packs.iter().find(|reading| observation.active_pack.as_ref() == Some(&reading.pack));
     let Some(sample) = active.map(|reading| reading.sample).filter(|_| observation.powered) else { return };
-    let [charge_w, docked, lift] = [Channel::ChargePowerW, Channel::RobotsDocked, Channel::LiftActive].map(|c| station.body.truth(c));
+    let [charge_w, docked, charging, squared_a2, events, lift] = INPUTS.map(|channel| station.body.truth(channel));
     let (current_a, voltage_v) = (sample.current_a, sample.voltage_v);
     // An empty sum is -0.
     let charge_w = charge_w + 0.0;
-    let mut row = format!("{time_s},{charge_w:.4},{docked},{lift},{current_a:.4},{voltage_v:.4},{:.4}", current_a * voltage_v);
+    let mut row = format!(
+        "{time_s},{charge_w:.4},{docked},{charging},{squared_a2:.5},{events},{lift},{current_a:.4},{voltage_v:.4},{:.4}",
+        current_a * voltage_v
+    );
     for bay in station.agent.bays() {
         let draw = bay.and_then(|robot| station.body.draws().find(|(id, _)| *id == robot).and_then(|(_, draw)| draw));
         let (current_a, voltage_v) = draw.map_or((0.0, 0.0), |draw| (draw.charge_current_a, draw.voltage_v));

@@ -6,7 +6,9 @@
 //! conducting pair. Kottas, Eq. A.2, multiplies a complex divider with a current; power needs RMS.
 //! Supply: `I_dcm = I_a V_a / V_bat` for a bridge without loss (Kottas, Eq. A.1).
 //! Single-ended switching, `V_a` between 0 and `V_bat`; freewheeling through the diode is taken
-//! as free, switching loss is not in it.
+//! as free, switching loss is not in it. The ripple is that of a current which never stops
+//! (`I > di / 2`, or a bridge that also conducts backward); a lightly loaded coreless motor behind
+//! a diode stops within the period, and ripples less.
 
 use crate::real::Real;
 

@@ -23,11 +23,12 @@ pub(crate) fn wheels_turn<S: Real>(channels: &Channels<S>) -> bool {
     drives(channels) || channels[Channel::YawRateRadps].re().abs() > STANDING_RADPS
 }
 
-/// Power that a force at the wheels draws when nothing is recovered: `max(0, F v)`, W.
+/// Power that a force at the wheels draws when nothing is recovered: `max(0, F v)`, W. At zero it
+/// keeps its derivatives: a force that a fit has not found yet must show what it would change.
 #[must_use]
 pub fn drawn_w<S: Real>(force_n: S, speed_mps: S) -> S {
     let power_w = force_n * speed_mps;
-    if power_w.re() > 0.0 { power_w } else { S::from(0.0) }
+    if power_w.re() < 0.0 { S::from(0.0) } else { power_w }
 }
 
 /// Adds a force along the direction of travel (N, positive when the motors must give it), and

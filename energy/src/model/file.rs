@@ -5,12 +5,17 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::cells::{RawBalancing, RawCell};
+use super::protection::{self, RawProtection};
+use super::rails::{self, RawRail, RawRobot};
 use super::{Model, Parameter, Sensor, Uncertainty};
 use crate::Channel;
 use crate::document::{Document, DocumentError, hint};
 use crate::effect::{ParameterSpec, catalogue, find};
 use crate::ocv::OcvTable;
-use crate::system::{BatteryFacts, ChargeFacts, Facts, System};
+use crate::pack::CellFactors;
+use crate::protection::Limits;
+use crate::system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -21,6 +26,10 @@ struct RawModel {
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
     battery: Option<Spanned<RawBattery>>,
+    protection: Option<Spanned<RawProtection>>,
+    robot: Option<Spanned<RawRobot>>,
+    #[serde(default)]
+    rail: Vec<Spanned<RawRail>>,
     #[serde(default)]
     sensor: BTreeMap<Spanned<String>, Sensor>,
     #[serde(default)]
@@ -41,6 +50,9 @@ struct RawBattery {
     charge_cutoff_a: f64,
     ocv: Option<RawOcv>,
     ocv_csv: Option<String>,
+    #[serde(default)]
+    cell: Vec<Spanned<RawCell>>,
+    balancing: Option<Spanned<RawBalancing>>,
 }
 
 #[derive(Deserialize)]
@@ -78,7 +90,9 @@ impl Model {
             let message = format!("schema = {}: this program reads schema = {SCHEMA}", raw.schema.get_ref());
             return Err(document.error_at(raw.schema.span(), message));
         }
-        let facts = facts(&document, raw.system, raw.battery, read)?;
+        let robot = rails::robot_facts(&document, raw.system, raw.robot, raw.rail)?;
+        let mut facts = facts(&document, raw.system, raw.battery, robot, read)?;
+        protection::apply(&document, raw.system, &mut facts, raw.protection)?;
         let mut sensors = BTreeMap::new();
         for (name, sensor) in raw.sensor {
             let names = || Channel::ALL.iter().map(|c| c.name());
@@ -103,7 +117,11 @@ impl Model {
         })?;
         let mut effects = Vec::new();
         for entry in raw.effect {
-            effects.push(effect(&document, raw.system, entry)?);
+            let ReadEffect { index, parameters, rail } = effect(&document, raw.system, entry)?;
+            if let Some(rail) = rail {
+                rails::hang(&document, &mut facts, index, &rail)?;
+            }
+            effects.push((index, parameters));
         }
         Model::assemble(raw.name, raw.system, facts, sensors, uncertainty, effects).map_err(|message| document.error(message))
     }
@@ -113,16 +131,22 @@ fn facts(
     document: &Document<'_>,
     system: System,
     battery: Option<Spanned<RawBattery>>,
+    robot: RobotFacts,
     read: &dyn Fn(&str) -> Result<String, String>,
 ) -> Result<Facts, DocumentError> {
     match (system, battery) {
         (System::Battery, None) => Err(document.error("system = \"battery\" needs a [battery] table with its fixed facts")),
         (System::Battery, Some(raw)) => {
             let span = raw.span();
-            battery_facts(raw.into_inner(), read).map(Facts::Battery).map_err(|message| document.error_at(span, message))
+            let mut raw = raw.into_inner();
+            let (cells, balancing) = (std::mem::take(&mut raw.cell), raw.balancing.take());
+            let mut facts = battery_facts(raw, read).map_err(|message| document.error_at(span, message))?;
+            facts.unlike = super::cells::cells(document, cells, facts.series, facts.parallel)?;
+            facts.balancing = balancing.map(|raw| super::cells::balancing(document, raw, &facts)).transpose()?;
+            Ok(Facts::Battery(facts))
         }
         (_, Some(raw)) => Err(document.error_at(raw.span(), format!("a [battery] table in a model with system = \"{}\"", system.name()))),
-        (System::Robot, None) => Ok(Facts::Robot),
+        (System::Robot, None) => Ok(Facts::Robot(robot)),
         (System::Station, None) => Ok(Facts::Station),
     }
 }
@@ -158,6 +182,10 @@ fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>)
             current_a: within("charge_current_a", raw.charge_current_a, 1e-3, 1e5)?,
             cutoff_a: within("charge_cutoff_a", raw.charge_cutoff_a, 1e-6, raw.charge_current_a.max(1e-6))?,
         },
+        cell: CellFactors::default(),
+        unlike: Vec::new(),
+        balancing: None,
+        protection: Limits::of(raw.full_v_per_cell, eod_v_per_cell, raw.charge_current_a, raw.capacity_ah),
     })
 }
 
@@ -183,15 +211,22 @@ fn ocv_from_csv(text: &str) -> Result<OcvTable, String> {
 
 type RawEffect = Spanned<BTreeMap<Spanned<String>, Spanned<toml::Value>>>;
 
-fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<(usize, Vec<Parameter>), DocumentError> {
+/// An effect as read: its place in the catalogue, its parameters, and for a robot's the rail it names.
+struct ReadEffect {
+    index: usize,
+    parameters: Vec<Parameter>,
+    rail: Option<Spanned<toml::Value>>,
+}
+
+fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<ReadEffect, DocumentError> {
     let span = entry.span();
     let mut keys = entry.into_inner();
-    let id = keys
-        .iter()
-        .find(|(key, _)| key.get_ref() == "id")
-        .map(|(key, _)| key.clone())
-        .and_then(|key| keys.remove(&key))
-        .ok_or_else(|| document.error_at(span.clone(), "an [[effect]] needs an id = \"...\""))?;
+    let mut take = |name: &str| {
+        let key = keys.keys().find(|key| key.get_ref() == name).cloned();
+        key.and_then(|key| keys.remove(&key))
+    };
+    let rail = if system == System::Robot { take("rail") } else { None };
+    let id = take("id").ok_or_else(|| document.error_at(span.clone(), "an [[effect]] needs an id = \"...\""))?;
     let id_text =
         id.get_ref().as_str().ok_or_else(|| document.error_at(id.span(), "an effect's id is a text such as \"ohmic\""))?.to_owned();
     let ids = || catalogue().iter().filter(|e| e.spec().system == system).map(|e| e.spec().id);
@@ -213,7 +248,7 @@ fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<(
             None => default_parameter(effect.spec().id, spec),
         });
     }
-    Ok((index, parameters))
+    Ok(ReadEffect { index, parameters, rail })
 }
 
 fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {

@@ -1,8 +1,12 @@
 //! What holds for every model, whatever its effects.
 
+mod converter_data;
 mod exact;
-mod relaxation;
 mod measured_motors;
+mod rails;
+mod relaxation;
+mod robot_effects;
+mod recovery;
 mod robots;
 
 use std::sync::Arc;
@@ -11,6 +15,8 @@ use energy::load::Terminals as _;
 use energy::real::{LANES, derivative, variable};
 use energy::{Channel, Dual, Model, Run, Start, System, built_in_names, catalogue, load_model};
 use proptest::prelude::*;
+
+mod terminals;
 
 fn built_in(name: &str) -> Arc<Model> {
     Arc::new(load_model(name, &|_| unreachable!("built in")).unwrap())

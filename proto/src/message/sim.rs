@@ -20,16 +20,19 @@ pub struct SimSupply {
     pub exchanged: Option<Estimate>,
     /// Whether the robot sits in the bay.
     pub docked: bool,
+    /// Most power into the robot's battery, W (zero or more); none for no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub charge_w_max: Option<f64>,
 }
 
 impl Message for SimSupply {
     const SCHEMA: &'static str = "tender.sim-supply/1";
 
     fn validate(&self) -> Result<(), MessageError> {
-        match self.exchanged {
-            Some(soc) => check::soc_estimate("exchanged", soc),
-            None => Ok(()),
+        if let Some(soc) = self.exchanged {
+            check::soc_estimate("exchanged", soc)?;
         }
+        self.charge_w_max.map_or(Ok(()), |charge_w_max| check::not_negative("charge_w_max", charge_w_max))
     }
 }
 
@@ -46,6 +49,9 @@ pub struct SimDraw {
     pub voltage_v: f64,
     /// Whether it is charging.
     pub charging: bool,
+    /// State of charge of the battery that it left at its last exchange, a fraction (-0.05 to 1.05).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_soc: Option<f64>,
 }
 
 impl Message for SimDraw {
@@ -54,6 +60,7 @@ impl Message for SimDraw {
     fn validate(&self) -> Result<(), MessageError> {
         check::not_negative("charge_power_w", self.charge_power_w)?;
         check::not_negative("charge_current_a", self.charge_current_a)?;
-        check::not_negative("voltage_v", self.voltage_v)
+        check::not_negative("voltage_v", self.voltage_v)?;
+        self.left_soc.map_or(Ok(()), |soc| check::within("left_soc", soc, -0.05, 1.05))
     }
 }

@@ -181,9 +181,9 @@ pub fn event() -> Event {
 }
 
 pub fn sim_supply() -> SimSupply {
-    SimSupply { at: at(10), powered: true, exchanged: Some(Estimate::new(0.98, 0.01)), docked: true }
+    SimSupply { at: at(10), powered: true, exchanged: Some(Estimate::new(0.98, 0.01)), docked: true, charge_w_max: Some(12.0) }
 }
 
 pub fn sim_draw() -> SimDraw {
-    SimDraw { at: at(11), charge_power_w: 14.8, charge_current_a: 1.85, voltage_v: 8.0, charging: true }
+    SimDraw { at: at(11), charge_power_w: 14.8, charge_current_a: 1.85, voltage_v: 8.0, charging: true, left_soc: Some(0.11) }
 }

@@ -42,6 +42,8 @@ pub struct RobotBody {
     charger_on: bool,
     bay: Option<SimSupply>,
     exchanged: Option<Estimate>,
+    /// How full the pack was that it left at its last exchange.
+    left_soc: Option<f64>,
     depleted: bool,
     now_s: f64,
 }
@@ -62,6 +64,7 @@ impl RobotBody {
             charger_on: false,
             bay: None,
             exchanged: None,
+            left_soc: None,
             depleted: false,
             now_s: 0.0,
         }
@@ -110,6 +113,12 @@ impl RobotBody {
         self.load.channels[Channel::PowerW]
     }
 
+    /// The charger takes no more than the bay has for it.
+    fn charge_task(&self) -> Task {
+        let bay_w = self.bay.as_ref().and_then(|bay| bay.charge_w_max).unwrap_or(f64::INFINITY);
+        Task::Charge { current_a_max: bay_w / self.pack.truth(Channel::TerminalVoltageV).max(0.1) }
+    }
+
     fn powered(&self) -> bool {
         self.place == Place::InBay && self.bay.as_ref().is_some_and(|bay| bay.powered)
     }
@@ -132,6 +141,7 @@ impl Source for RobotBody {
     fn act(&mut self, act: &Act) {
         match act {
             Act::TravelTo { station } => {
+                self.left_soc = None;
                 self.last_travel_s = self.travel_s.get(station).copied().unwrap_or(0.0);
                 (self.place, self.underway_s) = (Place::Underway, self.last_travel_s);
             }
@@ -150,7 +160,7 @@ impl Source for RobotBody {
         // In the direct-connection power path the bay feeds the robot's own load through the
         // charger; its share is part of the station's model, and the pack sees the charge alone.
         let task = if self.powered() {
-            if self.charger_on { Task::Charge } else { Task::Rest }
+            if self.charger_on { self.charge_task() } else { Task::Rest }
         } else if self.depleted {
             Task::Rest
         } else {
@@ -175,6 +185,7 @@ impl Source for RobotBody {
 
     fn supply(&mut self, supply: &SimSupply) {
         if let Some(soc) = supply.exchanged {
+            self.left_soc = Some(self.true_soc());
             self.pack.exchange(soc.value);
             self.exchanged = Some(Estimate::new(soc.value, soc.sigma));
             self.depleted = false;
@@ -188,7 +199,10 @@ impl Source for RobotBody {
     }
 
     fn draw(&self) -> Option<SimDraw> {
-        self.bay.as_ref()?;
+        // Without a bay there is only the pack to be told of that it left.
+        if self.bay.is_none() && self.left_soc.is_none() {
+            return None;
+        }
         let charging = self.powered() && self.charger_on;
         let [current_a, power_w] = [Channel::CurrentA, Channel::PowerW].map(|channel| self.pack.truth(channel));
         Some(SimDraw {
@@ -197,6 +211,7 @@ impl Source for RobotBody {
             charge_current_a: if charging { (-current_a).max(0.0) } else { 0.0 },
             voltage_v: self.pack.truth(Channel::VoltageV),
             charging,
+            left_soc: self.left_soc,
         })
     }
 }

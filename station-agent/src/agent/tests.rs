@@ -53,8 +53,15 @@ fn bench() -> Bench {
     };
     let sample = Sample { dt_s: 1.0, current_a: 0.5, voltage_v: 12.0, temperature_degc: 25.0 };
     let packs = [1, 2].map(|number| PackReading { pack: pack(number), sample, depleted: false });
-    let shown =
-        Observation { packs: packs.into(), active_pack: Some(pack(1)), powered: true, lifted: None, swapped: None, lift_active: false };
+    let shown = Observation {
+        packs: packs.into(),
+        active_pack: Some(pack(1)),
+        powered: true,
+        lifted: None,
+        swapped: None,
+        lift_active: false,
+        charged: Vec::new(),
+    };
     let agent = Agent::new(profile, vec![(pack(1), gauge()), (pack(2), gauge())]);
     Bench { agent, now: Timestamp::from_unix_ms(0), commands: 0, shown }
 }

@@ -12,8 +12,8 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{need, plan, problem, recharge, robot, station};
 use crate::forecast::{Handling, Recharge};
-use crate::need::Need;
 use crate::scheduler::*;
+use energy::Need;
 
 prop_compose! {
     fn any_station(name: usize)(

@@ -79,7 +79,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::OverpotentialV] = 0.1;
         channels[Channel::CellDegc] = cell_degc;
-        step_once(&Arrhenius, &Facts::Robot, 1.0, &[activation_kj_per_mol], &mut [], &mut channels);
+        step_once(&Arrhenius, &Facts::robot(), 1.0, &[activation_kj_per_mol], &mut [], &mut channels);
         channels[Channel::OverpotentialV]
     }
 

@@ -63,7 +63,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::CapacityAh] = 2.0;
         channels[Channel::AgeDays] = age_days;
-        step_once(&CalendarFade, &Facts::Robot, 1.0, &[fade], &mut [], &mut channels);
+        step_once(&CalendarFade, &Facts::robot(), 1.0, &[fade], &mut [], &mut channels);
         channels[Channel::CapacityAh]
     }
 

@@ -22,7 +22,7 @@ static SPEC: EffectSpec = EffectSpec {
     source: "Bloom et al., J. Power Sources 101 (2001) 238: square root of time; others find exponents of 0.5 to 0.75",
     validity: "years near room temperature; storage temperature and SoC are within c; needs a series resistance to act on",
     signature: "the residual under load grows with age, fast at first, whether or not the pack was used",
-    matters: 0.02,
+    matters: 1e-3,
     confused_with: &[
         ("resistance_growth", "two packs of one age, of which one was hardly used"),
         ("arrhenius", "two temperatures at one age"),
@@ -62,7 +62,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::OverpotentialV] = 1.0;
         channels[Channel::AgeDays] = age_days;
-        step_once(&CalendarResistance, &Facts::Robot, 1.0, &[growth_per_sqrt_day], &mut [], &mut channels);
+        step_once(&CalendarResistance, &Facts::robot(), 1.0, &[growth_per_sqrt_day], &mut [], &mut channels);
         channels[Channel::OverpotentialV]
     }
 

@@ -86,7 +86,7 @@ mod tests {
             let mut channels = Channels::filled(0.0_f64);
             channels[Channel::CapacityAh] = 2.0;
             channels[Channel::CycleCount] = cycles;
-            step_once(&CapacityFade, &Facts::Robot, 1.0, &[2e-4, 1e-3, 500.0], &mut [], &mut channels);
+            step_once(&CapacityFade, &Facts::robot(), 1.0, &[2e-4, 1e-3, 500.0], &mut [], &mut channels);
             channels[Channel::CapacityAh]
         };
         assert!((capacity_ah(500.0) - 1.8).abs() < 1e-12);

@@ -20,7 +20,7 @@ static SPEC: EffectSpec = EffectSpec {
     source: "Hu, Li, Peng, J. Power Sources 198 (2012) 359: equivalent circuits with separate charge and discharge resistances",
     validity: "any current; the same share at every SoC and temperature; needs a series resistance to act on",
     signature: "the residual under charge follows the current, at once; discharges leave none",
-    matters: 0.02,
+    matters: 1e-3,
     confused_with: &[("hysteresis", "a long rest at one SoC reached from both sides")],
     parameters: &[ParameterSpec {
         name: "extra_share",

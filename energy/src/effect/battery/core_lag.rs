@@ -8,6 +8,7 @@
 //! Absence: the temperature residual follows the slope of the temperature, late after each change
 //! of load. Resistances read the temperature inside, so their residuals are early by as much.
 
+use crate::real::exp;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct CoreLag;
@@ -55,7 +56,7 @@ impl Physics for CoreLag {
 
     fn prepare<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
         let tau_s = parameters[0];
-        let kept = if dt_s < EXPONENT_MAX * tau_s.re() { (tau_s.recip() * -dt_s).exp() } else { S::from(0.0) };
+        let kept = if dt_s < EXPONENT_MAX * tau_s.re() { exp(tau_s.recip() * -dt_s) } else { S::from(0.0) };
         prepared[0] = kept;
         prepared[1] = (-kept + 1.0) * tau_s / dt_s;
     }
@@ -85,7 +86,7 @@ mod tests {
             let core = core_degc(f64::from(step) * dt_s);
             channels[Channel::CellDegc] = core;
             channels[Channel::TemperatureDegc] = core;
-            step_once(&CoreLag, &Facts::Robot, dt_s, &[tau_s], &mut states, &mut channels);
+            step_once(&CoreLag, &Facts::robot(), dt_s, &[tau_s], &mut states, &mut channels);
         }
         channels[Channel::TemperatureDegc]
     }

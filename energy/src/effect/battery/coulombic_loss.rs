@@ -82,7 +82,7 @@ mod tests {
             let mut channels = Channels::filled(0.0_f64);
             channels[Channel::CellCurrentA] = current_a;
             channels[Channel::Soc] = soc;
-            step_once(&CoulombicLoss, &Facts::Robot, 1.0, &[0.01, 0.02], &mut [], &mut channels);
+            step_once(&CoulombicLoss, &Facts::robot(), 1.0, &[0.01, 0.02], &mut [], &mut channels);
             channels[Channel::LostCurrentA]
         };
         assert_eq!(lost_a(2.0, 0.5), 0.0);

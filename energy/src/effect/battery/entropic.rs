@@ -97,7 +97,7 @@ mod tests {
             let mut channels = Channels::filled(0.0_f64);
             channels[Channel::Soc] = soc;
             channels[Channel::CellDegc] = degc;
-            step_once(&Entropic, &Facts::Robot, 1.0, &[-4e-4, -2e-4, 0.0, 2e-4, 6e-4], &mut [], &mut channels);
+            step_once(&Entropic, &Facts::robot(), 1.0, &[-4e-4, -2e-4, 0.0, 2e-4, 6e-4], &mut [], &mut channels);
             channels[Channel::OcvV]
         };
         assert_eq!(shift_v(0.4, 25.0), 0.0);

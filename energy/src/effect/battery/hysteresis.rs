@@ -89,7 +89,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SocPerA] = share.abs();
         channels[Channel::CellCurrentA] = 1f64.copysign(share);
-        step_once(&Hysteresis, &Facts::Robot, 1.0, &[amplitude_mv, rate], states, &mut channels);
+        step_once(&Hysteresis, &Facts::robot(), 1.0, &[amplitude_mv, rate], states, &mut channels);
         channels[Channel::OverpotentialV]
     }
 
@@ -111,7 +111,7 @@ mod tests {
         let before = long[0];
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SocPerA] = 1.0;
-        step_once(&Hysteresis, &Facts::Robot, 1e4, &[5.0, 50.0], &mut long, &mut channels);
+        step_once(&Hysteresis, &Facts::robot(), 1e4, &[5.0, 50.0], &mut long, &mut channels);
         assert_eq!(long[0], before);
     }
 

@@ -93,7 +93,7 @@ mod tests {
             let mut channels = Channels::filled(0.0_f64);
             channels[Channel::Soc] = soc;
             channels[Channel::CellCurrentA] = 2.0;
-            step_once(&OhmicSoc, &Facts::Robot, 1.0, &parameters, &mut [], &mut channels);
+            step_once(&OhmicSoc, &Facts::robot(), 1.0, &parameters, &mut [], &mut channels);
             channels[Channel::OverpotentialV]
         };
         assert!((drop_v(0.025) - 2.0 * 0.2).abs() < 1e-12);

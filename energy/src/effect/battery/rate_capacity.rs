@@ -77,7 +77,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::CapacityAh] = stated_ah;
         channels[Channel::TerminalCurrentA] = current_a;
-        step_once(&RateCapacity, &Facts::Robot, 1.0, &parameters, &mut [], &mut channels);
+        step_once(&RateCapacity, &Facts::robot(), 1.0, &parameters, &mut [], &mut channels);
         channels[Channel::CapacityAh]
     }
 

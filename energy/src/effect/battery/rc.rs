@@ -53,6 +53,19 @@ static SPEC: EffectSpec = EffectSpec {
     states: &["polarisation_v"],
 };
 
+/// Advances pairs side by side and adds their states up: `prepared` holds decay over the step and
+/// gain of each pair in turn, a state settles at its gain times `drive`.
+#[inline]
+pub(crate) fn step_pairs<S: Real>(states: &mut [S], prepared: &[S], drive: S) -> S {
+    let mut sum = S::from(0.0);
+    for (state, pair) in states.iter_mut().zip(prepared.chunks_exact(2)) {
+        let settled = pair[1] * drive;
+        *state = settled + (*state - settled) * pair[0];
+        sum += *state;
+    }
+    sum
+}
+
 impl Physics for Pair {
     fn spec(&self) -> &'static EffectSpec {
         self.0
@@ -85,7 +98,7 @@ mod tests {
             let (mut states, mut channels) = ([0.0_f64], Channels::filled(0.0_f64));
             for _ in 0..steps {
                 channels[Channel::CellCurrentA] = 1.0;
-                step_once(&FIRST, &Facts::Robot, 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
+                step_once(&FIRST, &Facts::robot(), 50.0 / f64::from(steps), &[0.02, 50.0], &mut states, &mut channels);
             }
             states[0]
         };

@@ -58,10 +58,10 @@ mod tests {
     fn after_a_long_charge_it_holds_r_times_i_and_forgets_half_of_it_in_ln_2_tau() {
         let (mut states, mut channels) = ([0.0_f64], Channels::filled(0.0_f64));
         channels[Channel::CellCurrentA] = -2.0;
-        step_once(&SECOND, &Facts::Robot, 1e4, &[0.02, 500.0], &mut states, &mut channels);
+        step_once(&SECOND, &Facts::robot(), 1e4, &[0.02, 500.0], &mut states, &mut channels);
         assert!((states[0] + 0.04).abs() < 1e-9, "{states:?}");
         channels[Channel::CellCurrentA] = 0.0;
-        step_once(&SECOND, &Facts::Robot, 500.0 * 2f64.ln(), &[0.02, 500.0], &mut states, &mut channels);
+        step_once(&SECOND, &Facts::robot(), 500.0 * 2f64.ln(), &[0.02, 500.0], &mut states, &mut channels);
         assert!((states[0] + 0.02).abs() < 1e-9, "{states:?}");
     }
 }

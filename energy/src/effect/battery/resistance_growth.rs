@@ -20,7 +20,7 @@ static SPEC: EffectSpec = EffectSpec {
     source: "Schmalstieg et al., J. Power Sources 257 (2014) 325: linear in charge throughput",
     validity: "until the resistance has tripled; needs a series resistance to act on",
     signature: "the residual under load grows with cycle count, in proportion to the current",
-    matters: 0.02,
+    matters: 1e-3,
     confused_with: &[
         ("arrhenius", "two temperatures at one age"),
         ("calendar_resistance", "two packs of one age, of which one was hardly used"),
@@ -67,7 +67,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::OverpotentialV] = 1.0;
         channels[Channel::CycleCount] = cycles;
-        step_once(&ResistanceGrowth, &Facts::Robot, 1.0, &[growth_per_cycle], &mut [], &mut channels);
+        step_once(&ResistanceGrowth, &Facts::robot(), 1.0, &[growth_per_cycle], &mut [], &mut channels);
         channels[Channel::OverpotentialV]
     }
 

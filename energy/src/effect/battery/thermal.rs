@@ -91,7 +91,7 @@ mod tests {
         let (mut states, mut channels) = ([25.0_f64], Channels::filled(0.0_f64));
         channels[Channel::AmbientDegc] = 25.0;
         channels[Channel::HeatW] = 0.5;
-        step_once(&LumpedThermal, &Facts::Robot, 1e6, &[0.05, 1.0, 45.0], &mut states, &mut channels);
+        step_once(&LumpedThermal, &Facts::robot(), 1e6, &[0.05, 1.0, 45.0], &mut states, &mut channels);
         assert!((channels[Channel::CellDegc] - 35.0).abs() < 1e-9);
     }
 
@@ -100,7 +100,7 @@ mod tests {
         let (mut states, mut channels) = ([25.0_f64], Channels::filled(0.0_f64));
         channels[Channel::AmbientDegc] = 25.0;
         channels[Channel::HeatW] = 4.5;
-        step_once(&LumpedThermal, &Facts::Robot, 0.01, &[0.05, 1.0, 45.0], &mut states, &mut channels);
+        step_once(&LumpedThermal, &Facts::robot(), 0.01, &[0.05, 1.0, 45.0], &mut states, &mut channels);
         assert!((states[0] - 25.001_f64).abs() < 1e-7);
     }
 }

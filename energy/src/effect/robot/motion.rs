@@ -3,6 +3,9 @@
 //! `F = m g (c_rr cos(pitch) + sin(pitch)) + m a`, `P += F v / eta` when positive; braking
 //! returns nothing to the battery. m in kg (own mass plus payload), v in m/s, pitch in rad.
 //!
+//! It lumps `rolling`, `slope`, `acceleration`, `payload` and `gear_loss`, each of which is an effect
+//! of its own, and gives its force to those that follow the force (`motor_copper`, `slip`).
+//!
 //! Absence: the power residual grows with speed and with uphill pitch.
 
 use crate::units::GRAVITY_MPS2;
@@ -62,13 +65,16 @@ impl Physics for Motion {
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let mass_kg = own.parameters[1] + channels[Channel::PayloadKg];
+        let own_kg = own.parameters[1];
+        // A robot of no mass carries nothing: that is how the effect vanishes.
+        let mass_kg = if own_kg.re() == 0.0 { own_kg } else { own_kg + channels[Channel::PayloadKg] };
         let pitch_rad = channels[Channel::PitchRad];
         let weight_n = mass_kg * GRAVITY_MPS2;
         let force_n = weight_n * (own.parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
         channels.add(Channel::TractionN, force_n);
         let drawn_w = force_n * channels[Channel::SpeedMps] / own.parameters[2];
-        if drawn_w.re() > 0.0 {
+        // At zero the derivatives count.
+        if drawn_w.re() >= 0.0 {
             channels.add(Channel::PowerW, drawn_w);
         }
     }
@@ -84,7 +90,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SpeedMps] = 0.5;
         channels[Channel::PitchRad] = 0.1;
-        step_once(&Motion, &Facts::Robot, 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
+        step_once(&Motion, &Facts::robot(), 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - 9.806_65 * 0.1_f64.sin() * 0.5).abs() < 1e-12);
     }
 
@@ -93,7 +99,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SpeedMps] = 0.5;
         channels[Channel::PitchRad] = -0.3;
-        step_once(&Motion, &Facts::Robot, 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
+        step_once(&Motion, &Facts::robot(), 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
         assert_eq!(channels[Channel::PowerW], 0.0);
     }
 }

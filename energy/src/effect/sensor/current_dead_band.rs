@@ -69,7 +69,7 @@ mod tests {
     fn flows_a(shown_a: f64, hidden_a: f64, band_a: f64) -> f64 {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::TerminalCurrentA] = shown_a;
-        step_once(&CurrentDeadBand, &Facts::Robot, 1.0, &[hidden_a, band_a], &mut [], &mut channels);
+        step_once(&CurrentDeadBand, &Facts::robot(), 1.0, &[hidden_a, band_a], &mut [], &mut channels);
         channels[Channel::TerminalCurrentA]
     }
 

@@ -59,7 +59,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         for flows_a in [0.0, 1.3, -0.7] {
             channels[Channel::TerminalCurrentA] = flows_a * 11.0 / 10.0;
-            step_once(&CurrentGain, &Facts::Robot, 1.0, &[1.1], &mut [], &mut channels);
+            step_once(&CurrentGain, &Facts::robot(), 1.0, &[1.1], &mut [], &mut channels);
             assert!((channels[Channel::TerminalCurrentA] - flows_a).abs() < 1e-15);
         }
     }

@@ -60,7 +60,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         for shown_a in [0.0, 1.0, -1.0] {
             channels[Channel::TerminalCurrentA] = shown_a;
-            step_once(&CurrentOffset, &Facts::Robot, 1.0, &[offset_a], &mut [], &mut channels);
+            step_once(&CurrentOffset, &Facts::robot(), 1.0, &[offset_a], &mut [], &mut channels);
             assert!((channels[Channel::TerminalCurrentA] - (shown_a - 0.156_25e-3)).abs() < 1e-15);
         }
     }

@@ -68,7 +68,7 @@ mod tests {
         let (mut states, mut channels) = ([0.0], Channels::filled(0.0_f64));
         let step = |&shown_a: &f64| {
             channels[Channel::TerminalCurrentA] = shown_a;
-            step_once(&CurrentSkew, &Facts::Robot, dt_s, &[skew_s], &mut states, &mut channels);
+            step_once(&CurrentSkew, &Facts::robot(), dt_s, &[skew_s], &mut states, &mut channels);
             channels[Channel::TerminalCurrentA]
         };
         shown_a.iter().map(step).collect()

@@ -56,7 +56,7 @@ mod tests {
         let bias_k = 0.01 * 298.15_f64.powi(2) / 3435.0;
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::TemperatureDegc] = 25.0;
-        step_once(&TemperatureBias, &Facts::Robot, 1.0, &[bias_k], &mut [], &mut channels);
+        step_once(&TemperatureBias, &Facts::robot(), 1.0, &[bias_k], &mut [], &mut channels);
         assert!((channels[Channel::TemperatureDegc] - 25.26).abs() < 5e-3);
         assert_eq!(channels[Channel::CellDegc], 0.0);
     }

@@ -54,7 +54,7 @@ mod tests {
         // 0.7 % at most (data sheets) of 3 x 4.20 V.
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::VoltageV] = 12.6;
-        step_once(&VoltageGain, &Facts::Robot, 1.0, &[1.007], &mut [], &mut channels);
+        step_once(&VoltageGain, &Facts::robot(), 1.0, &[1.007], &mut [], &mut channels);
         assert!((channels[Channel::VoltageV] - 12.6882).abs() < 1e-12);
     }
 }

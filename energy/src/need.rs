@@ -3,7 +3,7 @@
 //! A wrong converter efficiency makes every service dearer at once, so deviations of the
 //! station's parameters add up over services; those of the robots' batteries are independent.
 
-use energy::Estimate;
+use crate::Estimate;
 
 /// Energy with its sensitivity to each shared parameter and its own variance.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -33,6 +33,12 @@ impl Need {
         }
     }
 
+    /// That many needs alike: their shared doubt adds up, their own doubts are independent.
+    #[must_use]
+    pub fn times(&self, count: u32) -> Self {
+        Self { own_variance: self.own_variance * f64::from(count), ..self.scaled(f64::from(count)) }
+    }
+
     /// Both needs together.
     #[must_use]
     pub fn plus(&self, other: &Need) -> Self {
@@ -60,6 +66,7 @@ mod tests {
     #[test]
     fn shared_doubt_adds_up_and_own_doubt_averages_out() {
         let one = Need { mean_wh: 10.0, shared_wh: vec![0.3], own_variance: 0.16 };
+        assert_eq!(one.times(2), one.plus(&one));
         let three = one.plus(&one).plus(&one).estimate();
         assert!((three.value - 30.0).abs() < 1e-12);
         // 3 x 0.3 shared, sqrt(3) x 0.4 own.

@@ -1,0 +1,149 @@
+//! What must hold of a scenario beyond its types.
+
+use std::collections::BTreeSet;
+
+use energy::DocumentError;
+use energy::document::Document;
+use toml::Spanned;
+
+use super::expect;
+use super::file::{OneOrEach, PackEntry, RobotEntry, Scenario, StationEntry};
+
+/// The only version of the file so far.
+const SCHEMA: u32 = 1;
+/// Longest run, s: a year.
+const DURATION_MAX_S: f64 = 365.0 * 86_400.0;
+/// Most bays or robots in one entry.
+const COUNT_MAX: u32 = 100_000;
+
+impl Scenario {
+    /// Checks what types cannot.
+    ///
+    /// # Errors
+    /// Names the line, the key and what is allowed.
+    pub(super) fn check(&self, document: &Document<'_>) -> Result<(), DocumentError> {
+        if *self.schema.get_ref() != SCHEMA {
+            let message = format!("schema = {}: this program reads schema = {SCHEMA}", self.schema.get_ref());
+            return Err(document.error_at(self.schema.span(), message));
+        }
+        let duration_s = *self.duration_s.get_ref();
+        if !(duration_s > 0.0 && duration_s <= DURATION_MAX_S) {
+            let message = format!("duration_s = {duration_s}: must be above 0 and at most {DURATION_MAX_S}");
+            return Err(document.error_at(self.duration_s.span(), message));
+        }
+        if !(-60.0..=100.0).contains(&self.temperature_degc) {
+            return Err(document.error(format!("temperature_degc = {}: must be between -60 and 100", self.temperature_degc)));
+        }
+        self.publish.check().map_err(|error| document.error(error.to_string()))?;
+        if let Some(policy) = &self.policy {
+            policy.get_ref().settings().map_err(|error| document.error_at(policy.span(), format!("{error:#}")))?;
+        }
+        let mut ids = BTreeSet::new();
+        for station in &self.station {
+            let at = |message: String| document.error_at(station.span(), message);
+            check_station(station.get_ref()).map_err(at)?;
+            if !ids.insert(station.get_ref().id.to_string()) {
+                return Err(at(format!("station {} appears twice", station.get_ref().id)));
+            }
+        }
+        let stations: Vec<&str> = self.station.iter().map(|station| station.get_ref().id.as_ref()).collect();
+        let mut ids = BTreeSet::new();
+        for robot in &self.robot {
+            let at = |message: String| document.error_at(robot.span(), message);
+            check_robot(robot.get_ref(), &stations).map_err(at)?;
+            for index in 0..robot.get_ref().len() {
+                let id = robot.get_ref().robot(index).map_err(|error| at(error.to_string()))?;
+                if !ids.insert(id.clone()) {
+                    return Err(at(format!("robot {id} appears twice")));
+                }
+            }
+        }
+        let alone = self.station.len() == 1;
+        let name =
+            |station: &StationEntry, pack: &PackEntry| if alone { pack.id.to_string() } else { format!("{}.{}", station.id, pack.id) };
+        let stations = self.station.iter().map(Spanned::get_ref);
+        let packs: Vec<String> = stations.flat_map(|station| station.packs.iter().map(move |pack| name(station, pack))).collect();
+        let packs: Vec<&str> = packs.iter().map(String::as_str).collect();
+        let mut folders = BTreeSet::new();
+        for run in &self.run {
+            let (name, folder) = (&run.get_ref().name, run.get_ref().folder());
+            if folder.is_empty() || !folders.insert(folder) {
+                let message = format!("run \"{name}\": a run needs a name that differs from the others' in letters and digits");
+                return Err(document.error_at(run.span(), message));
+            }
+        }
+        for expected in self.run.iter().map(|run| &run.get_ref().expect).chain([&self.expect]) {
+            for (metric, expectation) in expected {
+                let at = |message: String| document.error_at(metric.span(), message);
+                expect::check(metric.get_ref(), expectation, &packs).map_err(at)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn fraction(key: &str, value: f64) -> Result<(), String> {
+    if (0.0..=1.0).contains(&value) { Ok(()) } else { Err(format!("{key} = {value}: must be between 0 and 1")) }
+}
+
+fn not_negative(key: &str, value: f64) -> Result<(), String> {
+    if (0.0..=DURATION_MAX_S).contains(&value) { Ok(()) } else { Err(format!("{key} = {value}: must be between 0 and {DURATION_MAX_S}")) }
+}
+
+fn check_station(station: &StationEntry) -> Result<(), String> {
+    let id = &station.id;
+    if station.bays > COUNT_MAX {
+        return Err(format!("station {id}: bays = {}: at most {COUNT_MAX}", station.bays));
+    }
+    for (key, value) in [("load_s", station.load_s), ("unload_s", station.unload_s), ("swap_s", station.swap_s)] {
+        not_negative(&format!("station {id}: {key}"), value)?;
+    }
+    station.charging.check().map_err(|error| format!("station {id}: {error}"))?;
+    station.selector.map_or(Ok(()), |selector| selector.check()).map_err(|error| format!("station {id}: {error}"))?;
+    if station.packs.is_empty() {
+        return Err(format!("station {id}: packs: at least one is needed"));
+    }
+    let mut ids = BTreeSet::new();
+    for pack in &station.packs {
+        fraction(&format!("station {id}: pack {}: soc", pack.id), pack.soc)?;
+        if !ids.insert(&pack.id) {
+            return Err(format!("station {id}: pack {} appears twice", pack.id));
+        }
+    }
+    let mut ids = BTreeSet::new();
+    for spare in &station.spares {
+        fraction(&format!("station {id}: spare {}: soc", spare.id), spare.soc)?;
+        if !ids.insert(&spare.id) {
+            return Err(format!("station {id}: spare {} appears twice", spare.id));
+        }
+    }
+    Ok(())
+}
+
+fn check_robot(robot: &RobotEntry, stations: &[&str]) -> Result<(), String> {
+    let id = &robot.id;
+    if robot.count.is_some_and(|count| count == 0 || count > COUNT_MAX) {
+        return Err(format!("robot {id}: count = {}: must be between 1 and {COUNT_MAX}", robot.len()));
+    }
+    let each = |key: &str, values: &OneOrEach| match values {
+        OneOrEach::Each(values) if values.len() != robot.len() => {
+            Err(format!("robot {id}: {key} has {} numbers for {} robots", values.len(), robot.len()))
+        }
+        _ => Ok(()),
+    };
+    each("soc", &robot.soc)?;
+    for &soc in robot.soc.all() {
+        fraction(&format!("robot {id}: soc"), soc)?;
+    }
+    for (station, values) in &robot.travel_s {
+        if !stations.contains(&station.as_ref()) {
+            let hint = energy::document::hint(station.as_ref(), stations.iter().copied());
+            return Err(format!("robot {id}: travel_s names the unknown station {station}{hint} Known: {}", stations.join(", ")));
+        }
+        each(&format!("travel_s.{station}"), values)?;
+        for &value in values.all() {
+            not_negative(&format!("robot {id}: travel_s.{station}"), value)?;
+        }
+    }
+    not_negative(&format!("robot {id}: mission.weight"), robot.mission.weight)
+}
