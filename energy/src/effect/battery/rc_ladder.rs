@@ -144,7 +144,7 @@ mod tests {
         let after = |spread: f64, dt_s: f64| {
             let (mut states, mut channels) = ([0.0; PAIRS], Channels::filled(0.0_f64));
             channels[Channel::CellCurrentA] = 1.0;
-            step_once(&RcLadder, &Facts::Robot, dt_s, &[0.02, 50.0, spread], &mut states, &mut channels);
+            step_once(&RcLadder, &Facts::robot(), dt_s, &[0.02, 50.0, spread], &mut states, &mut channels);
             channels[Channel::OverpotentialV]
         };
         assert!((after(0.0, 50.0) - 0.02 * (1.0 - (-1f64).exp())).abs() < 1e-12);

@@ -138,7 +138,7 @@ mod tests {
         channels[Channel::CellCurrentA] = 2.0;
         for second in 1..=1800 {
             channels[Channel::OverpotentialV] = 0.0;
-            step_once(&Warburg, &Facts::Robot, 1.0, &[1e-3], &mut states, &mut channels);
+            step_once(&Warburg, &Facts::robot(), 1.0, &[1e-3], &mut states, &mut channels);
             let exact_v = 2.0 * 1e-3 * 2.0 * (f64::from(second) / std::f64::consts::PI).sqrt();
             let ratio = channels[Channel::OverpotentialV] / exact_v;
             assert!((ratio - 1.0).abs() < 0.03, "{second} s: {ratio}");
@@ -152,7 +152,7 @@ mod tests {
             channels[Channel::CellCurrentA] = -1.0;
             for _ in 0..steps {
                 channels[Channel::OverpotentialV] = 0.0;
-                step_once(&Warburg, &Facts::Robot, 300.0 / f64::from(steps), &[1e-3], &mut states, &mut channels);
+                step_once(&Warburg, &Facts::robot(), 300.0 / f64::from(steps), &[1e-3], &mut states, &mut channels);
             }
             channels[Channel::OverpotentialV]
         };
