@@ -14,11 +14,12 @@ both are run, each on both sides:
           at the rows (as its Simulation does) and once left to its own steps; for the voltages
           ours takes each second in 4000 held pieces, to show that the equations agree here too.
 
-The voltage difference is that of the staircase at tight tolerances. The ratio is the least that
-an honest choice allows: of all solvers, tolerances and both inputs, the fastest PyBaMM whose
-voltages are right within the same 0.1 mV, over ours on the staircase. PyBaMM's time is the CPU
-time of `solve` alone, after a warm-up (no model building, no discretisation); ours is the CPU time
-of stepping and keeping the voltage, per repetition over thousands.
+Only `held` is one input on both sides, so both targets are judged there: the voltage difference at
+tight tolerances, and the ratio to the fastest PyBaMM, of all solvers and tolerances, whose voltages
+are right within the same 0.1 mV. The smaller ratios, to a PyBaMM that is less right or solves the
+easier input, are printed beside it. PyBaMM's time is the CPU time of `solve` alone, after a warm-up
+(no model building, no discretisation); ours is the CPU time of stepping and keeping the voltage,
+per repetition over thousands.
 
 Run:   pip install -r requirements.txt && python3 thevenin.py
 Exit:  0 when both targets are reached, 1 when not.
@@ -222,7 +223,7 @@ def main():
             difference_v = float(np.max(np.abs(voltage_v[1:] - ours_there["voltage_v"])))
             difference_k = float(np.max(np.abs(degc[1:] - ours_there["temperature_degc"])))
             median_s = statistics.median(took_s)
-            runs.append((median_s, difference_v, f"{name}, {input_name}"))
+            runs.append((median_s, difference_v, input_name, name))
             if tight:
                 tight_v[input_name] = min(tight_v[input_name], difference_v)
             print(
@@ -230,13 +231,25 @@ def main():
                 f"{difference_v * 1e3:13.4f}{difference_k * 1e3:11.4f}"
             )
 
-    fastest_s, _, fastest = min(run for run in runs if run[1] <= DIFFERENCE_TO_REACH_V)
-    ratio, difference_v = fastest_s / our_s, tight_v["held"]
+    def fastest(input_name, within_v):
+        there = [run for run in runs if run[2] == input_name and run[1] <= within_v]
+        return min(there, default=(math.nan, math.nan, input_name, "none"))
+
+    ratio, difference_v = fastest("held", DIFFERENCE_TO_REACH_V)[0] / our_s, tight_v["held"]
     reached = (ratio >= RATIO_TO_REACH, difference_v <= DIFFERENCE_TO_REACH_V)
     words = {True: "reached", False: "not reached"}
-    print(f"\nratio: {ratio:.0f} x, to the fastest that is right within 0.1 mV ({fastest}); to reach {RATIO_TO_REACH:.0f}: {words[reached[0]]}")
-    print(f"voltage, staircase, tight tolerances: {difference_v * 1e3:.4f} mV; to reach {DIFFERENCE_TO_REACH_V * 1e3:g}: {words[reached[1]]}")
-    print(f"voltage, straight lines, tight tolerances: {tight_v['linear'] * 1e3:.4f} mV")
+    print("\nratio of CPU time, PyBaMM over ours:")
+    for input_name, within_v, note in [
+        ("held", DIFFERENCE_TO_REACH_V, f"; to reach {RATIO_TO_REACH:.0f}: {words[reached[0]]}"),
+        ("held", math.inf, ""),
+        ("linear", DIFFERENCE_TO_REACH_V, " (ours on the staircase)"),
+        ("linear", math.inf, " (ours on the staircase)"),
+    ]:
+        median_s, off_v, _, name = fastest(input_name, within_v)
+        kind = "right within 0.1 mV" if within_v < math.inf else "of any accuracy"
+        print(f"  {input_name:8}fastest {kind:20}{median_s / our_s:6.0f} x  {name}, {off_v * 1e3:.2f} mV off{note}")
+    print(f"voltage, same staircase, tight tolerances: {difference_v * 1e3:.4f} mV; to reach {DIFFERENCE_TO_REACH_V * 1e3:g}: {words[reached[1]]}")
+    print(f"voltage, straight lines, tight tolerances, ours in 0.25 ms pieces: {tight_v['linear'] * 1e3:.4f} mV")
     return 0 if all(reached) else 1
 
 

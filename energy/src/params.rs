@@ -66,7 +66,11 @@ pub fn load_model(name: &str, read: &dyn Fn(&Path) -> Result<String, String>) ->
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::forecast::remaining_wh;
+    use crate::{Estimate, System};
 
     #[test]
     fn every_built_in_model_is_valid_and_says_where_its_numbers_come_from() {
@@ -76,6 +80,41 @@ mod tests {
             for parameter in model.parameters() {
                 assert!(!parameter.source.starts_with("catalogue default"), "{name}: {parameter:?}");
             }
+        }
+    }
+
+    fn batteries() -> impl Iterator<Item = Arc<Model>> {
+        let all = built_in_names().map(|name| load_model(name, &|_| unreachable!("built in")).unwrap());
+        all.filter(|model| model.system == System::Battery).map(Arc::new)
+    }
+
+    /// The mean OCV of a full discharge lies near the nominal voltage, which makers state under a
+    /// light load: Samsung INR18650-30Q 3.60 V, A123 ANR26650 3.3 V, AESC's Leaf cell 3.75 V,
+    /// Enertech and other LiCoO2 pouches 3.7 V, LiPo of 4.35 V 3.8 V.
+    #[test]
+    fn the_mean_voltage_of_every_cell_is_what_its_maker_states() {
+        for model in batteries() {
+            let facts = model.battery();
+            let mean_v = facts.stored_wh() / facts.capacity_ah / f64::from(facts.series);
+            let nominal_v = match model.name.split('-').next() {
+                Some("samsung") => 3.6,
+                Some("a123") => 3.3,
+                Some("nissan") => 3.75,
+                Some("melasta") => 3.8,
+                _ => 3.7,
+            };
+            assert!((mean_v / nominal_v - 1.0).abs() < 0.04, "{}: {mean_v} V, stated {nominal_v} V", model.name);
+        }
+    }
+
+    /// At a two-hour rate a good cell gives all but a few per cent, and a sigma says how well that is known.
+    #[test]
+    fn every_battery_can_be_asked_how_long_it_lasts() {
+        for model in batteries() {
+            let stored_wh = model.battery().stored_wh();
+            let left = remaining_wh(&model, Estimate::new(0.9, 0.005), 25.0, stored_wh / 2.0);
+            assert!((0.75..0.9).contains(&(left.value / stored_wh)), "{}: {left:?} of {stored_wh} Wh", model.name);
+            assert!((0.002..0.05).contains(&(left.sigma / stored_wh)), "{}: {left:?} of {stored_wh} Wh", model.name);
         }
     }
 }
