@@ -245,7 +245,15 @@ fn gather(strands: &[Strand], groups: &[Range<usize>], model: &Model, now: &mut 
         let sum: f64 = strands.iter().map(|strand| strand.run.channels[channel] * f64::from(strand.count)).sum();
         sum / (series * f64::from(facts.parallel))
     };
-    for channel in [Channel::CellCurrentA, Channel::LostCurrentA, Channel::OcvV, Channel::HeatW, Channel::CellDegc] {
+    for channel in [
+        Channel::CellCurrentA,
+        Channel::LostCurrentA,
+        Channel::SocPerA,
+        Channel::EntropyVPerK,
+        Channel::OcvV,
+        Channel::HeatW,
+        Channel::CellDegc,
+    ] {
         now[channel] = mean(channel);
     }
     let usable_ah = (left_ah + room_ah).max(USABLE_MIN * all_ah / series);
