@@ -40,7 +40,7 @@ fn world(socs: &[f64]) -> World {
 /// each takes at the end, W.
 fn charge(body: &mut StationBody, wanted_w: &[f64], seconds: u32) -> Vec<f64> {
     let mut drawn_w = vec![0.0; wanted_w.len()];
-    (1..=wanted_w.len() as u32).for_each(|number| drop(body.docked.insert(robot(number), None)));
+    body.docked.extend((1..=wanted_w.len() as u32).map(|number| (robot(number), None)));
     for _ in 0..seconds {
         body.advance(1.0).unwrap();
         for (id, supply) in body.supplies() {
