@@ -1,5 +1,8 @@
 //! What holds for every model, whatever its effects.
 
+mod coverage;
+mod worlds;
+
 use std::sync::Arc;
 
 use energy::load::Terminals as _;
