@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   coulomb.rs       counts charge, corrected at rest          |  ledger.rs      a charge count and its errors
-//!   impedance.rs     and learns resistance and capacity        |  rest.rs, leak.rs, ocv_error.rs, power.rs, cycles.rs
+//!   impedance.rs     and learns resistance and capacity        |  follow.rs, rest.rs, ocv_error.rs, power.rs, cycles.rs
 //!   sigma_point.rs   a filter over all that the model is       |  prediction.rs  energy and times from what is believed
 //!                    unsure of                                 |
 //! ```
@@ -12,15 +12,18 @@
 
 mod coulomb;
 mod cycles;
+mod follow;
+mod impedance;
 mod kind;
-mod leak;
 mod ledger;
 mod ocv_error;
 mod power;
 mod prediction;
+mod resistance;
 mod rest;
 
 pub use coulomb::CoulombCounter;
+pub use impedance::ImpedanceTrack;
 pub use kind::{Kind, open};
 
 use std::sync::Arc;

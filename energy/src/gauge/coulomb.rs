@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::leak::Leak;
+use super::follow::{Follower, leak_per_s};
 use super::ledger::{CAPACITY, Ledger, SOC, Seen};
 use super::prediction::{Believed, Watch};
 use super::rest::RestDetector;
@@ -21,8 +21,8 @@ use crate::{Channel, Estimate, Model, Run, Start, forecast};
 #[derive(Debug, Clone)]
 pub struct CoulombCounter {
     model: Arc<Model>,
-    leak: Leak,
     ledger: Ledger,
+    follower: Follower,
     rest: RestDetector,
     watch: Watch,
 }
@@ -31,9 +31,9 @@ impl CoulombCounter {
     /// Starts at a known state of charge.
     #[must_use]
     pub fn new(model: Arc<Model>, soc: Estimate, temperature_degc: f64) -> Self {
-        let leak = Leak::of(&model, temperature_degc);
-        let ledger = Ledger::new(&model, soc, leak, None);
-        Self { model, leak, ledger, rest: RestDetector::default(), watch: Watch::new(temperature_degc) }
+        let ledger = Ledger::new(&model, soc, leak_per_s(&model, temperature_degc).sigma, None);
+        let follower = Follower::new(&model, soc.value, temperature_degc);
+        Self { model, ledger, follower, rest: RestDetector::default(), watch: Watch::new(temperature_degc) }
     }
 
     /// Starts from the voltage of a rested pack, by the OCV table.
@@ -96,25 +96,28 @@ impl Gauge for CoulombCounter {
 
     fn update(&mut self, sample: &Sample) {
         let facts = self.model.battery();
-        self.ledger.count(sample.dt_s, Some(sample.current_a), facts.capacity_ah);
+        let followed = self.follower.step(sample, sample.current_a, self.ledger.state(SOC).value, self.watch.cycles.full());
+        self.ledger.count(sample.dt_s, followed.moved, Some(sample.current_a), followed.capacity_ah);
         let sensor = self.model.sensor(Channel::VoltageV);
         if let Some(rested) = self.rest.update(facts, &sensor, sample) {
             let seen = Seen {
                 cell_v: rested.cell_v,
                 noise_v2: rested.noise_v2,
-                overpotential_v: 0.0,
+                overpotential_v: followed.drop_v,
                 load: None,
                 teaches_capacity: false,
             };
             self.ledger.see(&facts.ocv, &seen);
         }
-        let drawn = sample.current_a * sample.dt_s / S_PER_H / facts.capacity_ah;
+        let drawn = sample.current_a * sample.dt_s / S_PER_H / followed.capacity_ah;
         self.watch.update(sample, self.soc().value, drawn);
     }
 
     fn exchange(&mut self, soc: Estimate) {
-        self.ledger.exchange(&Ledger::new(&self.model, soc, self.leak, None));
-        (self.rest, self.watch) = (RestDetector::default(), self.watch.exchanged());
+        let fresh = Self::new(Arc::clone(&self.model), soc, self.watch.temperature_degc);
+        let (mut ledger, watch) = (self.ledger.clone(), self.watch.exchanged());
+        ledger.exchange(&fresh.ledger);
+        *self = Self { ledger, watch, ..fresh };
     }
 
     fn soc(&self) -> Estimate {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{CoulombCounter, Gauge};
+use super::{CoulombCounter, Gauge, ImpedanceTrack};
 use crate::document::hint;
 use crate::{Estimate, Model};
 
@@ -15,17 +15,20 @@ pub enum Kind {
     /// Counts charge and corrects at rest.
     #[default]
     CoulombCounter,
+    /// Learns resistance and capacity as well.
+    ImpedanceTrack,
 }
 
 impl Kind {
     /// Every gauge.
-    pub const ALL: &'static [Kind] = &[Kind::CoulombCounter];
+    pub const ALL: &'static [Kind] = &[Kind::CoulombCounter, Kind::ImpedanceTrack];
 
     /// Its name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Kind::CoulombCounter => "coulomb_counter",
+            Kind::ImpedanceTrack => "impedance_track",
         }
     }
 
@@ -46,6 +49,7 @@ impl Kind {
     pub fn open(self, model: Arc<Model>, soc: Estimate, temperature_degc: f64) -> Box<dyn Gauge> {
         match self {
             Kind::CoulombCounter => Box::new(CoulombCounter::new(model, soc, temperature_degc)),
+            Kind::ImpedanceTrack => Box::new(ImpedanceTrack::new(model, soc, temperature_degc)),
         }
     }
 }

@@ -1,12 +1,12 @@
 //! The ledger of a charge count: what it can be wrong by, and what that does to the rest.
 //!
 //! ```text
-//!   SoC' = SoC - (I - o)(1 - g) dt / (Q (1 + q)) - l dt          counted
+//!   SoC' = SoC - (I - o)(1 - g) dt / (Q (1 + q)) - l dt          counted (by a step of the model)
 //!   V    = OCV(SoC) + e(SoC) + v - V_eta - r(SoC) I              seen
 //! ```
 //!
 //! o and g: offset (A) and gain of the current sensor; q: relative error of the capacity; l:
-//! self-discharge (1/s); e: error of the OCV table (V, see [`super::ocv_error`]); v: offset of the
+//! error of the self-discharge (1/s); e: error of the OCV table (V, see [`super::ocv_error`]); v: offset of the
 //! voltage sensor (V per cell); r: resistance beyond the model's (ohm per cell). None of them is
 //! noise: each is the same error all the time, so all of them are states with a covariance. That
 //! is why reading the same OCV again teaches nothing, and why a capacity that was too large makes
@@ -20,7 +20,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::leak::Leak;
 use super::ocv_error;
 use crate::units::S_PER_H;
 use crate::{Channel, Estimate, Model, OcvTable, Sensor};
@@ -39,6 +38,8 @@ pub(crate) const RESISTANCE: usize = OCV + ocv_error::KNOTS;
 /// An innovation beyond this many of its deviations is a surprise: the pack is not the one that
 /// the model describes, and what may differ from pack to pack is doubted until it fits.
 const SURPRISE: f64 = 3.0;
+/// Most that one surprise widens a deviation by.
+const DOUBT_MAX: f64 = 3.0;
 /// Passes of the linearisation.
 const PASSES: usize = 5;
 
@@ -48,7 +49,6 @@ pub(crate) struct Ledger {
     x: DVector<f64>,
     p: DMatrix<f64>,
     current: Sensor,
-    leak_per_s: f64,
 }
 
 /// A voltage of one cell that was seen.
@@ -68,7 +68,8 @@ pub(crate) struct Seen<'a> {
 
 impl Ledger {
     /// A ledger without resistances, or with those of the given covariance (ohm² of a cell).
-    pub(crate) fn new(model: &Model, soc: Estimate, leak: Leak, resistance: Option<&DMatrix<f64>>) -> Self {
+    /// `leak_sigma` is what self-discharge is unsure by, 1/s.
+    pub(crate) fn new(model: &Model, soc: Estimate, leak_sigma: f64, resistance: Option<&DMatrix<f64>>) -> Self {
         let n = RESISTANCE + resistance.map_or(0, DMatrix::nrows);
         let (current, voltage) = (model.sensor(Channel::CurrentA), model.sensor(Channel::VoltageV));
         let mut p = DMatrix::zeros(n, n);
@@ -78,7 +79,7 @@ impl Ledger {
             (CAPACITY, model.uncertainty.capacity_relative_sigma),
             (CURRENT_OFFSET, current.offset_sigma),
             (CURRENT_GAIN, current.gain_sigma),
-            (LEAK, leak.per_s.sigma),
+            (LEAK, leak_sigma),
             (VOLTAGE_OFFSET, voltage.offset_sigma / series),
         ] {
             p[(state, state)] = sigma * sigma;
@@ -93,7 +94,7 @@ impl Ledger {
         }
         let mut x = DVector::zeros(n);
         x[SOC] = soc.value;
-        Self { x, p, current, leak_per_s: leak.per_s.value }
+        Self { x, p, current }
     }
 
     /// The best value of a state, with its deviation.
@@ -124,23 +125,21 @@ impl Ledger {
         (shown_a - self.x[CURRENT_OFFSET]) * (1.0 - self.x[CURRENT_GAIN])
     }
 
-    /// Counts the charge of an interval; none but self-discharge without a current.
-    pub(crate) fn count(&mut self, dt_s: f64, shown_a: Option<f64>, capacity_ah: f64) {
+    /// Counts the charge of an interval: the share of capacity that moved by the model, and the
+    /// current that was shown while it did; none while the pack is known to carry none.
+    pub(crate) fn count(&mut self, dt_s: f64, moved: f64, shown_a: Option<f64>, capacity_ah: f64) {
         let share = dt_s / S_PER_H / capacity_ah / (1.0 + self.x[CAPACITY]);
-        let mut moves = vec![(LEAK, -dt_s)];
+        let mut by = [(LEAK, -dt_s), (CAPACITY, 0.0), (CURRENT_OFFSET, 0.0), (CURRENT_GAIN, 0.0)];
         let mut noise = 0.0;
         if let Some(shown_a) = shown_a {
-            let flow = self.current_a(shown_a) * share;
-            moves.push((CAPACITY, flow / (1.0 + self.x[CAPACITY])));
-            moves.push((CURRENT_OFFSET, share));
-            moves.push((CURRENT_GAIN, shown_a * share));
+            by[1].1 = self.current_a(shown_a) * share / (1.0 + self.x[CAPACITY]);
+            (by[2].1, by[3].1) = (share, shown_a * share);
             noise = self.current.floor() * share;
-            self.x[SOC] -= flow;
         }
-        self.x[SOC] -= (self.leak_per_s + self.x[LEAK]) * dt_s;
-        let carried: f64 = moves.iter().flat_map(|a| moves.iter().map(|b| a.1 * b.1 * self.p[(a.0, b.0)])).sum();
+        self.x[SOC] -= moved + self.x[LEAK] * dt_s;
+        let carried: f64 = by.iter().flat_map(|a| by.iter().map(|b| a.1 * b.1 * self.p[(a.0, b.0)])).sum();
         for state in 0..self.x.len() {
-            let moved: f64 = moves.iter().map(|&(by, factor)| factor * self.p[(by, state)]).sum();
+            let moved: f64 = by.iter().map(|&(by, factor)| factor * self.p[(by, state)]).sum();
             self.p[(SOC, state)] += moved;
             self.p[(state, SOC)] += moved;
         }
@@ -157,8 +156,11 @@ impl Ledger {
         let (mut h, mut innovation_v, mut noise_v2) = self.linearised(ocv, seen);
         let mut expected_v2 = (&self.p * &h).dot(&h) + noise_v2;
         let surprise = innovation_v / expected_v2.max(1e-12).sqrt();
+        if std::env::var("DBG").is_ok() {
+            eprintln!("{} soc {:.4}±{:.4} q {:.4}±{:.4} R {:?} innov {innovation_v:.5} sd {:.5} slope {:.3} noise {:.5} load {:?} v {:.4} drop {:.4} surprise {surprise:.2}", if seen.load.is_some() {"LOAD"} else {"REST"}, self.x[0], self.p[(0,0)].sqrt(), self.x[1], self.p[(1,1)].sqrt(), seen.load.map(|l| l.1.iter().enumerate().filter(|s| *s.1>0.0).map(|(i,_)| (i, self.x[RESISTANCE+i], self.p[(RESISTANCE+i,RESISTANCE+i)].sqrt())).collect::<Vec<_>>()), expected_v2.sqrt(), h[0], noise_v2.sqrt(), seen.load.map(|l| l.0), seen.cell_v, seen.overpotential_v);
+        }
         if surprise.abs() > SURPRISE {
-            self.doubt(surprise.abs() / SURPRISE);
+            self.doubt(surprise.abs() / SURPRISE, seen.load.is_some());
             (h, innovation_v, noise_v2) = self.linearised(ocv, seen);
             expected_v2 = (&self.p * &h).dot(&h) + noise_v2;
         }
@@ -176,9 +178,19 @@ impl Ledger {
         surprise
     }
 
-    /// A surprise widens what may differ from pack to pack: charge, capacity, resistance.
-    fn doubt(&mut self, factor: f64) {
-        for state in [SOC, CAPACITY].into_iter().chain(RESISTANCE..self.x.len()) {
+    /// A surprise widens what may differ from pack to pack: charge, and what the observation is of,
+    /// capacity at rest and resistance under load. Each within what still makes sense.
+    fn doubt(&mut self, factor: f64, under_load: bool) {
+        let others = if under_load { RESISTANCE..self.x.len() } else { CAPACITY..CAPACITY + 1 };
+        for state in std::iter::once(SOC).chain(others) {
+            let most = match state {
+                SOC => 0.3,
+                CAPACITY => 0.1,
+                _ => f64::INFINITY,
+            };
+            let sigma = self.p[(state, state)].max(1e-12).sqrt();
+            let factor = factor.min(DOUBT_MAX).min((most / sigma).max(1.0));
+            // Twice on the diagonal, once off it: the covariance stays one.
             for other in 0..self.x.len() {
                 self.p[(state, other)] *= factor;
                 self.p[(other, state)] *= factor;
@@ -248,7 +260,7 @@ mod tests {
 
     fn ledger(sigma: f64) -> Ledger {
         let model = crate::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap();
-        Ledger::new(&model, Estimate::new(0.5, sigma), Leak::default(), None)
+        Ledger::new(&model, Estimate::new(0.5, sigma), 0.0, None)
     }
 
     fn at_rest(cell_v: f64) -> Seen<'static> {
@@ -259,9 +271,9 @@ mod tests {
     fn a_capacity_that_is_unsure_makes_the_count_unsure_in_proportion_to_the_charge() {
         let mut ledger = ledger(0.0);
         // Half of the pack, out and in again: unsure by half of 1 % at the turn, and then not.
-        (0..3600).for_each(|_| ledger.count(1.0, Some(0.66), 1.32));
+        (0..3600).for_each(|_| ledger.count(1.0, 0.5 / 3600.0, Some(0.66), 1.32));
         let turn = ledger.state(SOC).sigma;
-        (0..3600).for_each(|_| ledger.count(1.0, Some(-0.66), 1.32));
+        (0..3600).for_each(|_| ledger.count(1.0, -0.5 / 3600.0, Some(-0.66), 1.32));
         // 1 % and 0.175 % gain of a half, and 1 mAh of offset on 1320 mAh; by hand.
         assert!((turn - (0.005_f64.powi(2) + 0.000_875_f64.powi(2) + (1.0 / 1320.0_f64).powi(2)).sqrt()).abs() < 2e-5, "{turn}");
         assert!(ledger.state(SOC).sigma < 0.002);
