@@ -21,10 +21,12 @@ mod power;
 mod prediction;
 mod resistance;
 mod rest;
+mod sigma_point;
 
 pub use coulomb::CoulombCounter;
 pub use impedance::ImpedanceTrack;
 pub use kind::{Kind, open};
+pub use sigma_point::SigmaPoint;
 
 use std::sync::Arc;
 

@@ -5,8 +5,9 @@
 //!
 //! * **at rest** the open-circuit voltage corrects the state of charge;
 //! * **capacity** (Q_max) follows from two rests: charge counted between them over the difference
-//!   of state of charge, both with their deviations, once that difference is 0.3 or more; fusing by
-//!   inverse variance is what the ledger's covariance does;
+//!   of state of charge, both with their deviations, once that difference is 0.3 or more (and from
+//!   the voltage under load as far from the last rest); fusing by inverse variance is what the
+//!   ledger's covariance does;
 //! * **resistance** is updated as each point of a grid over depth of discharge is passed under a
 //!   load: `(OCV - V) / I`, at the reference temperature (see [`super::resistance`]);
 //! * **near empty** the voltage under load is read every half percent: the open-circuit curve is so
@@ -20,7 +21,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::follow::{Followed, Follower, leak_per_s};
-use super::ledger::{CAPACITY, Ledger, RESISTANCE, SOC, Seen};
+use super::ledger::{CAPACITY, Ledger, RESISTANCE, SOC, SURPRISE, Seen};
 use super::prediction::{Believed, Watch};
 use super::resistance::{self, GRID, Prior};
 use super::rest::RestDetector;
@@ -38,10 +39,12 @@ const LOAD_TAU_S: f64 = 30.0;
 const NEAR_EMPTY_SOC: f64 = 0.12;
 /// Below this above the end of discharge, V per cell, it is read every 20 mV, whatever the count
 /// says.
-const NEAR_EMPTY_V: f64 = 0.3;
+const NEAR_EMPTY_V: f64 = 0.5;
 /// What a model's voltage under load is wrong by in ways that no state holds, V per cell (guess:
 /// 0.5 to 5 mV for a fitted model).
 const MODEL_V: f64 = 1e-3;
+/// The same, as a share of what the voltage lies below its open-circuit value (guess: 1 % to 10 %).
+const MODEL_SHARE: f64 = 0.015;
 /// Drift of a resistance, as a share of itself over one full cycle (guess: cells double their
 /// resistance in some hundred to a thousand cycles).
 const DRIFT_PER_CYCLE: f64 = 5e-3;
@@ -198,7 +201,6 @@ impl ImpedanceTrack {
         self.load.update(sample.dt_s, cell_v, modelled_v, followed.cell_a);
         self.since_read_s += sample.dt_s;
         let Some(seen_v) = self.load.cell_v().filter(|_| self.since_read_s >= 2.0 * LOAD_TAU_S) else { return };
-        let near_empty = soc < NEAR_EMPTY_SOC || seen_v < facts.eod_v_per_cell + NEAR_EMPTY_V;
         let mark = if seen_v < facts.eod_v_per_cell + NEAR_EMPTY_V {
             2000 + (seen_v / 0.02) as i64
         } else if soc < NEAR_EMPTY_SOC {
@@ -218,12 +220,15 @@ impl ImpedanceTrack {
         let shares = resistance::shares(soc);
         let seen = Seen {
             cell_v: seen_v,
-            noise_v2: floor_v * floor_v / self.load.samples + MODEL_V * MODEL_V,
+            noise_v2: floor_v * floor_v / self.load.samples + MODEL_V * MODEL_V + (MODEL_SHARE * followed.drop_v).powi(2),
             overpotential_v: followed.drop_v,
             load: Some((self.load.cell_a * self.factor.1, &shares)),
-            teaches_capacity: near_empty && self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC),
+            teaches_capacity: self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC),
         };
-        self.ledger.see(&facts.ocv, &seen);
+        if self.ledger.see(&facts.ocv, &seen).abs() > SURPRISE {
+            // Not the pack that was thought of: read again as soon as there is a new mean.
+            self.mark = Some(-1);
+        }
         // The means are of what was measured: they stay where the state of charge is moved.
         let moved_v = facts.ocv.voltage_v(self.ledger.state(SOC).value) - facts.ocv.voltage_v(soc);
         self.load.modelled_v += moved_v;

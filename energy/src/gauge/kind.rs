@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{CoulombCounter, Gauge, ImpedanceTrack};
+use super::{CoulombCounter, Gauge, ImpedanceTrack, SigmaPoint};
 use crate::document::hint;
 use crate::{Estimate, Model};
 
@@ -17,11 +17,13 @@ pub enum Kind {
     CoulombCounter,
     /// Learns resistance and capacity as well.
     ImpedanceTrack,
+    /// A filter over all that the model is unsure of.
+    SigmaPoint,
 }
 
 impl Kind {
     /// Every gauge.
-    pub const ALL: &'static [Kind] = &[Kind::CoulombCounter, Kind::ImpedanceTrack];
+    pub const ALL: &'static [Kind] = &[Kind::CoulombCounter, Kind::ImpedanceTrack, Kind::SigmaPoint];
 
     /// Its name in files.
     #[must_use]
@@ -29,6 +31,7 @@ impl Kind {
         match self {
             Kind::CoulombCounter => "coulomb_counter",
             Kind::ImpedanceTrack => "impedance_track",
+            Kind::SigmaPoint => "sigma_point",
         }
     }
 
@@ -50,6 +53,7 @@ impl Kind {
         match self {
             Kind::CoulombCounter => Box::new(CoulombCounter::new(model, soc, temperature_degc)),
             Kind::ImpedanceTrack => Box::new(ImpedanceTrack::new(model, soc, temperature_degc)),
+            Kind::SigmaPoint => Box::new(SigmaPoint::new(model, soc, temperature_degc)),
         }
     }
 }

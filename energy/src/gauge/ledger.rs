@@ -37,7 +37,7 @@ const OCV: usize = 6;
 pub(crate) const RESISTANCE: usize = OCV + ocv_error::KNOTS;
 /// An innovation beyond this many of its deviations is a surprise: the pack is not the one that
 /// the model describes, and what may differ from pack to pack is doubted until it fits.
-const SURPRISE: f64 = 3.0;
+pub(crate) const SURPRISE: f64 = 3.0;
 /// Most that one surprise widens a deviation by.
 const DOUBT_MAX: f64 = 3.0;
 /// Passes of the linearisation.
@@ -156,9 +156,6 @@ impl Ledger {
         let (mut h, mut innovation_v, mut noise_v2) = self.linearised(ocv, seen);
         let mut expected_v2 = (&self.p * &h).dot(&h) + noise_v2;
         let surprise = innovation_v / expected_v2.max(1e-12).sqrt();
-        if std::env::var("DBG").is_ok() {
-            eprintln!("{} soc {:.4}±{:.4} q {:.4}±{:.4} R {:?} innov {innovation_v:.5} sd {:.5} slope {:.3} noise {:.5} load {:?} v {:.4} drop {:.4} surprise {surprise:.2}", if seen.load.is_some() {"LOAD"} else {"REST"}, self.x[0], self.p[(0,0)].sqrt(), self.x[1], self.p[(1,1)].sqrt(), seen.load.map(|l| l.1.iter().enumerate().filter(|s| *s.1>0.0).map(|(i,_)| (i, self.x[RESISTANCE+i], self.p[(RESISTANCE+i,RESISTANCE+i)].sqrt())).collect::<Vec<_>>()), expected_v2.sqrt(), h[0], noise_v2.sqrt(), seen.load.map(|l| l.0), seen.cell_v, seen.overpotential_v);
-        }
         if surprise.abs() > SURPRISE {
             self.doubt(surprise.abs() / SURPRISE, seen.load.is_some());
             (h, innovation_v, noise_v2) = self.linearised(ocv, seen);
@@ -175,6 +172,9 @@ impl Ledger {
         // Any gain, also one that leaves states out, keeps this form of the covariance positive.
         self.p = &self.p - &gain * ph.transpose() - &ph * gain.transpose() + &gain * gain.transpose() * expected_v2;
         self.x += gain * innovation_v;
+        // Nothing that was shown makes a pack that cannot be.
+        self.x[SOC] = self.x[SOC].clamp(-0.05, 1.05);
+        self.x[CAPACITY] = self.x[CAPACITY].clamp(-0.7, 0.5);
         surprise
     }
 

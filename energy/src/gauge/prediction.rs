@@ -62,7 +62,14 @@ impl Line {
 }
 
 /// The line of a prediction at these inputs, from what is kept or made anew.
-fn line<'a>(kept: &'a mut Option<Line>, x: &DVector<f64>, p: &DMatrix<f64>, power_w: f64, idle_w: f64, f: impl Fn(&[f64]) -> f64) -> &'a Line {
+fn line<'a>(
+    kept: &'a mut Option<Line>,
+    x: &DVector<f64>,
+    p: &DMatrix<f64>,
+    power_w: f64,
+    idle_w: f64,
+    f: impl Fn(&[f64]) -> f64,
+) -> &'a Line {
     let moved = |from_w: f64, share: f64| (from_w - power_w).abs() > share * from_w.abs() + idle_w;
     let (mut value, mut slopes) = (true, true);
     if let Some(line) = kept {
@@ -146,9 +153,8 @@ impl Watch {
         at_full.1.column_mut(0).fill(0.0);
         let full = line(&mut self.predictor.full, &at_full.0, &at_full.1, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w));
         let full_wh = full.estimate(&at_full.0, &at_full.1);
-        let time_to_full_s = (power_w < -idle_w).then(|| {
-            line(&mut self.predictor.to_full, &x, &p, 0.0, idle_w, |x| believed.charge_s(x)).estimate(&x, &p)
-        });
+        let time_to_full_s =
+            (power_w < -idle_w).then(|| line(&mut self.predictor.to_full, &x, &p, 0.0, idle_w, |x| believed.charge_s(x)).estimate(&x, &p));
         let time_to_empty_s = (power_w > idle_w).then(|| {
             let sensor = model.sensor(Channel::CurrentA);
             let offset = sensor.offset_sigma * model.battery().full_v() / power_w;

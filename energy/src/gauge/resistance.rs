@@ -73,6 +73,8 @@ pub(crate) struct Prior {
     pub(crate) modelled_ohm: [f64; GRID.len()],
     /// Covariance of what the model may be wrong by, ohm² per cell.
     pub(crate) covariance: DMatrix<f64>,
+    /// The part of it that no parameter explains, in the middle of the table, as a deviation, ohm.
+    pub(crate) left_out_ohm: f64,
 }
 
 impl Prior {
@@ -101,10 +103,12 @@ impl Prior {
         for point in 0..n {
             covariance[(point, point)] += (SHAPE_SHARE * modelled_ohm[point]).powi(2);
         }
+        let mut left_out_ohm = SHAPE_SHARE * modelled_ohm[n / 2].abs();
         if modelled_ohm[n / 2] * cell_ah < NONE_OHM_AH {
+            left_out_ohm = left_out_ohm.hypot(LEFT_OUT_OHM_AH / cell_ah);
             covariance.add_scalar_mut((LEFT_OUT_OHM_AH / cell_ah).powi(2));
         }
-        Self { modelled_ohm, covariance }
+        Self { modelled_ohm, covariance, left_out_ohm }
     }
 }
 

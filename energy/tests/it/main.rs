@@ -1,6 +1,8 @@
 //! What holds for every model, whatever its effects.
 
 mod coverage;
+mod gauges;
+mod measured;
 mod worlds;
 
 use std::sync::Arc;
