@@ -44,6 +44,13 @@ const POWER_SHARE_MIN: f64 = 0.01;
 /// can deliver at rest, and the time is that of the small power.
 #[must_use]
 pub fn discharge(run: &mut impl Battery, power_w: f64) -> Discharge {
+    discharge_behind(run, power_w, |_| 0.0)
+}
+
+/// [`discharge`] of a pack that has more resistance than the run's model: `extra_ohm` of the whole
+/// pack over state of charge, which may be negative. A gauge that learned a resistance asks this.
+#[must_use]
+pub fn discharge_behind(run: &mut impl Battery, power_w: f64, extra_ohm: impl Fn(f64) -> f64) -> Discharge {
     let model = Arc::clone(run.model());
     let facts = model.battery();
     let stored_wh = facts.stored_wh();
@@ -53,16 +60,21 @@ pub fn discharge(run: &mut impl Battery, power_w: f64) -> Discharge {
     let longest_s = (expected_s / STEPS).max(1.0);
     let (mut dt_s, mut time_s, mut energy_wh) = (longest_s, 0.0, 0.0);
     let mut before_v = None;
+    let mut last_a = drawn_w / run.channel(Channel::VoltageV).max(facts.eod_v());
     while time_s < TIME_MAX_S {
-        let current_a = run.step_power(drawn_w, dt_s);
-        let voltage_v = run.channel(Channel::VoltageV);
+        let more_ohm = extra_ohm(run.channel(Channel::Soc));
+        let current_a = run.step_power(drawn_w + more_ohm * last_a * last_a, dt_s);
+        let more_v = more_ohm * *current_a.as_ref().unwrap_or(&0.0);
+        let voltage_v = run.channel(Channel::VoltageV) - more_v;
+        let lowest_v = run.channel(Channel::CellMinV) - more_v / f64::from(facts.series);
         if let Ok(current_a) = current_a
-            && !run.is_empty()
+            && voltage_v >= facts.eod_v()
+            && lowest_v >= facts.eod_v_per_cell
         {
             // The step holds the current that gives this power at its end; the voltage fell to
             // there from that of the step before, so the step's energy is that of their mean.
             energy_wh += current_a * f64::midpoint(before_v.unwrap_or(voltage_v), voltage_v) * dt_s / S_PER_H;
-            before_v = Some(voltage_v);
+            (before_v, last_a) = (Some(voltage_v), current_a);
             time_s += dt_s;
             continue;
         }

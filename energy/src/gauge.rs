@@ -1,10 +1,36 @@
-//! Estimators that turn raw samples of a pack into state of charge and energy.
+//! Estimators that turn raw samples into state of charge and energy.
+//!
+//! ```text
+//!   coulomb.rs       counts charge, corrected at rest          |  ledger.rs      a charge count and its errors
+//!   impedance.rs     and learns resistance and capacity        |  follow.rs, rest.rs, ocv_error.rs, power.rs, cycles.rs
+//!   sigma_point.rs   a filter over all that the model is       |  prediction.rs  energy and times from what is believed
+//!                    unsure of                                 |
+//! ```
+//!
+//! Every gauge predicts by stepping the model and none divides an energy by a power. What each of
+//! them knows comes with a deviation that means what it says: see `tests/it/coverage.rs`.
 
 mod coulomb;
+mod cycles;
+mod follow;
+mod impedance;
+mod kind;
+mod ledger;
+mod ocv_error;
+mod power;
+mod prediction;
+mod resistance;
+mod rest;
+mod sigma_point;
 
 pub use coulomb::CoulombCounter;
+pub use impedance::ImpedanceTrack;
+pub use kind::{Kind, open};
+pub use sigma_point::SigmaPoint;
 
-use crate::Estimate;
+use std::sync::Arc;
+
+use crate::{Channel, Estimate, Model};
 
 /// One raw sample of a pack: what its sensors showed at the end of an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,10 +62,17 @@ pub struct Reading {
     pub soh: Estimate,
     /// Recent mean power, W (discharge positive).
     pub power_w: f64,
+    /// Full-equivalent cycles since the gauge began: charge drawn over capacity.
+    pub cycles: f64,
+    /// Pseudo cycles since the gauge began: partial cycles by the rainflow count.
+    pub pseudo_cycles: f64,
 }
 
 /// A gauge: fed sample by sample, read at any time.
 pub trait Gauge: Send {
+    /// The battery model that the gauge believes.
+    fn model(&self) -> &Arc<Model>;
+
     /// Takes in one sample.
     fn update(&mut self, sample: &Sample);
 
@@ -51,4 +84,17 @@ pub trait Gauge: Send {
 
     /// Everything the gauge knows; steps the battery model to the end of discharge.
     fn reading(&mut self) -> Reading;
+}
+
+/// State of charge of a rested pack from its voltage, with the deviation that the OCV table and
+/// the voltage sensor leave.
+#[must_use]
+pub fn soc_at_rest(model: &Model, voltage_v: f64) -> Estimate {
+    let facts = model.battery();
+    let per_cell_v = voltage_v / f64::from(facts.series);
+    let soc = facts.ocv.soc(per_cell_v);
+    let sensor = model.sensor(Channel::VoltageV);
+    let sensor_v = sensor.floor().hypot(sensor.offset_sigma) / f64::from(facts.series);
+    let slope = facts.ocv.slope_v(soc).max(1e-3);
+    Estimate::new(soc, (model.uncertainty.ocv_sigma_v.hypot(sensor_v) / slope).clamp(1e-4, 0.5))
 }

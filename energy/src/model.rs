@@ -288,6 +288,11 @@ impl Model {
         self.prepared_count
     }
 
+    /// Names of the states of a battery's run, with their units, in the order of `Run::states`.
+    pub(crate) fn state_names(&self) -> impl Iterator<Item = &'static str> + '_ {
+        std::iter::once("soc").chain(self.placed.iter().flat_map(|placed| placed.effect.spec().states.iter().copied()))
+    }
+
     pub(crate) fn state_count(&self) -> usize {
         self.state_count
     }

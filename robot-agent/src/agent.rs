@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use energy::gauge::Gauge as _;
-use energy::gauge::{CoulombCounter, Sample};
+use energy::gauge::{Gauge as Estimator, Sample};
 use node::{Due, Ledger, Publish, gauge_message, refused};
 use proto::{
     BayId, CommandReply, Estimate, Gauge, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState, StationId,
@@ -60,7 +59,7 @@ pub enum Output {
 /// Call [`Agent::handle`] with each input, then [`Agent::poll`] until it returns nothing.
 pub struct Agent {
     profile: Profile,
-    gauge: CoulombCounter,
+    gauge: Box<dyn Estimator>,
     ledger: Ledger,
     phase: RobotPhase,
     station: Option<StationId>,
@@ -80,7 +79,7 @@ pub struct Agent {
 impl Agent {
     /// An agent at work.
     #[must_use]
-    pub fn new(profile: Profile, gauge: CoulombCounter) -> Self {
+    pub fn new(profile: Profile, gauge: Box<dyn Estimator>) -> Self {
         Self {
             profile,
             gauge,

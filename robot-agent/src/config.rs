@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
-use energy::gauge::CoulombCounter;
+use energy::gauge::{Kind, soc_at_rest};
 use energy::{Channel, Model, forecast};
 use node::files::{ModelRef, read_text};
 use node::{ClockConfig, NetworkConfig, Publish, wire};
@@ -25,6 +25,9 @@ pub struct Config {
     pub id: RobotId,
     /// The site it belongs to.
     pub site: SiteId,
+    /// How the gauge estimates.
+    #[serde(default)]
+    pub gauge: Kind,
     /// The gauge's battery model.
     pub battery: ModelRef,
     /// The model of its loads; without it, the drain is measured.
@@ -163,7 +166,8 @@ impl Config {
                 let battery = self.battery.load(path)?;
                 let file = path.and_then(Path::parent).map_or_else(|| file.clone(), |folder| folder.join(file));
                 let replay = Replay::read(&file)?;
-                let gauge = CoulombCounter::at_rest(Arc::clone(&battery), replay.rest_voltage_v(), replay.temperature_degc());
+                let soc = soc_at_rest(&battery, replay.rest_voltage_v());
+                let gauge = self.gauge.open(Arc::clone(&battery), soc, replay.temperature_degc());
                 let drain_w = energy::Estimate::new(replay.mean_power_w(), 0.1 * replay.mean_power_w().abs());
                 Ok((Agent::new(self.profile(&battery, drain_w, "replay"), gauge), Box::new(replay)))
             }
@@ -191,7 +195,7 @@ impl Config {
         });
         let load = self.load.as_ref().unwrap_or(true_load).load(path)?;
         let drain_w = forecast::power_w(&load, &inputs);
-        let gauge = CoulombCounter::new(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
+        let gauge = self.gauge.open(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
         Ok((Agent::new(self.profile(&battery, drain_w, "sim"), gauge), body))
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use energy::gauge::{CoulombCounter, Gauge as _, Sample};
+use energy::gauge::{Gauge as Estimator, Sample};
 use node::{Due, Ledger, Publish, gauge_message, refused, wire};
 use proto::{
     BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, SpareId, SpareState, StationAction,
@@ -54,7 +54,7 @@ struct Bay {
 
 struct Pack {
     id: PackId,
-    gauge: CoulombCounter,
+    gauge: Box<dyn Estimator>,
     depleted: bool,
     last: Option<Sample>,
 }
@@ -88,7 +88,7 @@ pub struct Agent {
 impl Agent {
     /// An agent with one gauge per pack, in the selector's order.
     #[must_use]
-    pub fn new(profile: Profile, packs: Vec<(PackId, CoulombCounter)>) -> Self {
+    pub fn new(profile: Profile, packs: Vec<(PackId, Box<dyn Estimator>)>) -> Self {
         let spare = |(spare, &soc): (&SpareId, &proto::Estimate)| SpareState { spare: spare.clone(), soc, ready: true };
         Self {
             bays: profile.bays.iter().map(|id| Bay { id: id.clone(), phase: BayPhase::Free, robot: None }).collect(),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, ensure};
-use energy::gauge::CoulombCounter;
+use energy::gauge::Kind;
 use node::files::{ModelRef, read_text};
 use node::{Charging, ClockConfig, NetworkConfig, Publish, SelectorConfig};
 use proto::{BayId, Estimate, PackId, SiteId, SpareId, StationId};
@@ -49,6 +49,9 @@ pub struct Config {
 pub struct PackConfig {
     /// Which.
     pub id: PackId,
+    /// How its gauge estimates.
+    #[serde(default)]
+    pub gauge: Kind,
     /// The gauge's battery model.
     pub battery: ModelRef,
 }
@@ -185,7 +188,7 @@ impl Config {
         });
         let mut gauges = Vec::new();
         for (pack, soc) in self.packs.iter().zip(body.remembered_socs()) {
-            gauges.push((pack.id.clone(), CoulombCounter::new(pack.battery.load(path)?, soc, *temperature_degc)));
+            gauges.push((pack.id.clone(), pack.gauge.open(pack.battery.load(path)?, soc, *temperature_degc)));
         }
         let profile = Profile {
             bays: self.bays.clone(),

@@ -85,6 +85,7 @@ impl Scenario {
             schema: 1,
             id: entry.robot(index)?,
             site: self.site.clone(),
+            gauge: entry.gauge,
             battery: believed(&entry.battery),
             load: Some(believed(&entry.load)),
             mission: entry.mission.clone(),
@@ -121,7 +122,7 @@ impl Scenario {
             packs: entry
                 .packs
                 .iter()
-                .map(|pack| station_agent::PackConfig { id: pack.id.clone(), battery: believed(&pack.battery) })
+                .map(|pack| station_agent::PackConfig { id: pack.id.clone(), gauge: pack.gauge, battery: believed(&pack.battery) })
                 .collect(),
             spares: entry.spares.iter().map(|spare| station_agent::SpareConfig { id: spare.id.clone(), soc: spare.soc }).collect(),
             publish: self.publish,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use energy::DocumentError;
 use energy::document::Document;
+use energy::gauge::Kind;
 use node::{Charging, Publish, SelectorConfig};
 use proto::{PackId, RobotId, SiteId, SpareId, StationId};
 use serde::Deserialize;
@@ -111,6 +112,9 @@ pub struct PackEntry {
     pub id: PackId,
     /// Model of it.
     pub battery: String,
+    /// How its gauge estimates.
+    #[serde(default)]
+    pub gauge: Kind,
     /// True state of charge at the start.
     pub soc: f64,
 }
@@ -136,6 +140,9 @@ pub struct RobotEntry {
     pub count: Option<u32>,
     /// Model of its battery.
     pub battery: String,
+    /// How the battery's gauge estimates.
+    #[serde(default)]
+    pub gauge: Kind,
     /// Model of its loads.
     pub load: String,
     /// True state of charge at the start: one for all or one each.

@@ -134,6 +134,8 @@ fn values_in_default_toml_are_the_defaults() {
     assert_eq!((&written.site, written.seed, written.temperature_degc), (&least.site, least.seed, least.temperature_degc));
     assert_eq!((&written.world, &written.believed), (&least.world, &least.believed));
     assert_eq!(written.robot[0].get_ref().mission, robot_agent::Mission::default());
+    assert_eq!(written.robot[0].get_ref().gauge, energy::gauge::Kind::default());
+    assert_eq!(written.station[0].get_ref().packs[0].gauge, energy::gauge::Kind::default());
     let station = "schema = 1\nname = \"s\"\nduration_s = 1\n[[station]]\nid = \"s\"\nload = \"mds-station\"\nbays = 1\nload_s = 1\nunload_s = 1\npacks = [{ id = \"p\", battery = \"mds-3s4p-7600mah\", soc = 1.0 }]\n";
     let least = parse(station).unwrap();
     assert_eq!(written.station[0].get_ref().swap_s, least.station[0].get_ref().swap_s);

@@ -1,13 +1,17 @@
 //! What holds for every model, whatever its effects.
 
 mod converter_data;
+mod coverage;
 mod exact;
+mod gauges;
+mod measured;
 mod measured_motors;
 mod rails;
 mod recovery;
 mod relaxation;
 mod robot_effects;
 mod robots;
+mod worlds;
 
 use std::sync::Arc;
 

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use energy::gauge::Kind;
 use proto::{Command, CommandId, SpareId};
 
 use super::*;
@@ -44,7 +45,7 @@ fn bench() -> Bench {
         publish: Publish::default(),
         source: "test".to_owned(),
     };
-    let gauge = CoulombCounter::new(model, energy::Estimate::new(0.5, 0.01), 25.0);
+    let gauge = Kind::CoulombCounter.open(model, energy::Estimate::new(0.5, 0.01), 25.0);
     Bench { agent: Agent::new(profile, gauge), now: Timestamp::from_unix_ms(0), commands: 0, place: Place::Mission }
 }
 

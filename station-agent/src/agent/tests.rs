@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use energy::gauge::Kind;
 use proto::{Command, CommandId};
 
 use super::*;
@@ -44,7 +45,7 @@ fn swap(name: &str, number: u32) -> StationAction {
 /// Two bays, two packs, two spares.
 fn bench() -> Bench {
     let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
-    let gauge = || CoulombCounter::new(Arc::clone(&model), energy::Estimate::new(0.9, 0.01), 25.0);
+    let gauge = || Kind::CoulombCounter.open(Arc::clone(&model), energy::Estimate::new(0.9, 0.01), 25.0);
     let profile = Profile {
         bays: vec![bay(1), bay(2)],
         spares: [1, 2].map(|number| (spare(number), proto::Estimate::new(0.98, 0.01))).into(),

@@ -1,0 +1,119 @@
+//! A run of the model that follows the pack: what a step moves, and how far the voltage lies below
+//! the open-circuit voltage.
+
+use std::sync::Arc;
+
+use super::Sample;
+use crate::units::S_PER_H;
+use crate::{Channel, Estimate, Model, Run, Start, propagate};
+
+/// Time constant with which the surroundings' temperature is made out from the pack's, s: slower
+/// than a cell warms, faster than a day does.
+const AMBIENT_TAU_S: f64 = 1800.0;
+
+/// The model on the pack's current.
+#[derive(Clone)]
+pub(crate) struct Follower {
+    run: Run<f64>,
+}
+
+/// What a step did, by the model.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Followed {
+    /// Share of capacity that left the cells, also unseen.
+    pub(crate) moved: f64,
+    /// How far the voltage of a cell lies below its open-circuit voltage, V.
+    pub(crate) drop_v: f64,
+    /// Current through one cell, A.
+    pub(crate) cell_a: f64,
+    /// Capacity, Ah.
+    pub(crate) capacity_ah: f64,
+}
+
+impl Follower {
+    /// A pack that has rested.
+    pub(crate) fn new(model: &Arc<Model>, soc: f64, temperature_degc: f64) -> Self {
+        Self { run: Run::new(Arc::clone(model), Start { temperature_degc, ..Start::at_soc(soc) }) }
+    }
+
+    /// Follows a sample from a state of charge, with this current per capacity of the model.
+    pub(crate) fn step(&mut self, sample: &Sample, current_a: f64, soc: f64, cycles: f64) -> Followed {
+        follow(&mut self.run, sample, current_a, soc, cycles)
+    }
+}
+
+impl std::fmt::Debug for Follower {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Follower").field("states", &self.run.states()).finish()
+    }
+}
+
+/// [`Follower::step`] on any run.
+pub(crate) fn follow(run: &mut Run<f64>, sample: &Sample, current_a: f64, soc: f64, cycles: f64) -> Followed {
+    run.states_mut()[0] = soc;
+    // A model that predicts the temperature is led to the measured one by its surroundings; one
+    // that does not takes it as it is.
+    let colder_degc = sample.temperature_degc - run.channels[Channel::TemperatureDegc];
+    run.channels[Channel::AmbientDegc] += colder_degc * (sample.dt_s / AMBIENT_TAU_S).min(1.0);
+    run.channels[Channel::TemperatureDegc] = sample.temperature_degc;
+    run.channels[Channel::CycleCount] = cycles;
+    run.channels[Channel::CurrentA] = current_a;
+    run.step(sample.dt_s);
+    let series = f64::from(run.model().battery().series);
+    Followed {
+        moved: soc - run.states()[0],
+        drop_v: run.channels[Channel::OcvV] - run.channels[Channel::VoltageV] / series,
+        cell_a: run.channels[Channel::CellCurrentA],
+        capacity_ah: run.channels[Channel::CapacityAh],
+    }
+}
+
+/// What half a pack loses per second without a current, by the model, with the deviation that its
+/// parameters give, 1/s.
+pub(crate) fn leak_per_s(model: &Arc<Model>, temperature_degc: f64) -> Estimate {
+    let start = Start { temperature_degc, ..Start::at_soc(0.5) };
+    let lost = propagate(&model.estimates(), |values| {
+        let values = values.iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
+        let mut run = Run::with_parameters(Arc::clone(model), values, start);
+        run.channels[Channel::CurrentA] = 0.0;
+        run.step(S_PER_H);
+        start.soc - run.channels[Channel::Soc]
+    });
+    Estimate::new(lost.value / S_PER_H, lost.sigma / S_PER_H)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::S_PER_DAY;
+
+    fn model() -> Arc<Model> {
+        Arc::new(crate::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap())
+    }
+
+    #[test]
+    fn a_month_costs_what_the_thesis_says() {
+        let month = leak_per_s(&model(), 25.0).value * 30.0 * S_PER_DAY;
+        // Kottas, section 3.4: 3 % of capacity in a month.
+        assert!((month - 0.03).abs() < 1e-6, "{month}");
+    }
+
+    #[test]
+    fn the_drop_is_the_resistance_times_the_current_of_a_cell() {
+        let mut follower = Follower::new(&model(), 0.4, 25.0);
+        let sample = Sample { dt_s: 1e-3, current_a: 7.6, voltage_v: 11.0, temperature_degc: 25.0 };
+        let followed = follower.step(&sample, 7.6, 0.4, 0.0);
+        // 0.0766 ohm at 40 % (the model's file), 1.9 A through each of four strings.
+        assert!((followed.drop_v - 0.0766 * 1.9).abs() < 1e-4, "{followed:?}");
+    }
+
+    #[test]
+    fn the_surroundings_are_made_out_from_the_packs_temperature() {
+        let mut follower = Follower::new(&model(), 0.5, 25.0);
+        let sample = Sample { dt_s: 10.0, current_a: 0.0, voltage_v: 11.4, temperature_degc: 5.0 };
+        (0..2000).for_each(|_| {
+            follower.step(&sample, 0.0, 0.5, 0.0);
+        });
+        assert!((follower.run.channels[Channel::CellDegc] - 5.0).abs() < 1.0);
+    }
+}

@@ -1,0 +1,177 @@
+//! What every gauge does with what it believes: energy and times with their deviations.
+//!
+//! A prediction steps the model to the end of discharge, once for its value and twice per
+//! uncertain input for its slopes. Both are kept: the value until state of charge or power have
+//! moved, the slopes, which change less, for longer. In between, the line through the last
+//! prediction serves: `E = E_0 + g (x - x_0)`, `sigma² = g P g` with the covariance P of today.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::cycles::CycleCounter;
+use super::power::MeanPower;
+use super::rest::CURRENT_SHARE;
+use super::{Reading, Sample};
+use crate::units::S_PER_H;
+use crate::{Channel, Estimate, Model};
+
+/// A prediction is made anew when the state of charge has moved this far.
+const FRESH_SOC: f64 = 0.005;
+/// A prediction is made anew when the power has changed by this share of itself.
+const FRESH_POWER: f64 = 0.05;
+/// Slopes are taken anew when the power has changed by this share of itself.
+const FRESH_SLOPE_POWER: f64 = 0.2;
+/// Slopes are taken anew when the state of charge has moved by this share of itself.
+const FRESH_SLOPE_SOC: f64 = 0.2;
+
+/// What a gauge believes of its pack.
+pub(crate) trait Believed {
+    /// The uncertain inputs of a prediction with their covariance; state of charge comes first.
+    fn inputs(&self) -> (DVector<f64>, DMatrix<f64>);
+
+    /// Energy to the end of discharge at that power and those inputs, Wh.
+    fn discharge_wh(&self, inputs: &[f64], power_w: f64) -> f64;
+
+    /// Time to full on the pack's own charger at those inputs, s.
+    fn charge_s(&self, inputs: &[f64]) -> f64;
+}
+
+/// Keeps predictions.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Predictor {
+    remaining: Option<Line>,
+    full: Option<Line>,
+    to_full: Option<Line>,
+}
+
+/// A prediction with its slopes, and where each was made.
+#[derive(Debug, Clone)]
+struct Line {
+    at: DVector<f64>,
+    power_w: f64,
+    value: f64,
+    slopes: DVector<f64>,
+    slopes_soc: f64,
+    slopes_power_w: f64,
+}
+
+impl Line {
+    fn estimate(&self, x: &DVector<f64>, p: &DMatrix<f64>) -> Estimate {
+        let value = self.value + self.slopes.dot(&(x - &self.at));
+        Estimate::new(value.max(0.0), (p * &self.slopes).dot(&self.slopes).max(0.0).sqrt())
+    }
+}
+
+/// The line of a prediction at these inputs, from what is kept or made anew.
+fn line<'a>(
+    kept: &'a mut Option<Line>,
+    x: &DVector<f64>,
+    p: &DMatrix<f64>,
+    power_w: f64,
+    idle_w: f64,
+    f: impl Fn(&[f64]) -> f64,
+) -> &'a Line {
+    let moved = |from_w: f64, share: f64| (from_w - power_w).abs() > share * from_w.abs() + idle_w;
+    let (mut value, mut slopes) = (true, true);
+    if let Some(line) = kept {
+        value = (line.at[0] - x[0]).abs() > FRESH_SOC || moved(line.power_w, FRESH_POWER);
+        slopes = (line.slopes_soc - x[0]).abs() > (FRESH_SLOPE_SOC * line.slopes_soc).max(FRESH_SOC)
+            || moved(line.slopes_power_w, FRESH_SLOPE_POWER);
+    }
+    let line = kept.get_or_insert_with(|| Line {
+        at: x.clone(),
+        power_w,
+        value: 0.0,
+        slopes: DVector::zeros(x.len()),
+        slopes_soc: x[0],
+        slopes_power_w: power_w,
+    });
+    if value || slopes {
+        (line.at, line.power_w, line.value) = (x.clone(), power_w, f(x.as_slice()));
+    }
+    if slopes {
+        (line.slopes_soc, line.slopes_power_w) = (x[0], power_w);
+        let mut nudged = x.clone();
+        for index in 0..x.len() {
+            let sigma = p[(index, index)].max(0.0).sqrt();
+            line.slopes[index] = if sigma > 1e-12 {
+                let mut at = |side: f64| {
+                    nudged[index] = x[index] + side * sigma;
+                    f(nudged.as_slice())
+                };
+                (at(1.0) - at(-1.0)) / (2.0 * sigma)
+            } else {
+                0.0
+            };
+            nudged[index] = x[index];
+        }
+    }
+    line
+}
+
+/// What a gauge has beside its belief: the same for each of them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Watch {
+    /// Recent mean power.
+    pub(crate) power: MeanPower,
+    /// Temperature of the cells, °C.
+    pub(crate) temperature_degc: f64,
+    /// Cycles so far.
+    pub(crate) cycles: CycleCounter,
+    predictor: Predictor,
+}
+
+impl Watch {
+    pub(crate) fn new(temperature_degc: f64) -> Self {
+        Self { temperature_degc, ..Self::default() }
+    }
+
+    /// Takes in a sample, with the state of charge after it and the share of capacity drawn.
+    pub(crate) fn update(&mut self, sample: &Sample, soc: f64, drawn: f64) {
+        self.power.update(sample);
+        self.temperature_degc = sample.temperature_degc;
+        self.cycles.update(soc, drawn);
+    }
+
+    /// The same load on another pack, whose cycles begin at none.
+    pub(crate) fn exchanged(&self) -> Self {
+        Self { power: self.power, ..Self::new(self.temperature_degc) }
+    }
+
+    /// Everything that a gauge tells.
+    pub(crate) fn reading(&mut self, model: &Model, believed: &impl Believed, soc: Estimate, soh: Estimate) -> Reading {
+        let (x, p) = believed.inputs();
+        let power_w = self.power.power_w;
+        let drawn_w = power_w.max(0.0);
+        // Near rest, noise is most of the power: there only a change that matters to the forecast
+        // counts, which takes no power below this for one.
+        let idle_w = CURRENT_SHARE * model.battery().stored_wh();
+        let remaining = line(&mut self.predictor.remaining, &x, &p, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w));
+        let remaining_wh = remaining.estimate(&x, &p);
+        let mut at_full = (x.clone(), p.clone());
+        at_full.0[0] = 1.0;
+        at_full.1.row_mut(0).fill(0.0);
+        at_full.1.column_mut(0).fill(0.0);
+        let full = line(&mut self.predictor.full, &at_full.0, &at_full.1, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w));
+        let full_wh = full.estimate(&at_full.0, &at_full.1);
+        let time_to_full_s =
+            (power_w < -idle_w).then(|| line(&mut self.predictor.to_full, &x, &p, 0.0, idle_w, |x| believed.charge_s(x)).estimate(&x, &p));
+        let time_to_empty_s = (power_w > idle_w).then(|| {
+            let sensor = model.sensor(Channel::CurrentA);
+            let offset = sensor.offset_sigma * model.battery().full_v() / power_w;
+            let time_s = remaining_wh.value * S_PER_H / power_w;
+            let energy_s = remaining_wh.sigma * S_PER_H / power_w;
+            Estimate::new(time_s, energy_s.hypot(time_s * sensor.gain_sigma.hypot(offset)))
+        });
+        Reading {
+            soc,
+            remaining_wh,
+            full_wh,
+            time_to_empty_s,
+            time_to_full_s,
+            soh,
+            power_w,
+            cycles: self.cycles.full(),
+            pseudo_cycles: self.cycles.pseudo(),
+        }
+    }
+}
