@@ -3,8 +3,9 @@
 //! The current of a row is the mean over an interval that ends `skew` after the voltage was
 //! taken. The mean over the interval that ends with the voltage then is, for currents held over
 //! each interval, `I_k + (skew / dt) (I_(k-1) - I_k)` in A, with dt the length of the step in s
-//! and I_k the shown current of step k, corrected for offset and gain. A skew longer than the
-//! step counts as the whole step.
+//! and I_k the shown current of step k, corrected for offset and gain. A skew of more than half a
+//! step counts as half: beyond it the row's own current would say less of what flows than the one
+//! before, and whoever sets a power at the terminals could not hold it by the shown current.
 //!
 //! Absence: one row with a large residual after every step of the current, as if the voltage had
 //! a short time constant; nothing between the steps.
@@ -13,6 +14,9 @@ use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Rea
 
 pub(crate) struct CurrentSkew;
 
+/// Greatest share of the current before.
+const SHARE_MAX: f64 = 0.5;
+
 static SPEC: EffectSpec = EffectSpec {
     id: "current_skew",
     title: "Time skew between current and voltage",
@@ -20,9 +24,9 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Sensed,
     channel: Channel::TerminalCurrentA,
     needs: &[Channel::CurrentA],
-    equation: "I = I_k + min(skew / dt, 1) (I_(k-1) - I_k)",
+    equation: "I = I_k + min(skew / dt, 1/2) (I_(k-1) - I_k)",
     source: "linear interpolation of the charge drawn",
-    validity: "voltage taken before the current's interval ends, by less than a step",
+    validity: "voltage taken before the current's interval ends, by less than half a step",
     signature: "single residuals at the steps of the current, in proportion to the step",
     matters: 1e-3,
     confused_with: &[("rc1", "logs with two lengths of step")],
@@ -48,7 +52,7 @@ impl Physics for CurrentSkew {
     }
 
     fn prepare<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
-        prepared[0] = if parameters[0].re() < dt_s { parameters[0] / dt_s } else { S::from(1.0) };
+        prepared[0] = if parameters[0].re() < SHARE_MAX * dt_s { parameters[0] / dt_s } else { S::from(SHARE_MAX) };
     }
 
     #[inline]
@@ -78,7 +82,7 @@ mod tests {
     fn a_step_arrives_in_part_and_then_whole_and_no_charge_is_lost() {
         assert_eq!(flows_a(0.0, 1.0, &[2.0, 0.0]), [2.0, 0.0]);
         assert_eq!(flows_a(0.25, 1.0, &[2.0, 2.0, 0.0, 0.0]), [1.5, 2.0, 0.5, 0.0]);
-        assert_eq!(flows_a(3.0, 1.0, &[2.0, 2.0, 0.0, 0.0]), [0.0, 2.0, 2.0, 0.0]);
+        assert_eq!(flows_a(3.0, 1.0, &[2.0, 2.0, 0.0, 0.0]), [1.0, 2.0, 1.0, 0.0]);
     }
 
     #[test]
