@@ -140,9 +140,10 @@ fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
     parts.act(Phase::Polarisation);
     parts.each(|_, now| {
         if resistance != 1.0 {
-            now[Channel::CellCurrentA] = now[Channel::CellCurrentA] / resistance;
+            now[Channel::CellCurrentA] /= resistance;
         }
-        now[Channel::CellVoltageV] = now[Channel::CellVoltageV] - now[Channel::OverpotentialV];
+        let polarisation_v = now[Channel::OverpotentialV];
+        now[Channel::CellVoltageV] -= polarisation_v;
         now[Channel::OverpotentialV] = now[Channel::OcvV] - now[Channel::CellVoltageV];
         // Bernardi's balance: what the resistances burn, and what the change of entropy gives.
         let entropic_v = (now[Channel::CellDegc] + KELVIN_AT_0_DEGC) * now[Channel::EntropyVPerK];
