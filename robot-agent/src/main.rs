@@ -102,6 +102,7 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
                 schema: 1,
                 id,
                 site: args.site.clone().unwrap_or_else(default_site),
+                gauge: energy::gauge::Kind::default(),
                 battery: ModelRef::Name(battery),
                 load: None,
                 mission: robot_agent::Mission::default(),

@@ -19,17 +19,22 @@
 //! one observation. The covariance stays positive since it is formed as a product (Joseph's form
 //! on the factor).
 
+mod layout;
+mod pack;
+
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use self::layout::{Layout, start_sigma};
+use self::pack::Pack;
 use super::follow::follow;
 use super::ocv_error;
-use super::prediction::{Believed, Watch};
+use super::prediction::Watch;
 use super::resistance::{Prior, temperature_factor};
 use super::{Gauge, Reading, Sample};
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model, Run, Sensor, Start, forecast};
+use crate::{Channel, Estimate, Model, Run, Sensor, Start};
 
 /// Time over which samples are gathered, s.
 const WINDOW_S: f64 = 10.0;
@@ -57,48 +62,6 @@ const ROUGH_SOC: f64 = 0.01;
 const SURPRISE: f64 = 4.0;
 /// Most that one surprise widens a deviation by.
 const DOUBT_MAX: f64 = 1.5;
-
-/// Where each part of the state begins.
-#[derive(Debug, Clone)]
-struct Layout {
-    /// Places of the uncertain parameters in [`Model::parameters`]; they follow the run's states.
-    parameters: Vec<usize>,
-    first_parameter: usize,
-    capacity: usize,
-    current_offset: usize,
-    current_gain: usize,
-    resistance: usize,
-    voltage_offset: usize,
-    fine: usize,
-    ocv: usize,
-    len: usize,
-}
-
-impl Layout {
-    fn of(model: &Model) -> Self {
-        let parameters: Vec<usize> = (0..model.parameters().len()).filter(|&index| model.parameters()[index].sigma > 0.0).collect();
-        let first_parameter = model.state_count();
-        let capacity = first_parameter + parameters.len();
-        let ocv = capacity + 6;
-        Self {
-            parameters,
-            first_parameter,
-            capacity,
-            current_offset: capacity + 1,
-            current_gain: capacity + 2,
-            resistance: capacity + 3,
-            voltage_offset: capacity + 4,
-            fine: capacity + 5,
-            ocv,
-            len: ocv + ocv_error::KNOTS,
-        }
-    }
-
-    /// How many of the states need runs.
-    fn followed(&self) -> usize {
-        self.voltage_offset
-    }
-}
 
 /// See the module's text.
 #[derive(Clone)]
@@ -320,18 +283,6 @@ impl SigmaPoint {
     }
 }
 
-/// What is not known of a run's state at the start of a pack that has rested, by its unit.
-fn start_sigma(name: &str, model: &Model) -> f64 {
-    match name.rsplit('_').next() {
-        Some("degc") => {
-            let sensor = model.sensor(Channel::TemperatureDegc);
-            sensor.floor().hypot(sensor.offset_sigma).max(0.1)
-        }
-        Some("v") => 2e-3,
-        _ => 1e-2,
-    }
-}
-
 /// The lower Cholesky factor; what rounding made slightly negative is lifted first.
 fn cholesky(p: &DMatrix<f64>) -> DMatrix<f64> {
     let mut p = (p + p.transpose()) * 0.5;
@@ -347,53 +298,6 @@ fn cholesky(p: &DMatrix<f64>) -> DMatrix<f64> {
             p[(index, index)] = p[(index, index)].abs() * (1.0 + lift) + 1e-18;
         }
         lift *= 10.0;
-    }
-}
-
-/// What the gauge believes: the model's pack with the filter's parameters.
-struct Pack<'a> {
-    gauge: &'a SigmaPoint,
-    temperature_degc: f64,
-    cycles: f64,
-}
-
-impl Pack<'_> {
-    fn places(&self) -> Vec<usize> {
-        let layout = &self.gauge.layout;
-        [0, layout.capacity, layout.resistance].into_iter().chain(layout.first_parameter..layout.capacity).collect()
-    }
-
-    fn run(&self, inputs: &[f64]) -> Run<f64> {
-        let gauge = self.gauge;
-        let soc = inputs[0].clamp(0.0, 1.0);
-        let (temperature_degc, cycle_count) = (self.temperature_degc, self.cycles);
-        let mut values = gauge.model.values();
-        for (&parameter, &value) in gauge.layout.parameters.iter().zip(&inputs[3..]) {
-            let limits = &gauge.model.parameters()[parameter];
-            values[parameter] = value.clamp(limits.min, limits.max);
-        }
-        Run::with_parameters(Arc::clone(&gauge.model), values, Start { temperature_degc, cycle_count, ..Start::at_soc(soc) })
-    }
-}
-
-impl Believed for Pack<'_> {
-    fn inputs(&self) -> (DVector<f64>, DMatrix<f64>) {
-        let (places, gauge) = (self.places(), self.gauge);
-        let mut x = DVector::from_fn(places.len(), |input, _| gauge.x[places[input]]);
-        x[0] = gauge.points[0].run.states()[0];
-        (x, DMatrix::from_fn(places.len(), places.len(), |one, other| gauge.p[(places[one], places[other])]))
-    }
-
-    fn discharge_wh(&self, inputs: &[f64], power_w: f64) -> f64 {
-        let facts = self.gauge.model.battery();
-        let of_pack = inputs[2] * self.gauge.warmth.1 * f64::from(facts.series) / f64::from(facts.parallel);
-        let capacity = 1.0 + inputs[1];
-        let more_ohm = |soc: f64| of_pack * (-(inputs[0] - soc).abs() / RESISTANCE_LENGTH).exp();
-        capacity * forecast::discharge_behind(&mut self.run(inputs), power_w / capacity, more_ohm).energy_wh
-    }
-
-    fn charge_s(&self, inputs: &[f64]) -> f64 {
-        (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs), 1.0).time_s
     }
 }
 

@@ -89,6 +89,9 @@ fn predicted_energy_of_measured_discharges_is_what_was_then_delivered() {
                 let text: Vec<String> = errors.iter().map(|error| format!("{:6.2} +- {:4.2}", error.value, error.sigma)).collect();
                 println!("{:16} {:28} {start:10} {}", kind.name(), path.file_name().unwrap().to_string_lossy(), text.join("   "));
                 assert_eq!(errors.len(), LEFT.len(), "{file}: the discharge does not end");
+                // The model's resistance does not depend on the state of charge, the cell's does:
+                // what is foreseen from a right start is off by up to 4 %.
+                assert!(start != "at rest" || errors.iter().all(|error| error.value.abs() < 5.0), "{file}: {}: {errors:?}", kind.name());
             }
         }
     }
