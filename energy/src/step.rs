@@ -130,7 +130,7 @@ fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
     parts.act(Phase::Polarisation);
     parts.each(|_, now| {
         if resistance != 1.0 {
-            now[Channel::CellCurrentA] = now[Channel::CellCurrentA] / resistance;
+            now[Channel::CellCurrentA] /= resistance;
         }
         now[Channel::CellVoltageV] = now[Channel::CellVoltageV] - now[Channel::OverpotentialV];
         now[Channel::OverpotentialV] = now[Channel::OcvV] - now[Channel::CellVoltageV];
