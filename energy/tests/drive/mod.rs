@@ -49,7 +49,7 @@ pub fn model(more: &str) -> Arc<Model> {
 
 /// The text of a hysteresis effect.
 pub const HYSTERESIS: &str =
-    "[[effect]]\nid = \"hysteresis\"\namplitude_mv = { value = 10.0, source = \"bench\" }\nrate = { value = 50.0, source = \"bench\" }\n";
+    "[[effect]]\nid = \"hysteresis\"\namplitude_v = { value = 0.01, source = \"bench\" }\nrate = { value = 50.0, source = \"bench\" }\n";
 
 const R1: f64 = 0.02;
 const TAU1: f64 = 30.0;

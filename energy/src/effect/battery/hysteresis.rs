@@ -35,12 +35,12 @@ static SPEC: EffectSpec = EffectSpec {
     ],
     parameters: &[
         ParameterSpec {
-            name: "amplitude_mv",
+            name: "amplitude_v",
             meaning: "distance of either branch from the middle, per cell",
-            default: 5.0,
+            default: 5e-3,
             null: Some(0.0),
             min: 0.0,
-            max: 100.0,
+            max: 0.1,
             source: "2-20 mV in NMC and LCO cells, 10-30 mV in LFP (C/30 data of an A123 26650)",
         },
         ParameterSpec {
@@ -56,8 +56,6 @@ static SPEC: EffectSpec = EffectSpec {
     states: &["hysteresis"],
 };
 
-const V_PER_MV: f64 = 1e-3;
-
 impl Physics for Hysteresis {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
@@ -68,7 +66,7 @@ impl Physics for Hysteresis {
     }
 
     fn prepare<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], prepared: &mut [S]) {
-        prepared[0] = parameters[0] * V_PER_MV;
+        prepared[0] = parameters[0];
         prepared[1] = -parameters[1];
     }
 
@@ -88,11 +86,11 @@ mod tests {
     use crate::effect::step_once;
 
     /// Passes a share of the capacity through a cell of 2 Ah at 1 A; negative shares charge it.
-    fn pass(share: f64, amplitude_mv: f64, rate: f64, states: &mut [f64; 1]) -> f64 {
+    fn pass(share: f64, amplitude_v: f64, rate: f64, states: &mut [f64; 1]) -> f64 {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SocPerA] = share.abs();
         channels[Channel::CellCurrentA] = 1f64.copysign(share);
-        step_once(&Hysteresis, &Facts::robot(), 1.0, &[amplitude_mv, rate], states, &mut channels);
+        step_once(&Hysteresis, &Facts::robot(), 1.0, &[amplitude_v, rate], states, &mut channels);
         channels[Channel::OverpotentialV]
     }
 
@@ -100,21 +98,21 @@ mod tests {
     #[test]
     fn half_of_a_reversal_takes_ln_2_over_gamma_of_the_capacity() {
         let mut states = [1.0];
-        assert!(pass(-(2f64.ln()) / 50.0, 5.0, 50.0, &mut states).abs() < 1e-12);
+        assert!(pass(-(2f64.ln()) / 50.0, 5e-3, 50.0, &mut states).abs() < 1e-12);
     }
 
     #[test]
     fn one_long_step_equals_many_short_ones_and_a_rest_changes_nothing() {
         let (mut long, mut short) = ([-0.4], [-0.4]);
-        pass(0.03, 5.0, 50.0, &mut long);
+        pass(0.03, 5e-3, 50.0, &mut long);
         for _ in 0..1000 {
-            pass(0.03 / 1000.0, 5.0, 50.0, &mut short);
+            pass(0.03 / 1000.0, 5e-3, 50.0, &mut short);
         }
         assert!((long[0] - short[0]).abs() < 1e-12);
         let before = long[0];
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::SocPerA] = 1.0;
-        step_once(&Hysteresis, &Facts::robot(), 1e4, &[5.0, 50.0], &mut long, &mut channels);
+        step_once(&Hysteresis, &Facts::robot(), 1e4, &[5e-3, 50.0], &mut long, &mut channels);
         assert_eq!(long[0], before);
     }
 
@@ -123,8 +121,8 @@ mod tests {
     /// 77 mA is about 1 mV of it).
     #[test]
     fn charge_and_discharge_of_an_lfp_cell_lie_two_amplitudes_apart() {
-        let amplitude_mv = 16.8;
-        let (down_v, up_v) = (pass(0.5, amplitude_mv, 50.0, &mut [0.0]), pass(-0.5, amplitude_mv, 50.0, &mut [0.0]));
+        let amplitude_v = 16.8e-3;
+        let (down_v, up_v) = (pass(0.5, amplitude_v, 50.0, &mut [0.0]), pass(-0.5, amplitude_v, 50.0, &mut [0.0]));
         assert!((down_v - up_v - (3.32472 - 3.29115)).abs() < 1e-4, "{down_v} {up_v}");
     }
 }

@@ -58,7 +58,7 @@ mod tests {
         let effects: &[(&str, &[(&str, f64)])] = &[
             ("ohmic", &[("resistance_ohm", 0.05)]),
             ("rc1", &[("resistance_ohm", 0.02), ("tau_s", 10.0)]),
-            ("hysteresis", &[("amplitude_mv", 10.0), ("rate", 1000.0)]),
+            ("hysteresis", &[("amplitude_v", 10e-3), ("rate", 1000.0)]),
             ("polarisation_arrhenius", &[("activation_kj_per_mol", activation_kj_per_mol)]),
         ];
         let mut run = cell(1, effects, Start { temperature_degc: 0.0, ..Start::at_soc(0.9) });
