@@ -186,7 +186,7 @@ mod tests {
         let usable_wh = |power_w| remaining_wh(&pack, Estimate::exact(1.0), 25.0, power_w).value;
         assert!(usable_wh(5.0) < pack.battery().stored_wh());
         assert!(usable_wh(60.0) < usable_wh(30.0) && usable_wh(30.0) < usable_wh(5.0));
-        // Kottas, section 6.2: 7.6 Ah at 11.1 V nominal is 84.4 Wh; LiCoO2 averages a little more.
+        // Kottas, chapter 6: 7.6 Ah at 11.1 V nominal is 84.4 Wh; LiCoO2 averages a little more.
         assert!((80.0..90.0).contains(&usable_wh(60.0)), "{}", usable_wh(60.0));
     }
 

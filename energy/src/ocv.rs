@@ -2,7 +2,7 @@
 
 use crate::real::Real;
 
-/// Open-circuit voltage over state of charge, linearly interpolated (Kottas, section 3.3, found
+/// Open-circuit voltage over state of charge, linearly interpolated (Kottas, section 3.2, found
 /// a cubic spline worse). Outside the table the end segments are continued.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OcvTable {

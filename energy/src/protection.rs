@@ -1,7 +1,7 @@
 //! Protection of a pack as a gauge's analogue front end does it: two switches that open when a
 //! cell leaves its limits.
 //!
-//! Kottas, section 6.1: the front end watches voltages, current and temperature and drives one
+//! Kottas, chapter 6: the front end watches voltages, current and temperature and drives one
 //! transistor for charge and one for discharge. Each limit has a threshold, a delay for which it
 //! must be passed without a break before the switch opens, and a release: a value on the safe
 //! side of the threshold (hysteresis) that must hold for a time of its own before it closes.

@@ -1,7 +1,7 @@
 //! Where the voltage of a resting pack will settle, and how fast.
 //!
 //! After a load ends, the open-circuit voltage creeps towards the electromotive force
-//! (Kottas, section 3.2.2). Its relaxation time constant `tau_rlx` is the time in which it goes
+//! (Kottas, section 3.2). Its relaxation time constant `tau_rlx` is the time in which it goes
 //! 63 % of the way. The first half minute holds faster processes; what follows is close to one
 //! exponential, so a few minutes of rest tell where hours would end:
 //! `V(t) = V_emf - A exp(-t / tau)`.
@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use crate::Estimate;
 
-/// Rest that is left out of an extrapolation, s (Kottas, section 3.2.2, after [40] there).
+/// Rest that is left out of an extrapolation, s (Kottas, section 3.2, after [40] there).
 const SKIPPED_S: f64 = 30.0;
 /// Fewest samples after that: two unknowns, a time constant and one to judge them by.
 const SAMPLES_MIN: usize = 4;

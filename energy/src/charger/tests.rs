@@ -137,7 +137,7 @@ fn shares_are_max_min_fair() {
 #[test]
 fn what_path_selection_saves_is_the_chargers_loss_on_the_own_load() {
     // 4.19 W for 0.95 h through 0.88 and 0.84: 4.19 x 0.95 x 0.13636 / 0.84 = 0.646 Wh, a fortieth
-    // of the 26 Wh that a service takes: no fourth robot (Kottas, section 6.2: three empty a pack).
+    // of the 26 Wh that a service takes: no fourth robot (Kottas, chapter 6: three empty a pack).
     let saved_wh: f64 = saving_wh(4.19, 0.95, 0.88, 0.84);
     assert!((saved_wh - 0.6462).abs() < 1e-4, "{saved_wh}");
     assert_eq!(saving_wh(4.19, 0.95, 1.0, 0.84), 0.0_f64);

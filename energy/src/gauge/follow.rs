@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn a_month_costs_what_the_thesis_says() {
         let month = leak_per_s(&model(), 25.0).value * 30.0 * S_PER_DAY;
-        // Kottas, section 3.4: 3 % of capacity in a month.
+        // Kottas, section 3.1: 3 % of capacity in a month.
         assert!((month - 0.03).abs() < 1e-6, "{month}");
     }
 

@@ -1,6 +1,6 @@
 //! Impedance track: counts charge, and learns the pack's resistance and capacity as it goes.
 //!
-//! As the gauge ICs of the thesis do (Kottas, section 3.3), on the [ledger](super::ledger) of the
+//! As the gauge ICs of the thesis do (Kottas, section 3.2), on the [ledger](super::ledger) of the
 //! charge count:
 //!
 //! * **at rest** the open-circuit voltage corrects the state of charge;

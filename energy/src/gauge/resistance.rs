@@ -1,7 +1,7 @@
 //! Resistance beyond the model's, over state of charge: what a gauge learns of a pack's cells.
 //!
 //! The table has grid points over depth of discharge, as the gauge ICs of the thesis have (Kottas,
-//! section 3.3), denser near empty where the resistance rises. At each point it holds `r`, ohm per
+//! section 3.2), denser near empty where the resistance rises. At each point it holds `r`, ohm per
 //! cell at the reference temperature: `(OCV - V) / I` less what the model's own effects explain.
 //! At another temperature it is scaled as the model's resistance is (an Arrhenius factor when the
 //! model has one).

@@ -1,13 +1,13 @@
 //! Rest: when a pack's voltage tells its state of charge.
 //!
 //! A pack rests when no current flows and its voltage has stopped moving: |dV/dt| < 4 uV/s per
-//! cell (Kottas, section 3.3.2). The slope is that of a straight line through the samples of five
+//! cell (Kottas, section 3.2). The slope is that of a straight line through the samples of five
 //! minutes: with steps of 1 mV a shorter window cannot tell a slope below the limit from none.
 
 use super::Sample;
 use crate::{BatteryFacts, Sensor};
 
-/// Rested when the voltage moves less than this, V/s per cell (Kottas, section 3.3.2).
+/// Rested when the voltage moves less than this, V/s per cell (Kottas, section 3.2).
 const SLOPE_V_PER_S: f64 = 4e-6;
 /// Time over which the slope is taken, s.
 const WINDOW_S: f64 = 300.0;

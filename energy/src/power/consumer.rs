@@ -1,7 +1,7 @@
 //! Loads: constant current, constant power, constant resistance, and any sum of them.
 //!
 //! A sum is a ZIP load: at the voltage V (V) it takes `I = I_0 + P / V + G V` in A, with the
-//! constant current I_0 (A), the constant power P (W) and the conductance G (S). Kottas, section 4:
+//! constant current I_0 (A), the constant power P (W) and the conductance G (S). Kottas, chapter 4:
 //! load devices show one of these three behaviours "or an ensemble of each".
 
 use crate::{Channel, Real};

@@ -98,7 +98,7 @@ fn the_forecast_is_what_a_simulated_service_takes() {
 
 #[test]
 fn three_explorers_empty_one_full_pack_and_path_selection_saves_a_fortieth() {
-    // Kottas, section 6.2: loading, charging from 10 % and unloading three Explorers empties one
+    // Kottas, chapter 6: loading, charging from 10 % and unloading three Explorers empties one
     // full 7600 mAh pack of 84 Wh; the hotel's 5.7 W for an hour is part of it.
     let around = Circumstances { at_once: 3.0, ..Circumstances::ALONE };
     let battery = model("explorer-3s1p-1320mah");

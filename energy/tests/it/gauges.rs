@@ -128,7 +128,7 @@ fn asleep_only_self_discharge_is_counted() {
         let voltage_v = 11.8 + 0.02 * f64::from(minute % 10);
         gauge.update(&Sample { dt_s: 60.0, current_a: 1e-3, voltage_v, temperature_degc: 25.0 });
     });
-    // Kottas, section 3.4: 3 % a month.
+    // Kottas, section 3.1: 3 % a month.
     assert!((before.value - gauge.soc().value - 0.03).abs() < 0.005, "{:?}", gauge.soc());
 }
 

@@ -25,7 +25,7 @@ fn rests(path: &Path) -> Vec<Vec<(f64, f64)>> {
     rests
 }
 
-/// Kottas, section 3.2.2: five minutes suffice for 1 % of the final voltage. Measured rests of a
+/// Kottas, section 3.2: five minutes suffice for 1 % of the final voltage. Measured rests of a
 /// 3.7 Ah LiPo cell; skipped where the data set is not there.
 #[test]
 fn five_minutes_tell_the_voltage_after_half_an_hour() {

@@ -43,7 +43,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::OcvV,
     needs: &[Channel::TemperatureDegc],
     equation: "U += u(SoC) (T - 25 degC); heat += -I T u(SoC); u linear between SoC 0, 0.25, 0.5, 0.75, 1",
-    source: "Bernardi et al. 1985, doi 10.1149/1.2113792; Kottas, section C.1.3 (entropy of the reaction)",
+    source: "Bernardi et al. 1985, doi 10.1149/1.2113792; Kottas, Eq. C.8 (entropy of the reaction)",
     validity: "SoC 0..1, held constant outside; -20..60 degC; one relaxed temperature in the cell",
     signature: "the rest voltage follows temperature; the heat of charge and discharge differs",
     matters: 1e-3,

@@ -1,7 +1,7 @@
 //! Ohmic resistance: the drop that follows the current at once.
 //!
 //! `V_ohm = R0 I_cell`, with R0 in ohm per cell, I_cell in A per cell, V_ohm in V per cell
-//! (Kottas, section 3.2 and C.1.1: the dominant overpotential over most of the discharge).
+//! (Kottas, section C.1.1: the dominant overpotential over most of the discharge).
 //!
 //! Absence: the residual steps with the current and has its sign.
 

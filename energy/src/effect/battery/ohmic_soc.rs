@@ -1,8 +1,8 @@
 //! Resistance that depends on state of charge, with the knee near empty.
 //!
 //! `V = dR(SoC) I_cell`, where dR is linearly interpolated between knots and adds to R0. Kottas,
-//! section 3.3, keeps such a table over depth-of-discharge grid points and finds a steep rise
-//! near the end of discharge. All knots at zero means no effect.
+//! section 3.2 (Fig. 3.10), keeps such a table over depth-of-discharge grid points; the overpotential
+//! rises as the battery nears empty (section 3.1). All knots at zero means no effect.
 //!
 //! Absence: the residual under load grows towards empty (and a little towards full).
 
@@ -46,7 +46,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::OverpotentialV,
     needs: &[Channel::CurrentA],
     equation: "V = dR(SoC) I, dR linear between SoC 0, 0.05, 0.1, 0.2, 0.4, 0.7, 1",
-    source: "Kottas, section 3.3 (resistance table over DoD grid points)",
+    source: "Kottas, section 3.2 (resistance table over DoD grid points)",
     validity: "SoC 0..1; held constant outside; excludes slow diffusion",
     signature: "the residual under load follows SoC, largest near empty",
     matters: 1e-3,

@@ -1,7 +1,7 @@
 //! First polarisation pair: a voltage that follows the current with a time constant.
 //!
 //! `dV1/dt = (R1 I_cell - V1) / tau1`, stepped exactly for a current held over the step:
-//! `V1' = V1 a + R1 I (1 - a)`, `a = exp(-dt / tau1)` (Kottas, section C.1.2, Randles circuit
+//! `V1' = V1 a + R1 I (1 - a)`, `a = exp(-dt / tau1)` (Kottas, section C.1.1, Randles circuit
 //! without its Warburg element). R1 in ohm per cell, tau1 in s.
 //!
 //! Absence: after every current step the residual relaxes exponentially.
@@ -22,7 +22,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::OverpotentialV,
     needs: &[Channel::CurrentA],
     equation: "dV1/dt = (R1 I - V1) / tau1",
-    source: "Kottas, section C.1.2",
+    source: "Kottas, section C.1.1",
     validity: "time steps of any length; linear in the current",
     signature: "the residual relaxes exponentially after each current step",
     matters: 1e-3,

@@ -2,7 +2,7 @@
 //!
 //! `dV2/dt = (R2 I_cell - V2) / tau2`, the physics of the first pair ([`super::rc`]) with a time
 //! constant of its own. R2 in ohm per cell, tau2 in s. It stands for diffusion in one term
-//! (Kottas, section C.1.2, circuits with several RC pairs).
+//! (Kottas, section C.1.1, circuits of a few lumped elements).
 //!
 //! Absence: the residual still relaxes when the first pair has long settled.
 
@@ -20,7 +20,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::OverpotentialV,
     needs: &[Channel::CurrentA],
     equation: "dV2/dt = (R2 I - V2) / tau2",
-    source: "Kottas, section C.1.2",
+    source: "Kottas, section C.1.1",
     validity: "time steps of any length; linear in the current; one time constant for what is a range of them",
     signature: "the residual relaxes over many minutes after a current step, slower than the first pair",
     matters: 1e-3,

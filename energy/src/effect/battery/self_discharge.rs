@@ -1,7 +1,7 @@
 //! Self-discharge: charge that is lost inside the cell whether or not it is used.
 //!
 //! `I_leak = (loss per month / 30 d) Q`, added to the current through the cell, never to the
-//! terminals. Kottas, section 3.4: at most 3 % of capacity a month (57 mAh for 1900 mAh).
+//! terminals. Kottas, section 3.1: at most 3 % of capacity a month (57 mAh for 1900 mAh).
 //!
 //! Absence: after weeks of rest the state of charge is overestimated.
 
@@ -18,7 +18,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::LostCurrentA,
     needs: &[],
     equation: "I_leak = loss_per_month Q / 30 d",
-    source: "Kottas, section 3.4",
+    source: "Kottas, section 3.1",
     validity: "near room temperature; constant over SoC",
     signature: "SoC drifts down at rest over days to weeks",
     matters: 1e-4,
@@ -30,7 +30,7 @@ static SPEC: EffectSpec = EffectSpec {
         null: Some(0.0),
         min: 0.0,
         max: 0.3,
-        source: "Kottas, section 3.4: <= 3 % a month for the LiPo cells used",
+        source: "Kottas, section 3.1: <= 3 % a month for the LiPo cells used",
     }],
     states: &[],
 };

@@ -1,8 +1,8 @@
 //! Lumped thermal mass: the cell warms by its losses and cools towards the surroundings.
 //!
 //! `C dT/dt = P_heat - G (T - T_amb)` for one cell, stepped exactly for heat held over the step
-//! (Kottas, section C.1.3). P_heat = I V_eta in W, with `entropic` also the reversible heat; C in J/K,
-//! G in W/K, temperatures in °C.
+//! (Kottas, Eq. C.9, states the first law and no more). P_heat = I V_eta in W, with `entropic` also
+//! the reversible heat; C in J/K, G in W/K, temperatures in °C.
 //!
 //! Absence: measured temperature rises under load where the model stays at ambient.
 
@@ -18,7 +18,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::CellDegc,
     needs: &[Channel::CurrentA, Channel::AmbientDegc],
     equation: "C dT/dt = P_heat - G (T - T_amb)",
-    source: "Kottas, section C.1.3",
+    source: "first law of thermodynamics (Kottas, Eq. C.9); Newton's law of cooling",
     validity: "small cells (Biot number << 1); reversible heat comes with the effect `entropic`",
     signature: "the temperature residual follows the load with minutes of lag",
     matters: 1.0,

@@ -23,7 +23,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::TerminalVoltageV,
     needs: &[Channel::CurrentA],
     equation: "V += OCV(z_weak) - OCV(z) - r I, dz_weak = dz / (1 - d)",
-    source: "charge balance of cells in series; Kottas, section 3.3 (cells of a pack differ most near empty)",
+    source: "charge balance of cells in series; Kottas, section 3.1 (cells of a pack differ most near empty)",
     validity: "one cell differs; no balancing; all strings in parallel alike",
     signature: "the residual follows SoC and is largest where the OCV curve is steep, near empty above all",
     matters: 1e-3,
@@ -135,8 +135,8 @@ mod tests {
         assert!((run.channels[Channel::CellMinV] - 3.5).abs() < 1e-12);
     }
 
-    /// Series strings end with their weakest cell (Kottas, section 3.3): with 20 % less charge
-    /// in one cell, that cell is empty when the others still hold 20 %.
+    /// Charge balance by hand: with 20 % less charge in one cell, that cell is empty when the
+    /// others still hold 20 %.
     #[test]
     fn the_string_is_empty_when_its_weakest_cell_is() {
         let mut run = string(0.2, 0.0, 0.0, 1.0);

@@ -16,7 +16,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::PowerW,
     needs: &[Channel::CameraOn],
     equation: "P += on P_camera",
-    source: "Kottas, section 4: a camera can be turned on or off",
+    source: "Kottas, chapter 4: a camera can be turned on or off",
     validity: "one frame rate and resolution",
     signature: "a step of missing power as the camera is switched",
     matters: 0.02,

@@ -31,7 +31,7 @@ static SPEC: EffectSpec = EffectSpec {
             null: Some(1.0),
             min: 0.3,
             max: 1.0,
-            source: "Kottas, section 4.2: up to 95 % when well designed",
+            source: "Kottas, section 4.1: up to 95 % when well designed",
         },
         ParameterSpec {
             name: "quiescent_w",

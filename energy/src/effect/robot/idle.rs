@@ -1,7 +1,7 @@
 //! Idle load: computing, sensing and radio of a robot that stands still.
 //!
 //! `P += P_idle` in W on the robot's rails. In the Explorer it dominates: the drive motors take
-//! less than 5 % of the battery current (Kottas, section 5).
+//! less than 5 % of the battery current (Kottas, section 5.2).
 //!
 //! Absence: a constant power is missing whatever the robot does.
 
@@ -17,7 +17,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::PowerW,
     needs: &[],
     equation: "P += P_idle",
-    source: "Kottas, section 4.3",
+    source: "Kottas, sections 4.3 and 5.2",
     validity: "one operating state of computer and radio",
     signature: "a constant missing power",
     matters: 0.02,

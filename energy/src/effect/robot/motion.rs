@@ -21,7 +21,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
     equation: "P += max(0, (m g (c_rr cos(pitch) + sin(pitch)) + m a) v / eta)",
-    source: "Kottas, section 5; Newton's second law",
+    source: "Kottas, chapter 5; Newton's second law",
     validity: "no wheel slip; drive efficiency constant; no regeneration",
     signature: "the power residual grows with speed and uphill pitch",
     matters: 0.02,

@@ -17,7 +17,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps, Channel::AccelMps2],
     equation: "P += rho min(0, F v)",
-    source: "Kottas, section 5 (energy balance of driving)",
+    source: "energy balance of driving, of which Kottas, Eq. 5.2a, has the forward half",
     validity: "motors that brake into the battery (synchronous H-bridge), not into a resistor",
     signature: "a negative residual when braking and downhill",
     matters: 0.02,

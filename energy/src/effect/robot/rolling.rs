@@ -20,7 +20,7 @@ static SPEC: EffectSpec = EffectSpec {
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
     equation: "F = c_rr (m + m_payload) g cos(pitch), P = F v",
-    source: "Newton; Kottas, section 5; rolling coefficient as in vehicle engineering",
+    source: "Newton; rolling coefficient as in vehicle engineering",
     validity: "hard ground, slow speed, no slip",
     signature: "a residual in proportion to speed and to payload",
     matters: 0.02,

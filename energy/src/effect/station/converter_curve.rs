@@ -108,7 +108,7 @@ mod tests {
     /// Textbook: the efficiency of a source with constant, proportional and square loss is best
     /// where constant and square loss are equal, and is 1 / (1 + a + 2 sqrt(P_0 R) / V) there. For
     /// the default that is 91 % at 17 W, as SEPIC converters of this size reach (Kottas, section
-    /// 4.2: converters up to 95 %), and at the load of three bays it has fallen below 90 %.
+    /// 4.1: converters up to 95 %), and at the load of three bays it has fallen below 90 %.
     #[test]
     fn the_default_is_best_at_light_load_and_falls_below_nine_tenths_with_three_bays() {
         let efficiency = |out_w: f64| out_w / in_w([0.3, 0.06, 0.15], out_w, 12.0);

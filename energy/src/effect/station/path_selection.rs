@@ -76,8 +76,8 @@ mod tests {
         assert!((pack_w("mds-station", 40.0, 0.0) - pack_w("mds-station-path-selection", 40.0, 0.0)).abs() < 1e-12);
     }
 
-    /// Kottas, section B.2.1: path selection is "more energy efficient". Section B.2: an Explorer
-    /// charges for about an hour. It saves, but less than a tenth of a service of some 26 Wh.
+    /// Kottas, section B.2.1: path selection is "more energy efficient". An Explorer charges
+    /// at 1C (there), for about an hour. It saves, but less than a tenth of a service of some 26 Wh.
     #[test]
     fn path_selection_saves_but_does_not_make_a_fourth_robot() {
         let saved_wh = pack_w("mds-station", 13.0, 1.0) - pack_w("mds-station-path-selection", 13.0, 1.0);
