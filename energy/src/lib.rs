@@ -20,6 +20,8 @@
 //!
 //! The gauge in the agent, the forecast in the coordinator, the body in the simulator and the
 //! curve in the lab all step the same [`Run`]. Discharge current and drawn power are positive.
+//!
+#![doc = include_str!("../README.md")]
 
 mod batch;
 pub mod channel;

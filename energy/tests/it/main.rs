@@ -7,6 +7,7 @@ mod gauges;
 mod measured;
 mod measured_motors;
 mod rails;
+mod readme;
 mod recovery;
 mod relaxation;
 mod robot_effects;

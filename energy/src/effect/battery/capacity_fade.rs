@@ -93,4 +93,29 @@ mod tests {
         assert!((capacity_ah(500.0) - capacity_ah(500.001)).abs() < 1e-5);
         assert!((capacity_ah(600.0) - 1.6).abs() < 1e-12);
     }
+
+    /// NASA PCoE cell B0025, 28 discharges: means of four capacities are 1.8479 Ah around discharge
+    /// 2.5, 1.8167 Ah around 14.5 and 1.7852 Ah around 26.5. The slope between the first two must
+    /// tell the third.
+    #[test]
+    fn the_first_slope_of_a_measured_cell_tells_its_later_capacity() {
+        let fade_per_cycle = (1.8479 - 1.8167) / 12.0 / 1.8479;
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::CapacityAh] = 1.8479;
+        channels[Channel::CycleCount] = 24.0;
+        step_once(&CapacityFade, &Facts::robot(), 1.0, &[fade_per_cycle, 0.05, 500.0], &mut [], &mut channels);
+        assert!((channels[Channel::CapacityAh] - 1.7852).abs() < 3e-3, "{}", channels[Channel::CapacityAh]);
+    }
+
+    /// By hand: a new cell has all of its capacity, and one that is worn out a twentieth.
+    #[test]
+    fn a_new_cell_is_whole_and_a_dead_one_not_negative() {
+        for (cycles, share) in [(0.0, 1.0), (1e6, 0.05)] {
+            let mut channels = Channels::filled(0.0_f64);
+            channels[Channel::CapacityAh] = 2.0;
+            channels[Channel::CycleCount] = cycles;
+            step_once(&CapacityFade, &Facts::robot(), 1.0, &[2e-4, 1e-3, 500.0], &mut [], &mut channels);
+            assert!((channels[Channel::CapacityAh] - 2.0 * share).abs() < 1e-12);
+        }
+    }
 }

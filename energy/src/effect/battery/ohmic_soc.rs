@@ -101,4 +101,23 @@ mod tests {
         assert!((drop_v(-0.1) - 2.0 * 0.3).abs() < 1e-12);
         assert!((drop_v(1.2) - 2.0 * 0.01).abs() < 1e-12);
     }
+
+    /// Enertech pouch (logs in `scenarios/measured`) of 2.335 Ah at 0.1C. After 1.00 and 2.15 Ah it
+    /// has 3.8173 and 3.6241 V at 0.228 A, 3.7573 and 3.5027 V at 1.14 A, 3.6835 and 3.3859 V at
+    /// 2.28 A. Resistances from the slowest and the fastest must tell the drop of the one between.
+    #[test]
+    fn the_knee_of_a_measured_cell_near_empty_needs_another_resistance_than_its_middle() {
+        let [middle_ohm, empty_ohm] = [3.8173 - 3.6835, 3.6241 - 3.3859].map(|drop_v: f64| drop_v / (2.28 - 0.228));
+        let parameters = [empty_ohm, empty_ohm, empty_ohm, middle_ohm, middle_ohm, middle_ohm, middle_ohm];
+        let drop_v = |taken_ah: f64| {
+            let mut channels = Channels::filled(0.0_f64);
+            channels[Channel::Soc] = 1.0 - taken_ah / 2.335;
+            channels[Channel::CellCurrentA] = 1.14 - 0.228;
+            step_once(&OhmicSoc, &Facts::robot(), 1.0, &parameters, &mut [], &mut channels);
+            channels[Channel::OverpotentialV]
+        };
+        let [middle_v, empty_v] = [3.8173 - 3.7573, 3.6241 - 3.5027];
+        assert!((drop_v(1.00) / middle_v - 1.0).abs() < 0.15 && (drop_v(2.15) / empty_v - 1.0).abs() < 0.15);
+        assert!(drop_v(1.00) < 0.6 * empty_v);
+    }
 }

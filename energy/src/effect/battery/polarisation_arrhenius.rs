@@ -74,4 +74,20 @@ mod tests {
         assert!((drop_v(0.0) - 0.08).abs() < 1e-6, "{}", drop_v(0.0));
         assert!((drop_v(45.0) - (0.06 + 0.02 * 5.26684)).abs() < 1e-6, "{}", drop_v(45.0));
     }
+
+    /// Van 't Hoff's rule: a reaction is twice as fast when it is 10 K warmer, which near 25 °C is
+    /// an activation energy of 52.9 kJ/mol; so its polarisation is half.
+    #[test]
+    fn a_reaction_that_doubles_its_rate_halves_its_polarisation() {
+        let settled_v = |temperature_degc: f64| {
+            let effects: &[(&str, &[(&str, f64)])] =
+                &[("rc1", &[("resistance_ohm", 0.02), ("tau_s", 10.0)]), ("polarisation_arrhenius", &[("activation_kj_per_mol", 52.9)])];
+            let mut run = cell(1, effects, Start { temperature_degc, ..Start::at_soc(0.9) });
+            run.channels[Channel::CurrentA] = 1.0;
+            run.step(1000.0);
+            run.channels[Channel::OverpotentialV]
+        };
+        assert!((settled_v(25.0) - 0.02).abs() < 1e-9, "no change at the reference temperature");
+        assert!((settled_v(35.0) - 0.01).abs() < 1e-5, "{}", settled_v(35.0));
+    }
 }

@@ -105,4 +105,21 @@ mod tests {
         assert!((run(1) - run(1000)).abs() < 1e-12);
         assert!((run(1) - 0.02 * (1.0 - (-1f64).exp())).abs() < 1e-12);
     }
+
+    /// Any text on circuits: a capacitor C that discharges through R from `R I` passes the charge
+    /// `C R I = tau I`, so the area under its relaxation is `R I tau`. Here 0.02 ohm x 2 A x 50 s.
+    #[test]
+    fn the_area_under_the_relaxation_is_the_charge_of_its_capacitor() {
+        let (mut states, mut channels) = ([0.0_f64], Channels::filled(0.0_f64));
+        channels[Channel::CellCurrentA] = 2.0;
+        step_once(&FIRST, &Facts::robot(), 1e4, &[0.02, 50.0], &mut states, &mut channels);
+        let mut area_vs = 0.0;
+        channels[Channel::CellCurrentA] = 0.0;
+        for _ in 0..100_000 {
+            let before_v = states[0];
+            step_once(&FIRST, &Facts::robot(), 0.01, &[0.02, 50.0], &mut states, &mut channels);
+            area_vs += 0.01 * (before_v + states[0]) / 2.0;
+        }
+        assert!((area_vs - 0.02 * 2.0 * 50.0).abs() < 1e-6, "{area_vs}");
+    }
 }

@@ -68,4 +68,13 @@ mod tests {
         step_once(&SECOND, &Facts::robot(), 500.0 * 2f64.ln(), &[0.02, 500.0], &mut states, &mut channels);
         assert!((states[0] + 0.02).abs() < 1e-9, "{states:?}");
     }
+
+    /// Kottas, section 3.2: the relaxation time constant is the time in which the voltage at rest
+    /// goes 63 % of the way to its end.
+    #[test]
+    fn a_rest_as_long_as_the_time_constant_goes_63_percent_of_the_way() {
+        let (mut states, mut channels) = ([0.04_f64], Channels::filled(0.0_f64));
+        step_once(&SECOND, &Facts::robot(), 500.0, &[0.02, 500.0], &mut states, &mut channels);
+        assert!((1.0 - states[0] / 0.04 - 0.63).abs() < 3e-3, "{states:?}");
+    }
 }

@@ -47,3 +47,31 @@ impl Physics for SelfDischarge {
         channels.add(Channel::LostCurrentA, own.parameters[0] * cell_capacity_ah / hours_per_month);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::{cell, step_once};
+    use crate::{Channel, Start};
+
+    /// Kottas, section 3.1: 3 % a month, "for 1900 mAh cells, this corresponds to a capacity
+    /// reduction of 57 mAh".
+    #[test]
+    fn a_month_costs_a_1900_mah_cell_57_mah() {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::CapacityAh] = 1.9;
+        step_once(&SelfDischarge, &Facts::robot(), 1.0, &[0.03], &mut [], &mut channels);
+        assert!((channels[Channel::LostCurrentA] * 30.0 * 24.0 - 0.057).abs() < 1e-12);
+    }
+
+    #[test]
+    fn it_empties_the_cell_at_rest_and_never_shows_at_the_terminals() {
+        let soc_after = |loss_per_month: f64| {
+            let mut run = cell(1, &[("self_discharge", &[("loss_per_month", loss_per_month)])], Start::at_soc(1.0));
+            (0..30).for_each(|_| run.step(86_400.0));
+            assert_eq!(run.channels[Channel::TerminalCurrentA], 0.0);
+            run.channels[Channel::Soc]
+        };
+        assert!((soc_after(0.03) - 0.97).abs() < 1e-12 && (soc_after(0.0) - 1.0).abs() < 1e-15);
+    }
+}

@@ -103,4 +103,19 @@ mod tests {
         step_once(&LumpedThermal, &Facts::robot(), 0.01, &[0.05, 1.0, 45.0], &mut states, &mut channels);
         assert!((states[0] - 25.001_f64).abs() < 1e-7);
     }
+
+    /// Enertech pouch after its 1C discharge (logs in `scenarios/measured`): 28.966 °C, 27.000 °C
+    /// after 191 s, then 25.986, 25.497 and 25.221 °C after 391, 591 and 791 s, in surroundings of
+    /// 24.97 °C. The first two give C / G = 282 s; it must tell the others.
+    #[test]
+    fn the_first_minutes_of_a_measured_cooling_tell_the_rest() {
+        let ambient_degc = 24.97;
+        let tau_s = 191.0 / ((28.966_f64 - ambient_degc) / (27.0 - ambient_degc)).ln();
+        for (time_s, measured_degc) in [(391.0, 25.986), (591.0, 25.497), (791.0, 25.221)] {
+            let (mut states, mut channels) = ([28.966_f64], Channels::filled(0.0_f64));
+            channels[Channel::AmbientDegc] = ambient_degc;
+            step_once(&LumpedThermal, &Facts::robot(), time_s, &[45.0 / tau_s, 1.0, 45.0], &mut states, &mut channels);
+            assert!((states[0] - measured_degc).abs() < 0.05, "{time_s} s: {states:?}");
+        }
+    }
 }

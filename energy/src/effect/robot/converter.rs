@@ -56,3 +56,28 @@ impl Physics for Converter {
         channels[Channel::PowerW] = channels[Channel::PowerW] / own.parameters[0] + own.parameters[1];
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::robot_power_w;
+
+    fn input_w(efficiency: f64, quiescent_w: f64, output_w: f64) -> f64 {
+        robot_power_w(&Converter, &[efficiency, quiescent_w], &[(Channel::PowerW, output_w)])
+    }
+
+    #[test]
+    fn a_perfect_converter_takes_what_it_gives_and_an_idle_one_its_own_need() {
+        assert_eq!(input_w(1.0, 0.0, 3.0), 3.0);
+        assert_eq!(input_w(0.9, 0.02, 0.0), 0.02);
+    }
+
+    /// Kottas, section 4.1: up to 95 %. The loss is then 5 % of the input (Eq. 4.1 put right), not
+    /// 95 % of it as printed. By hand: at an output of eta P_q half of the input is the quiescent need.
+    #[test]
+    fn the_loss_is_the_rest_of_the_input_and_light_load_halves_the_efficiency() {
+        let input = input_w(0.95, 0.0, 1.9);
+        assert!((input - 2.0).abs() < 1e-12 && (input - 1.9 - input * 0.05).abs() < 1e-12);
+        assert!((input_w(0.95, 0.1, 0.95 * 0.1) - 2.0 * 0.1).abs() < 1e-12);
+    }
+}

@@ -60,4 +60,11 @@ mod tests {
         step_once(&Encoders, &Facts::robot(), 1.0, &[2.0 * 0.006], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - 0.06).abs() < 1e-12);
     }
+
+    #[test]
+    fn no_current_is_no_power() {
+        let mut channels = Channels::filled(0.0_f64);
+        step_once(&Encoders, &Facts::robot(), 1.0, &[0.0], &mut [], &mut channels);
+        assert_eq!(channels[Channel::PowerW], 0.0);
+    }
 }

@@ -105,4 +105,15 @@ mod tests {
         let at = |volts| power_w(&[0.5, 0.0], &[(Channel::SpeedMps, 1.0), (Channel::TractionN, 2.0), (Channel::VoltageV, volts)]);
         assert!((at(4.0) - 0.5).abs() < 1e-12 && (at(2.0) - 1.0).abs() < 1e-12 && at(0.0) == 0.0);
     }
+
+    /// DRV8871 (Texas Instruments): 565 mOhm for both switches together. One motor without
+    /// resistance, 1 A at full duty: 0.565 W by Joule's law.
+    #[test]
+    fn an_integrated_bridge_loses_what_its_datasheet_says_at_one_ampere() {
+        let (pair_ohm, k, ratio, radius_m, battery_v) = (0.565, 11.4e-3, 41.0, 0.0225, 11.1);
+        let conduction_v_per_n = pair_ohm * (radius_m / (ratio * k)) * (radius_m / (ratio * k)) * k * ratio / radius_m;
+        let (force_n, speed_mps) = (ratio * k / radius_m, battery_v * radius_m / (k * ratio));
+        let inputs = [(Channel::SpeedMps, speed_mps), (Channel::TractionN, force_n), (Channel::VoltageV, battery_v)];
+        assert!((power_w(&[conduction_v_per_n, 0.0], &inputs) - 0.565).abs() < 1e-12);
+    }
 }

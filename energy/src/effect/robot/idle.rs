@@ -44,3 +44,27 @@ impl Physics for Idle {
         channels.add(Channel::PowerW, own.parameters[0]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::robot_power_w;
+
+    #[test]
+    fn it_adds_its_power_whatever_the_robot_does() {
+        for speed_mps in [0.0, 0.5] {
+            let inputs = [(Channel::PowerW, 1.0), (Channel::SpeedMps, speed_mps)];
+            assert_eq!(robot_power_w(&Idle, &[3.0], &inputs), 4.0);
+            assert_eq!(robot_power_w(&Idle, &[0.0], &inputs), 1.0);
+        }
+    }
+
+    /// Wandboard Dual with Wi-Fi (its maker's measurement, wandboard.org): 0.23 A at 5 V idle, 0.32 A
+    /// busy, without camera, radio traffic or sensors. The default must be above the computer
+    /// alone, and of its order.
+    #[test]
+    fn the_default_is_more_than_a_small_computer_alone_and_not_ten_times_that() {
+        let busy_w = robot_power_w(&Idle, &[0.32 * 5.0], &[]);
+        assert!((busy_w..10.0 * busy_w).contains(&SPEC.parameters[0].default), "{busy_w}");
+    }
+}

@@ -85,6 +85,7 @@ mod tests {
     use super::*;
     use crate::effect::step_once;
 
+    /// Standard gravity, 9.80665 m/s² (3rd CGPM, 1901).
     #[test]
     fn a_kilogram_up_a_slope_takes_m_g_sin_v() {
         let mut channels = Channels::filled(0.0_f64);

@@ -60,4 +60,12 @@ mod tests {
         assert!((channels[Channel::TemperatureDegc] - 25.26).abs() < 5e-3);
         assert_eq!(channels[Channel::CellDegc], 0.0);
     }
+
+    #[test]
+    fn at_its_null_the_sensor_shows_what_is() {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::TemperatureDegc] = 25.0;
+        step_once(&TemperatureBias, &Facts::robot(), 1.0, &[0.0], &mut [], &mut channels);
+        assert_eq!(channels[Channel::TemperatureDegc], 25.0);
+    }
 }

@@ -57,4 +57,12 @@ mod tests {
         step_once(&VoltageGain, &Facts::robot(), 1.0, &[1.007], &mut [], &mut channels);
         assert!((channels[Channel::VoltageV] - 12.6882).abs() < 1e-12);
     }
+
+    #[test]
+    fn at_its_null_the_sensor_shows_what_is() {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::VoltageV] = 12.6;
+        step_once(&VoltageGain, &Facts::robot(), 1.0, &[1.0], &mut [], &mut channels);
+        assert_eq!(channels[Channel::VoltageV], 12.6);
+    }
 }

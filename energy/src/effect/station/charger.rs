@@ -44,3 +44,31 @@ impl Physics for Charger {
         channels[Channel::PackPowerW] /= own.parameters[0];
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::step_once;
+
+    fn pack_w(efficiency: f64, charge_w: f64) -> f64 {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::PackPowerW] = charge_w;
+        step_once(&Charger, &Facts::Station, 1.0, &[efficiency], &mut [], &mut channels);
+        channels[Channel::PackPowerW]
+    }
+
+    #[test]
+    fn a_perfect_charger_takes_what_it_gives_and_an_idle_one_nothing() {
+        assert_eq!(pack_w(1.0, 14.0), 14.0);
+        assert_eq!(pack_w(0.9, 0.0), 0.0);
+    }
+
+    /// A linear charger passes its input current on: from 15 V (Kottas, section B.2.2) into three
+    /// cells of 3.7 V it has 11.1 / 15 = 74 %. A switch-mode charger is there to be better.
+    #[test]
+    fn the_default_is_better_than_a_linear_charger_would_be() {
+        let linear_w = pack_w(11.1 / 15.0, 14.65);
+        assert!((linear_w - 14.65 * 15.0 / 11.1).abs() < 1e-12);
+        assert!(pack_w(SPEC.parameters[0].default, 14.65) < linear_w);
+    }
+}

@@ -55,3 +55,30 @@ impl Physics for Converter {
         channels[Channel::PackPowerW] = channels[Channel::PackPowerW] / own.parameters[0] + own.parameters[1];
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::step_once;
+
+    fn pack_w(efficiency: f64, quiescent_w: f64, bays_w: f64) -> f64 {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::PackPowerW] = bays_w;
+        step_once(&Converter, &Facts::Station, 1.0, &[efficiency, quiescent_w], &mut [], &mut channels);
+        channels[Channel::PackPowerW]
+    }
+
+    #[test]
+    fn a_perfect_converter_takes_what_it_gives_and_an_idle_one_its_own_need() {
+        assert_eq!(pack_w(1.0, 0.0, 60.0), 60.0);
+        assert_eq!(pack_w(0.88, 0.2, 0.0), 0.2);
+    }
+
+    /// Kottas, section 4.1: efficiencies of even 95 %, under the best conditions. Of 60 W into the
+    /// converters 5 % are then heat (Eq. 4.1 put right); the default may not promise more than that.
+    #[test]
+    fn at_best_a_twentieth_of_the_input_is_lost_and_by_default_more() {
+        assert!((pack_w(0.95, 0.0, 57.0) - 60.0).abs() < 1e-12);
+        assert!(pack_w(SPEC.parameters[0].default, SPEC.parameters[1].default, 57.0) > 60.0);
+    }
+}

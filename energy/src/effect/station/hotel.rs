@@ -43,3 +43,30 @@ impl Physics for Hotel {
         channels.add(Channel::PackPowerW, own.parameters[0]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::step_once;
+
+    fn pack_w(hotel_w: f64, bays_w: f64) -> f64 {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::PackPowerW] = bays_w;
+        step_once(&Hotel, &Facts::Station, 1.0, &[hotel_w], &mut [], &mut channels);
+        channels[Channel::PackPowerW]
+    }
+
+    #[test]
+    fn it_is_there_with_every_bay_empty_and_the_same_when_they_are_full() {
+        assert_eq!(pack_w(3.0, 0.0), 3.0);
+        assert_eq!(pack_w(3.0, 60.0), 63.0);
+        assert_eq!(pack_w(0.0, 60.0), 60.0);
+    }
+
+    /// Wandboard Dual with Wi-Fi (its maker's measurement, wandboard.org): 0.23 A at 5 V idle. A
+    /// station has such a computer, and gauges, selector and Bluetooth with it (Kottas, section B.2.2).
+    #[test]
+    fn the_default_is_more_than_an_idle_computer_alone() {
+        assert!(pack_w(SPEC.parameters[0].default, 0.0) > pack_w(0.23 * 5.0, 0.0));
+    }
+}

@@ -43,3 +43,30 @@ impl Physics for Lift {
         channels.add(Channel::PackPowerW, own.parameters[0] * channels[Channel::LiftActive]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::step_once;
+
+    fn pack_w(lift_w: f64, active: f64) -> f64 {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::LiftActive] = active;
+        step_once(&Lift, &Facts::Station, 1.0, &[lift_w], &mut [], &mut channels);
+        channels[Channel::PackPowerW]
+    }
+
+    #[test]
+    fn a_lift_takes_its_power_while_it_moves() {
+        assert_eq!([pack_w(10.0, 1.0), pack_w(10.0, 0.0), pack_w(0.0, 1.0)], [10.0, 0.0, 0.0]);
+        assert_eq!(pack_w(10.0, 0.5), 5.0, "half of a step");
+    }
+
+    /// The work alone: 0.5 kg (guess, the Explorer) by 10 cm against standard gravity is 0.49 J. A
+    /// lift that takes half a minute may not take less than 16 mW; all above that is its drive.
+    #[test]
+    fn the_default_lifts_a_robot_and_loses_nearly_all() {
+        let work_j = 0.5 * 9.806_65 * 0.1;
+        assert!(pack_w(SPEC.parameters[0].default, 1.0) * 30.0 > work_j);
+    }
+}

@@ -45,3 +45,32 @@ impl Physics for RobotOwnLoad {
         channels.add(Channel::PackPowerW, own.parameters[0] * channels[Channel::RobotsDocked]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::step_once;
+
+    fn pack_w(own_load_w: f64, docked: f64) -> f64 {
+        let mut channels = Channels::filled(0.0_f64);
+        channels[Channel::RobotsDocked] = docked;
+        step_once(&RobotOwnLoad, &Facts::Station, 1.0, &[own_load_w], &mut [], &mut channels);
+        channels[Channel::PackPowerW]
+    }
+
+    #[test]
+    fn every_docked_robot_takes_it_and_an_empty_station_nothing() {
+        assert_eq!([pack_w(3.0, 0.0), pack_w(3.0, 1.0), pack_w(3.0, 3.0)], [0.0, 3.0, 9.0]);
+        assert_eq!(pack_w(0.0, 3.0), 0.0);
+    }
+
+    /// Kottas, chapter 6: three services from 10 % at 1C empty one pack of 7.6 Ah x 11.1 V. Into the
+    /// robots go 3 x 0.9 x 1.32 Ah x 11.1 V; what they take for themselves in the 0.9 h of the
+    /// constant current can be no more than the rest.
+    #[test]
+    fn the_default_fits_into_what_the_measured_pack_could_give() {
+        let rest_wh = 7.6 * 11.1 - 3.0 * 0.9 * 1.32 * 11.1;
+        let own_wh = pack_w(SPEC.parameters[0].default, 3.0) * 0.9;
+        assert!(own_wh < rest_wh, "{own_wh} of {rest_wh} Wh");
+    }
+}
