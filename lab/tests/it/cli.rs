@@ -77,7 +77,7 @@ fn a_mistake_in_a_model_is_placed() {
     fs::write(directory.path().join("robot.toml"), text).unwrap();
     fs::write(directory.path().join("run.csv"), "time_s,power_w,speed_mps\n0,3,0\n1,3,0\n").unwrap();
     let outcome = lab_in(directory.path(), &["compare", "--model", "robot.toml", "--log", "run.csv"]);
-    refuses(&outcome, &["robot.toml:12:1: effect `idle` has no parameter `idel_w`; did you mean `idle_w`?"]);
+    refuses(&outcome, &["robot.toml:14:1: effect `idle` has no parameter `idel_w`; did you mean `idle_w`?"]);
 }
 
 #[test]
