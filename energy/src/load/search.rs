@@ -95,10 +95,11 @@ fn patient<T: Terminals + ?Sized>(pack: &mut T, dt_s: f64, mix: &Mix) -> Option<
         }
         return None;
     }
-    // The voltage falls with the current, so no current below that of the open-circuit voltage
-    // is enough, and no point of the grid is less than 1 / STEP of a peak to the right of it.
+    // Where the voltage falls with the current, no current below that of the open-circuit voltage
+    // is enough, and no point of the grid is less than 1 / STEP of a peak to the right of it. The
+    // grid begins lower: parameters within their ranges may add up to a voltage that rises.
     let (mut before, mut last) = ((0.0, none), (0.0, none));
-    let mut current_a = missing_a;
+    let mut current_a = missing_a / 32.0;
     for _ in 0..GRID {
         let (here, voltage_v, _) = at(current_a);
         if here >= -1.0 {
@@ -110,7 +111,7 @@ fn patient<T: Terminals + ?Sized>(pack: &mut T, dt_s: f64, mix: &Mix) -> Option<
                 return close(|a| at(a).0, before, peak);
             }
         }
-        if voltage_v <= 0.0 {
+        if voltage_v <= 0.0 && current_a >= missing_a {
             break;
         }
         (before, last) = (last, (current_a, here));
