@@ -1,8 +1,17 @@
 //! Plots of a robot that drives: its motors, its caster tail, its energy per metre.
 //!
+//! # Plots
+//!
 //! ```text
 //! cargo run -p energy --example plot_motion [FOLDER]      (default: plots)
 //! ```
+//!
+//! - `motor`: speed, armature current, power and efficiency over the torque at the wheel.
+//! - `motor-start`: speed and current of a start and a stop, ripple over the PWM frequency.
+//! - `caster`: holding torque, weight on the wheels and power to hold over the tail's angle.
+//! - `energy-per-metre`: of the drive motors alone and of whole robots, over speed.
+//!
+//! Each as SVG and as PNG.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -46,15 +55,8 @@ fn motor() -> Vec<Panel> {
     let at = |wheel_nm: f64, voltage_v: f64| MOTOR.at(wheel_nm, MOTOR.speed_at(voltage_v, wheel_nm));
     let driving = at(level_nm(), PACK_V);
     let level_mnm = level_nm() * MNM_PER_NM;
-    let panel = |title: &str, y_label: &str, top: f64, lines, marks, legend| Panel {
-        title: title.to_owned(),
-        x_label: "torque at the wheel / mN m".to_owned(),
-        x: 0.0..end_mnm * 1.02,
-        y_label: y_label.to_owned(),
-        y: 0.0..top,
-        lines,
-        marks,
-        legend,
+    let panel = |title: &str, y_label: &str, top: f64, lines, marks, legend| {
+        Panel::new(title, ("torque at the wheel / mN m", 0.0..end_mnm * 1.02), (y_label, 0.0..top), lines, legend).marked(marks)
     };
     let best = (1..1000)
         .map(|step| MOTOR.stall_nm(PACK_V) * f64::from(step) / 1000.0)
@@ -75,7 +77,7 @@ fn motor() -> Vec<Panel> {
             UpperRight,
         ),
         panel(
-            "Armature current",
+            "Armature current, up to stall",
             "current / mA",
             1000.0,
             of(|nm, v| 1e3 * MOTOR.at(nm, MOTOR.speed_at(v, nm)).current_a),
@@ -124,15 +126,8 @@ fn start() -> Vec<Panel> {
     };
     let khz = BRIDGE.pwm_hz / 1e3;
     let chosen_ma = 1e3 * ripple_any_a(0.5, PACK_V, BRIDGE.pwm_hz, MOTOR.motor.inductance_h, MOTOR.motor.resistance_ohm);
-    let panel = |title: &str, x_label: &str, end: f64, y_label: &str, y, lines, marks, legend| Panel {
-        title: title.to_owned(),
-        x_label: x_label.to_owned(),
-        x: 0.0..end,
-        y_label: y_label.to_owned(),
-        y,
-        lines,
-        marks,
-        legend,
+    let panel = |title: &str, x_label: &str, end: f64, y_label: &str, y, lines, marks, legend| {
+        Panel::new(title, (x_label, 0.0..end), (y_label, y), lines, legend).marked(marks)
     };
     let time = "time / ms";
     vec![
@@ -166,15 +161,8 @@ fn caster() -> Vec<Panel> {
     let weight_n = (CASTER.body_kg + CASTER.tail_kg) * GRAVITY_MPS2;
     let (worst_rad, worst_nm) = CASTER.worst(range.start.to_radians(), range.end.to_radians()).expect("the links reach");
     let worst = worst_rad.to_degrees();
-    let panel = |title: &str, y_label: &str, y, line, marks| Panel {
-        title: title.to_owned(),
-        x_label: "tail below the horizontal / degrees".to_owned(),
-        x: range.clone(),
-        y_label: y_label.to_owned(),
-        y,
-        lines: vec![line],
-        marks,
-        legend: LowerRight,
+    let panel = |title: &str, y_label: &str, y, line, marks| {
+        Panel::new(title, ("tail below the horizontal / degrees", range.clone()), (y_label, y), vec![line], LowerRight).marked(marks)
     };
     let wheels = |degrees: f64| 100.0 * stance(degrees).wheels_n / weight_n;
     let hold_w = |degrees: f64| SERVO.hold_w(stance(degrees).hold_nm);
@@ -217,19 +205,10 @@ fn whole_robot(title: &str, model: &Arc<Model>, fastest_mps: f64, floors: &[(u32
         lines.push(line);
         let best = most_economical(model, &inputs, 0.02..=fastest_mps);
         let text = format!("{:.1} J/m at {:.2} m/s", best.energy_j_per_m.value, best.speed_mps);
-        let below = if colour == 0 { 18 } else { -30 };
+        let below = if colour == 0 { 30 } else { -42 };
         marks.push(mark((best.speed_mps, best.energy_j_per_m.value), (-4, below), text));
     }
-    Panel {
-        title: title.to_owned(),
-        x_label: "speed / (m/s)".to_owned(),
-        x: 0.0..fastest_mps * 1.04,
-        y_label: "energy / (J/m)".to_owned(),
-        y: 0.0..top,
-        lines,
-        marks,
-        legend: UpperRight,
-    }
+    Panel::new(title, ("speed / (m/s)", 0.0..fastest_mps * 1.04), ("energy / (J/m)", 0.0..top), lines, UpperRight).marked(marks)
 }
 
 fn energy() -> Result<Vec<Panel>, Box<dyn Error>> {
@@ -243,16 +222,9 @@ fn energy() -> Result<Vec<Panel>, Box<dyn Error>> {
         };
         Line::of(label, colour, 0.01..SPEED_MAX_MPS, at)
     };
-    let motors = Panel {
-        title: "Explorer, drive motors alone".to_owned(),
-        x_label: "speed / (m/s)".to_owned(),
-        x: 0.0..SPEED_MAX_MPS * 1.04,
-        y_label: "energy / (J/m)".to_owned(),
-        y: 0.0..2.0,
-        lines: vec![per_metre(0, "hard floor", 0), per_metre(2, "long carpet", 1)],
-        marks: vec![],
-        legend: UpperRight,
-    };
+    let (speed, lines) =
+        (("speed / (m/s)", 0.0..SPEED_MAX_MPS * 1.04), vec![per_metre(0, "hard floor", 0), per_metre(2, "long carpet", 1)]);
+    let motors = Panel::new("Explorer, drive motors alone", speed, ("energy / (J/m)", 0.0..2.0), lines, UpperRight);
     Ok(vec![
         motors,
         whole_robot("Explorer, all it takes", &explorer, SPEED_MAX_MPS, &[(0, "hard floor, one sigma")], 60.0),

@@ -1,19 +1,27 @@
 //! Plots of a robot's electrical side: converter efficiency, regulator loss and temperature, the
 //! power tree over a discharge, processor power, radio range and supply power.
 //!
+//! # Plots
+//!
 //! ```text
 //! cargo run -p energy --example plot_power [FOLDER]      (default: plots)
 //! ```
+//!
+//! - `power-rails`: efficiency of a converter, loads and losses of the Aquapod's rails over the
+//!   pack's voltage, loss and temperature of its linear regulator.
+//! - `power-loads`: power of a processor over its clock, supply power of a radio module, range of a
+//!   radio link with and without a matched antenna.
+//!
+//! Each as SVG and as PNG.
 
 use std::error::Error;
-use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use energy::power::radio::{Duty, Impedance, Link, RadioModule};
 use energy::power::{PowerTree, RailKind};
 use energy::{Channel, Model, Run, Start, load_model};
-use plotters::prelude::SeriesLabelPosition::{self, LowerRight, UpperLeft};
+use plotters::prelude::SeriesLabelPosition::{LowerRight, UpperLeft};
 
 mod plot;
 
@@ -23,11 +31,6 @@ const SIZE: (u32, u32) = (620, 420);
 const AMBIENT_DEGC: f64 = 25.0;
 const M_PER_KM: f64 = 1000.0;
 
-fn panel(title: &str, x: (&str, Range<f64>), y: (&str, Range<f64>), lines: Vec<Line>, legend: SeriesLabelPosition) -> Panel {
-    let (x_label, y_label) = (x.0.to_owned(), y.0.to_owned());
-    Panel { title: title.to_owned(), x_label, x: x.1, y_label, y: y.1, lines, marks: Vec::new(), legend }
-}
-
 /// Efficiency of the Aquapod's 5 V converter over its output current (compare Kottas, Fig. 4.2).
 fn converter(tree: &PowerTree) -> Panel {
     let RailKind::Switching(converter) = &tree.rails()[tree.find("5v").expect("a 5 V rail")].kind else { unreachable!("it switches") };
@@ -36,7 +39,7 @@ fn converter(tree: &PowerTree) -> Panel {
         Line::of(&format!("{volts} V in"), colour, 0.0..1.5, |output_a| 100.0 * converter.efficiency(*volts, output_a))
     };
     let lines = volts.iter().enumerate().map(line).collect();
-    panel("5 V switch-mode converter", ("output current / A", 0.0..1.5), ("efficiency / %", 0.0..100.0), lines, LowerRight)
+    Panel::new("5 V switch-mode converter", ("output current / A", 0.0..1.5), ("efficiency / %", 0.0..100.0), lines, LowerRight)
 }
 
 /// Heat and junction temperature of the Aquapod's linear 5 V regulator.
@@ -50,11 +53,14 @@ fn regulator(tree: &PowerTree) -> [Panel; 2] {
     let loss_w = |volts: f64, output_a: f64| ldo.loss_w(volts, output_a);
     let degc = |volts: f64, output_a: f64| ldo.junction_degc(AMBIENT_DEGC, loss_w(volts, output_a)).expect("theta_JA is given");
     let current = || ("output current / A", 0.0..0.25);
-    let loss = panel("Linear regulator to 5 V: loss", current(), ("loss / W", 0.0..0.9), lines(&loss_w), UpperLeft);
-    let mut heat = panel("Linear regulator to 5 V: heat", current(), ("junction / \u{b0}C", 0.0..200.0), lines(&degc), UpperLeft);
-    let limit_a = 0.1;
+    let loss = Panel::new("Linear regulator to 5 V: loss", current(), ("loss / W", 0.0..0.9), lines(&loss_w), UpperLeft);
+    let mut heat = Panel::new("Linear regulator to 5 V: heat", current(), ("junction / \u{b0}C", 0.0..200.0), lines(&degc), UpperLeft);
+    let limit_a = (1..250).map(|ma| f64::from(ma) / 1e3).find(|&output_a| degc(volts[2], output_a) > ldo.junction_max_degc);
     heat.lines.push(Line::of("", 3, 0.0..0.25, |_| ldo.junction_max_degc).dashed());
-    heat.marks.push(Mark { at: (limit_a, ldo.junction_max_degc), text: "shuts down".to_owned(), offset: (10, -12) });
+    if let Some(limit_a) = limit_a {
+        let text = format!("shuts down: {limit_a:.2} A at {} V", volts[2]);
+        heat.marks.push(Mark { at: (limit_a, ldo.junction_max_degc), text, offset: (-4, -14) });
+    }
     [loss, heat]
 }
 
@@ -72,7 +78,7 @@ fn discharge(aquapod: &Arc<Model>, tree: &PowerTree) -> Panel {
     for (index, rail) in tree.rails().iter().enumerate() {
         lines.push(Line::of(&format!("loss of {}", rail.id), 2 + index, pack(), |volts| at(volts).rails()[index].loss_w));
     }
-    panel("Aquapod at rest: where its power goes", ("pack voltage / V", pack()), ("power / W", 0.0..1.6), lines, UpperLeft)
+    Panel::new("Aquapod at rest: where its power goes", ("pack voltage / V", pack()), ("power / W", 0.0..1.6), lines, UpperLeft)
 }
 
 /// Power of the processor over its clock, by utilisation.
@@ -88,7 +94,8 @@ fn processor() -> Result<Panel, Box<dyn Error>> {
     let line =
         |(colour, util): (usize, &f64)| Line::of(&format!("{:.0} % busy", 100.0 * util), colour, 13.0..416.0, |mhz| power_w(mhz, *util));
     let lines = [1.0, 0.5, 0.0].iter().enumerate().map(line).collect();
-    let mut panel = panel("PXA270: C N V\u{b2} f and leakage", ("clock / MHz", 0.0..430.0), ("power / W", 0.0..0.65), lines, UpperLeft);
+    let mut panel =
+        Panel::new("PXA270: C N V\u{b2} f and leakage", ("clock / MHz", 0.0..430.0), ("power / W", 0.0..0.65), lines, UpperLeft);
     for (mhz, volts) in [(104.0, 1.0), (208.0, 1.05), (312.0, 1.1), (416.0, 1.35)] {
         panel.marks.push(Mark { at: (mhz, power_w(mhz, 1.0)), text: format!("{volts:.2} V"), offset: (-10, -12) });
     }
@@ -108,7 +115,7 @@ fn range() -> Panel {
         Line::of("12 + j70 ohm on a 50 ohm line", 1, -10.0..20.0, |dbm| range_km(dbm, antenna.mismatch_loss_db(50.0))),
     ];
     let title = "75.57 MHz in free space, received with -85 dBm";
-    panel(title, ("transmitted power / dBm", -10.0..20.0), ("range / km", 0.0..60.0), lines, UpperLeft)
+    Panel::new(title, ("transmitted power / dBm", -10.0..20.0), ("range / km", 0.0..60.0), lines, UpperLeft)
 }
 
 /// Mean supply power of a Wi-Fi module.
@@ -119,7 +126,7 @@ fn supply() -> Panel {
         Line::of(&format!("{dbm:.0} dBm"), colour, 0.0..1.0, mean_w)
     };
     let lines = [20.0, 15.0, 10.0, 0.0].iter().enumerate().map(line).collect();
-    panel("Wi-Fi module: supply power", ("share of time sending", 0.0..1.0), ("supply power / W", 0.0..1.5), lines, LowerRight)
+    Panel::new("Wi-Fi module: supply power", ("share of time sending", 0.0..1.0), ("supply power / W", 0.0..1.5), lines, LowerRight)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

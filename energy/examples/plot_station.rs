@@ -1,9 +1,17 @@
 //! Plots of a docking station: a CC-CV charge with both power paths, converter efficiency, and where
 //! the energy of a service goes.
 //!
+//! # Plots
+//!
 //! ```text
 //! cargo run -p energy --example plot_station [FOLDER]      (default: plots)
 //! ```
+//!
+//! - `station`: current, voltage, state of charge and power of a battery that charges, for a charger
+//!   that also feeds the robot (direct connection) and one that does not (path selection);
+//!   efficiency of the converters in front of the bays; energy of one service by cause.
+//!
+//! Each as SVG and as PNG.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -18,7 +26,7 @@ use plotters::prelude::SeriesLabelPosition::{self, LowerRight, UpperRight};
 
 mod plot;
 
-use plot::{Line, Mark, Panel, save};
+use plot::{Line, Panel, save};
 
 const SIZE: (u32, u32) = (620, 400);
 /// An Explorer's own load, W.
@@ -64,15 +72,8 @@ fn charge(battery: &Arc<Model>, path: PowerPath) -> Series {
 
 fn charge_panels(battery: &Arc<Model>) -> Vec<Panel> {
     let (direct, selected) = (charge(battery, PowerPath::Direct), charge(battery, PowerPath::Selected));
-    let panel = |title: &str, y_label: &str, top: f64, bottom: f64, lines, legend: SeriesLabelPosition| Panel {
-        title: title.to_owned(),
-        x_label: "time / h".to_owned(),
-        x: 0.0..HOURS,
-        y_label: y_label.to_owned(),
-        y: bottom..top,
-        lines,
-        marks: Vec::new(),
-        legend,
+    let panel = |title: &str, y_label: &str, top: f64, bottom: f64, lines, legend: SeriesLabelPosition| {
+        Panel::new(title, ("time / h", 0.0..HOURS), (y_label, bottom..top), lines, legend)
     };
     let both = |name: &'static str| {
         vec![Line::through("direct connection", 1, direct[name].clone()), Line::through("path selection", 0, selected[name].clone())]
@@ -106,17 +107,8 @@ fn converters() -> Result<Panel, Box<dyn Error>> {
         .map(|(colour, &pack_v)| Line::of(&format!("{pack_v:.1} V"), colour, 0.5..80.0, |out_w| efficiency(&curve, out_w, pack_v)))
         .collect();
     let station = Arc::new(model("mds-station")?.without(|id| id != "converter_efficiency"));
-    lines.push(Line::of("constant, of mds-station", 3, 0.5..80.0, |out_w| efficiency(&station, out_w, 11.1)).dashed());
-    Ok(Panel {
-        title: "Converters of the bays".to_owned(),
-        x_label: "power to the bays / W".to_owned(),
-        x: 0.0..80.0,
-        y_label: "efficiency / %".to_owned(),
-        y: 70.0..95.0,
-        lines,
-        marks: Vec::new(),
-        legend: LowerRight,
-    })
+    lines.push(Line::of("constant, plus no-load power", 3, 0.5..80.0, |out_w| efficiency(&station, out_w, 11.1)).dashed());
+    Ok(Panel::new("Converters of the bays", ("power to the bays / W", 0.0..80.0), ("efficiency / %", 70.0..95.0), lines, LowerRight))
 }
 
 /// Where the energy of a service goes, as bars for both power paths.
@@ -124,9 +116,11 @@ fn services(battery: &Arc<Model>) -> Result<Panel, Box<dyn Error>> {
     let handling = Handling { load_s: 30.0, unload_s: 30.0, swap_s: 60.0 };
     let around = Circumstances { pack_v: 11.4, at_once: 3.0, ..Circumstances::ALONE };
     let causes = ["charge", "own load", "charger_efficiency", "converter_efficiency", "lift"];
-    let (mut lines, mut marks) = (Vec::new(), Vec::new());
+    let (mut lines, mut names) = (Vec::new(), Vec::new());
     for (place, (name, own, title)) in
-        [("mds-station", "robot_own_load", "direct"), ("mds-station-path-selection", "path_selection", "selected")].into_iter().enumerate()
+        [("mds-station", "robot_own_load", "direct connection"), ("mds-station-path-selection", "path_selection", "path selection")]
+            .into_iter()
+            .enumerate()
     {
         let recharge = service_energy(&model(name)?, handling, battery, Estimate::new(0.1, 0.01), 0.98, &around);
         let mut bottom_wh = 0.0;
@@ -134,29 +128,18 @@ fn services(battery: &Arc<Model>) -> Result<Panel, Box<dyn Error>> {
             let wh = recharge.breakdown_wh.get(if *cause == "own load" { own } else { cause }).copied().unwrap_or(0.0);
             let left = place as f64 + 0.25;
             let label = if place == 0 { cause.replace('_', " ") } else { String::new() };
-            // A filled bar is a line to and fro, closer than it is wide.
-            let turns = (wh / 0.1).ceil() as u32;
-            let turn = |turn: u32| {
-                let y = bottom_wh + wh * f64::from(turn) / f64::from(turns.max(1));
-                if turn.is_multiple_of(2) { [(left, y), (left + 0.5, y)] } else { [(left + 0.5, y), (left, y)] }
-            };
-            lines.push(Line::through(&label, colour, (0..=turns).flat_map(turn).collect()));
+            let (right, top_wh) = (left + 0.5, bottom_wh + wh);
+            let corners = vec![(left, bottom_wh), (right, bottom_wh), (right, top_wh), (left, top_wh)];
+            lines.push(Line::through(&label, colour, corners).filled());
             bottom_wh += wh;
         }
         let whole = recharge.need.estimate();
-        let text = format!("{title}: {:.1} ± {:.1} Wh", whole.value, whole.sigma);
-        marks.push(Mark { at: (place as f64 + 0.5, whole.value), text, offset: (0, -16) });
+        names.push((place as f64 + 0.5, format!("{title}: {:.1} \u{b1} {:.1} Wh", whole.value, whole.sigma)));
     }
-    Ok(Panel {
-        title: "Energy of one service, 10 % to 98 %".to_owned(),
-        x_label: "left: direct connection, right: path selection".to_owned(),
-        x: 0.0..2.0,
-        y_label: "energy from the pack / Wh".to_owned(),
-        y: 0.0..48.0,
-        lines,
-        marks,
-        legend: UpperRight,
-    })
+    let title = "Energy of one service, 10 % to 98 %";
+    let mut panel = Panel::new(title, ("power path", 0.0..2.0), ("energy from the pack / Wh", 0.0..45.0), lines, UpperRight);
+    panel.x_names = names;
+    Ok(panel)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -8,6 +8,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use plotters::coord::Shift;
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -19,14 +20,18 @@ const INK: RGBColor = RGBColor(40, 40, 40);
 const GRID: RGBColor = RGBColor(222, 222, 222);
 
 /// Colours that stay apart for colour-blind eyes and in print (Okabe and Ito, 2008).
-pub const COLOURS: [RGBColor; 6] = [
+pub const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
     RGBColor(150, 110, 0),
+    RGBColor(0, 0, 0),
 ];
+/// Black, to be drawn over other colours.
+#[allow(dead_code, reason = "not every example draws over a line")]
+pub const BLACK: usize = 6;
 
 /// A curve of a panel.
 pub struct Line {
@@ -40,6 +45,8 @@ pub struct Line {
     pub colour: usize,
     /// Whether it is drawn in dashes.
     pub dashed: bool,
+    /// Whether the points are the corners of an area.
+    pub filled: bool,
 }
 
 impl Line {
@@ -51,13 +58,20 @@ impl Line {
 
     /// A curve through points.
     pub fn through(label: &str, colour: usize, points: Vec<(f64, f64)>) -> Self {
-        Line { label: label.to_owned(), points, band: Vec::new(), colour, dashed: false }
+        Line { label: label.to_owned(), points, band: Vec::new(), colour, dashed: false, filled: false }
     }
 
     /// The same curve in dashes.
     #[allow(dead_code, reason = "not every example draws dashes")]
     pub fn dashed(mut self) -> Self {
         self.dashed = true;
+        self
+    }
+
+    /// The area between these corners.
+    #[allow(dead_code, reason = "not every example draws areas")]
+    pub fn filled(mut self) -> Self {
+        self.filled = true;
         self
     }
 }
@@ -91,6 +105,54 @@ pub struct Panel {
     pub marks: Vec<Mark>,
     /// Where the legend stands.
     pub legend: SeriesLabelPosition,
+    /// Whether the x axis is logarithmic: powers of ten are labelled.
+    pub log_x: bool,
+    /// Words in place of the numbers of the x axis.
+    pub x_names: Vec<(f64, String)>,
+}
+
+impl Panel {
+    /// Curves over axes: of each its label with unit, and its ends.
+    pub fn new(title: &str, x: (&str, Range<f64>), y: (&str, Range<f64>), lines: Vec<Line>, legend: SeriesLabelPosition) -> Self {
+        let (x_label, y_label) = (x.0.to_owned(), y.0.to_owned());
+        let (marks, x_names) = (Vec::new(), Vec::new());
+        Panel { title: title.to_owned(), x_label, x: x.1, y_label, y: y.1, lines, marks, legend, log_x: false, x_names }
+    }
+
+    /// The same panel with points of note.
+    #[allow(dead_code, reason = "not every example marks points")]
+    pub fn marked(mut self, marks: Vec<Mark>) -> Self {
+        self.marks = marks;
+        self
+    }
+
+    /// The same panel with a logarithmic x axis.
+    #[allow(dead_code, reason = "not every example has a logarithmic axis")]
+    pub fn log_x(mut self) -> Self {
+        self.log_x = true;
+        self
+    }
+
+    /// Place of a point in the coordinates that are drawn.
+    fn place(&self, x: f64) -> f64 {
+        if self.log_x { x.log10() } else { x }
+    }
+
+    /// Words at a tick of the x axis.
+    fn x_tick(&self, x: f64) -> String {
+        if self.log_x {
+            // Grid lines between powers of ten stay without words.
+            return if (x - x.round()).abs() < 1e-6 {
+                number(10f64.powf(x.round()), (-x.round()).max(0.0) as usize)
+            } else {
+                String::new()
+            };
+        }
+        if self.x_names.is_empty() {
+            return number(x, digits(&self.x));
+        }
+        self.x_names.iter().find(|(at, _)| (at - x).abs() < 1e-6).map_or_else(String::new, |(_, name)| name.clone())
+    }
 }
 
 /// Draws panels, `columns` side by side, each of `size` pixels at half the resolution, into `folder/name.svg` and
@@ -134,13 +196,15 @@ where
         .margin_right(24 * FINE)
         .x_label_area_size(48 * FINE)
         .y_label_area_size(70 * FINE)
-        .build_cartesian_2d(panel.x.clone(), panel.y.clone())?;
-    let (x_digits, y_digits) = (digits(&panel.x), digits(&panel.y));
-    chart
-        .configure_mesh()
-        .x_labels(8)
+        .build_cartesian_2d(panel.place(panel.x.start)..panel.place(panel.x.end), panel.y.clone())?;
+    let y_digits = digits(&panel.y);
+    let mut mesh = chart.configure_mesh();
+    if !panel.x_names.is_empty() {
+        mesh.disable_x_mesh();
+    }
+    mesh.x_labels(8)
         .y_labels(7)
-        .x_label_formatter(&|x| number(*x, x_digits))
+        .x_label_formatter(&|x| panel.x_tick(*x))
         .y_label_formatter(&|y| number(*y, y_digits))
         .light_line_style(TRANSPARENT)
         .bold_line_style(GRID.stroke_width(FINE.unsigned_abs()))
@@ -154,18 +218,27 @@ where
     for line in &panel.lines {
         let colour = COLOURS[line.colour % COLOURS.len()];
         let style = colour.stroke_width(2 * FINE.unsigned_abs());
+        let points: Vec<(f64, f64)> = line.points.iter().map(|&(x, y)| (panel.place(x), y)).collect();
         if !line.band.is_empty() {
-            let upper = line.points.iter().zip(&line.band).map(|(&(x, y), half)| (x, y + half));
-            let lower = line.points.iter().zip(&line.band).rev().map(|(&(x, y), half)| (x, y - half));
+            let upper = points.iter().zip(&line.band).map(|(&(x, y), half)| (x, y + half));
+            let lower = points.iter().zip(&line.band).rev().map(|(&(x, y), half)| (x, y - half));
             chart.draw_series([Polygon::new(upper.chain(lower).collect::<Vec<_>>(), colour.mix(0.18))])?;
         }
-        let drawn = if line.dashed {
-            chart.draw_series(DashedLineSeries::new(line.points.iter().copied(), 8 * FINE, 5 * FINE, style))?
+        let drawn = if line.filled {
+            chart.draw_series([Polygon::new(points, colour.filled())])?
+        } else if line.dashed {
+            chart.draw_series(DashedLineSeries::new(points, 8 * FINE, 5 * FINE, style))?
         } else {
-            chart.draw_series(LineSeries::new(line.points.iter().copied(), style))?
+            chart.draw_series(LineSeries::new(points, style))?
         };
         if !line.label.is_empty() {
-            drawn.label(&line.label).legend(move |(x, y)| PathElement::new([(x, y), (x + 22 * FINE, y)], style));
+            let drawn = drawn.label(&line.label);
+            let ends = |(x, y)| [(x, y), (x + 22 * FINE, y)];
+            if line.dashed {
+                drawn.legend(move |at| DashedPathElement::new(ends(at), 6 * FINE, 3 * FINE, style));
+            } else {
+                drawn.legend(move |at| PathElement::new(ends(at), style));
+            }
         }
     }
     for mark in &panel.marks {
@@ -175,7 +248,7 @@ where
             1.. => HPos::Left,
         };
         let words = text(15).pos(Pos::new(side, VPos::Center));
-        let element = EmptyElement::at(mark.at)
+        let element = EmptyElement::at((panel.place(mark.at.0), mark.at.1))
             + Circle::new((0, 0), 4 * FINE, INK.filled())
             + Text::new(mark.text.clone(), (mark.offset.0 * FINE, mark.offset.1 * FINE), words);
         chart.draw_series([element])?;
