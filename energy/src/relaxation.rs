@@ -45,7 +45,9 @@ pub enum RestError {
 /// Extrapolates a rest: samples are time since the load ended, s, and voltage, V.
 ///
 /// The deviation of the result is how far it moves when the last third of the rest is left out,
-/// or what the voltage sensor's noise `sigma_v` leaves, whichever is more.
+/// beside what the voltage sensor's noise `sigma_v` leaves. It knows nothing of a process that is
+/// too slow to have shown in the rest: in a cell with a time constant of half an hour five minutes
+/// tell the end to some 40 mV whatever the deviation says, and only a longer rest helps.
 ///
 /// # Errors
 /// [`RestError`] when the samples are too few or out of order.
