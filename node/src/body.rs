@@ -43,10 +43,10 @@ impl PackBody {
     /// A pack at a true state of charge. Offset and gain of its gauge IC are drawn once, within
     /// the sensor deviations that the model states.
     #[must_use]
-    pub fn new(model: Arc<Model>, soc: f64, temperature_degc: f64, seed: u64) -> Self {
+    pub fn new(model: Arc<Model>, start: Start, seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let [offset, gain] = [0, 1].map(|_| [0, 1, 2].map(|_| StandardNormal.sample(&mut rng)));
-        let pack = Pack::new(model, Start { temperature_degc, ..Start::at_soc(soc) });
+        let pack = Pack::new(model, start);
         let protection = watched(&pack);
         Self { pack, protection, rng, offset, gain }
     }
@@ -154,7 +154,7 @@ mod tests {
         let text =
             energy::built_in("explorer-3s1p-1320mah").unwrap().replacen("[sensor.voltage_v]", &format!("{extra}\n[sensor.voltage_v]"), 1);
         let read = |table: &str| Ok(energy::built_in(table).unwrap().to_owned());
-        PackBody::new(Arc::new(Model::parse("pack", &text, &read).unwrap()), soc, temperature_degc, 1)
+        PackBody::new(Arc::new(Model::parse("pack", &text, &read).unwrap()), Start { temperature_degc, ..Start::at_soc(soc) }, 1)
     }
 
     #[test]

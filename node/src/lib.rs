@@ -15,6 +15,7 @@
 //!
 //! Robot agent, station agent and coordinator use it; nothing here knows which of them it serves.
 
+mod age;
 pub mod body;
 mod charging;
 pub mod clock;
@@ -26,6 +27,7 @@ pub mod session;
 mod stop;
 mod wire;
 
+pub use age::Age;
 pub use charging::Charging;
 pub use clock::{Clock, ClockConfig};
 pub use ledger::{Ledger, refused};

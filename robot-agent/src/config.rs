@@ -8,7 +8,7 @@ use anyhow::{Context, ensure};
 use energy::gauge::{Kind, soc_at_rest};
 use energy::{Channel, Model, forecast};
 use node::files::{ModelRef, read_text};
-use node::{ClockConfig, NetworkConfig, Publish, wire};
+use node::{Age, ClockConfig, NetworkConfig, Publish, wire};
 use proto::{RobotId, SiteId, StationId, Travel};
 use serde::{Deserialize, Serialize};
 
@@ -80,6 +80,9 @@ pub enum SourceConfig {
         load: ModelRef,
         /// True state of charge at the start.
         soc: f64,
+        /// What the pack has lived through.
+        #[serde(default)]
+        age: Age,
         /// Temperature of the surroundings, °C.
         temperature_degc: f64,
         /// Chooses the gauge IC's specimen and noise.
@@ -129,7 +132,8 @@ impl Config {
         for (station, time_s) in &self.travel_s {
             ensure!((0.0..=TIME_MAX_S).contains(time_s), "travel_s.{station} = {time_s}: must be between 0 and {TIME_MAX_S}");
         }
-        if let SourceConfig::Sim { soc, temperature_degc, .. } = self.source {
+        if let SourceConfig::Sim { soc, age, temperature_degc, .. } = self.source {
+            age.check().context("source")?;
             ensure!(
                 (-60.0..=100.0).contains(&temperature_degc),
                 "source.temperature_degc = {temperature_degc}: must be between -60 and 100"
@@ -179,7 +183,7 @@ impl Config {
     /// # Errors
     /// When a model cannot be read or the source is not a simulated one.
     pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, RobotBody)> {
-        let SourceConfig::Sim { battery: true_battery, load: true_load, soc, temperature_degc, seed } = &self.source else {
+        let SourceConfig::Sim { battery: true_battery, load: true_load, soc, age, temperature_degc, seed } = &self.source else {
             anyhow::bail!("robot {} has no simulated body", self.id)
         };
         let battery = self.battery.load(path)?;
@@ -190,6 +194,7 @@ impl Config {
             working: inputs.clone(),
             travel_s: self.travel_s.clone(),
             soc: *soc,
+            age: *age,
             temperature_degc: *temperature_degc,
             seed: *seed,
         });

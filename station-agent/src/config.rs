@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use energy::gauge::Kind;
 use node::files::{ModelRef, read_text};
-use node::{Charging, ClockConfig, NetworkConfig, Publish, SelectorConfig};
+use node::{Age, Charging, ClockConfig, NetworkConfig, Publish, SelectorConfig};
 use proto::{BayId, Estimate, PackId, SiteId, SpareId, StationId};
 use serde::{Deserialize, Serialize};
 
@@ -103,6 +103,9 @@ pub struct TruePack {
     pub battery: ModelRef,
     /// State of charge at the start.
     pub soc: f64,
+    /// What it has lived through.
+    #[serde(default)]
+    pub age: Age,
 }
 
 /// Longest time that a configuration may state, s: a day.
@@ -157,6 +160,7 @@ impl Config {
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
             fraction(format!("source.packs.{}.soc", pack.id), truth.soc)?;
+            truth.age.check().with_context(|| format!("source.packs.{}", pack.id))?;
         }
         self.publish.check()
     }
@@ -170,7 +174,7 @@ impl Config {
         let mut true_packs = Vec::new();
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
-            true_packs.push(WorldPack { pack: pack.id.clone(), battery: truth.battery.load(path)?, soc: truth.soc });
+            true_packs.push(WorldPack { pack: pack.id.clone(), battery: truth.battery.load(path)?, soc: truth.soc, age: truth.age });
         }
         let mut body = StationBody::new(World {
             load: load.load(path)?,

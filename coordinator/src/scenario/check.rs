@@ -106,6 +106,7 @@ fn check_station(station: &StationEntry) -> Result<(), String> {
     let mut ids = BTreeSet::new();
     for pack in &station.packs {
         fraction(&format!("station {id}: pack {}: soc", pack.id), pack.soc)?;
+        pack.age.check().map_err(|error| format!("station {id}: pack {}: {error}", pack.id))?;
         if !ids.insert(&pack.id) {
             return Err(format!("station {id}: pack {} appears twice", pack.id));
         }
@@ -145,5 +146,6 @@ fn check_robot(robot: &RobotEntry, stations: &[&str]) -> Result<(), String> {
             not_negative(&format!("robot {id}: travel_s.{station}"), value)?;
         }
     }
+    robot.age.check().map_err(|error| format!("robot {id}: {error}"))?;
     not_negative(&format!("robot {id}: mission.weight"), robot.mission.weight)
 }

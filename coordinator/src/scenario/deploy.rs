@@ -95,6 +95,7 @@ impl Scenario {
                 battery: truth(&entry.battery),
                 load: truth(&entry.load),
                 soc: entry.soc.at(index),
+                age: entry.age,
                 temperature_degc: self.temperature_degc,
                 seed,
             },
@@ -113,7 +114,7 @@ impl Scenario {
         truth: &dyn Fn(&str) -> ModelRef,
     ) -> anyhow::Result<station_agent::Config> {
         let bays = (1..=entry.bays).map(|number| proto::BayId::new(format!("bay-{number}"))).collect::<Result<_, _>>()?;
-        let true_pack = |pack: &super::PackEntry| station_agent::TruePack { battery: truth(&pack.battery), soc: pack.soc };
+        let true_pack = |pack: &super::PackEntry| station_agent::TruePack { battery: truth(&pack.battery), soc: pack.soc, age: pack.age };
         let config = station_agent::Config {
             schema: 1,
             id: entry.id.clone(),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use energy::DocumentError;
 use energy::document::Document;
 use energy::gauge::Kind;
-use node::{Charging, Publish, SelectorConfig};
+use node::{Age, Charging, Publish, SelectorConfig};
 use proto::{PackId, RobotId, SiteId, SpareId, StationId};
 use serde::Deserialize;
 use toml::Spanned;
@@ -117,6 +117,9 @@ pub struct PackEntry {
     pub gauge: Kind,
     /// True state of charge at the start.
     pub soc: f64,
+    /// What it has lived through in truth.
+    #[serde(default)]
+    pub age: Age,
 }
 
 /// A charged spare pack for robots.
@@ -147,6 +150,9 @@ pub struct RobotEntry {
     pub load: String,
     /// True state of charge at the start: one for all or one each.
     pub soc: OneOrEach,
+    /// What its pack has lived through in truth.
+    #[serde(default)]
+    pub age: Age,
     /// Seconds of travel to each station: one for all or one each.
     pub travel_s: BTreeMap<StationId, OneOrEach>,
     /// Its work.

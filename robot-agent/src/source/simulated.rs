@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use energy::load::CannotDeliver;
 use energy::{Channel, Estimate, Model, Run, Start};
+use node::Age;
 use node::body::{PackBody, Task};
 use proto::{SimDraw, SimSupply, StationId, Timestamp};
 
@@ -23,6 +24,8 @@ pub struct World {
     pub travel_s: BTreeMap<StationId, f64>,
     /// True state of charge at the start.
     pub soc: f64,
+    /// What its pack has lived through.
+    pub age: Age,
     /// Temperature of pack and surroundings, °C.
     pub temperature_degc: f64,
     /// Chooses the gauge IC's specimen and noise.
@@ -53,7 +56,7 @@ impl RobotBody {
     #[must_use]
     pub fn new(world: World) -> Self {
         Self {
-            pack: PackBody::new(world.battery, world.soc, world.temperature_degc, world.seed),
+            pack: PackBody::new(world.battery, world.age.start(world.soc, world.temperature_degc), world.seed),
             load: Run::new(world.load, Start::at_soc(0.0)),
             working: world.working,
             travel_s: world.travel_s,

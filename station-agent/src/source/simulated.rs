@@ -8,8 +8,8 @@ use std::sync::Arc;
 use energy::charger::{fair_level, share_fairly};
 use energy::service::{Situation, charge_w_within};
 use energy::{Channel, Estimate, Model, Run, Start};
-use node::SelectorConfig;
 use node::body::{PackBody, Task};
+use node::{Age, SelectorConfig};
 use proto::{PackId, RobotId, SimDraw, SimSupply, SpareId, Timestamp};
 
 use self::recharge::{PackCharger, Shelf, label};
@@ -54,6 +54,8 @@ pub struct WorldPack {
     pub battery: Arc<Model>,
     /// True state of charge at the start.
     pub soc: f64,
+    /// What it has lived through.
+    pub age: Age,
 }
 
 struct Pack {
@@ -102,7 +104,11 @@ impl StationBody {
         let pack = |(index, pack): (usize, WorldPack)| Pack {
             id: pack.pack,
             charger: PackCharger::new(&pack.battery),
-            body: PackBody::new(pack.battery, pack.soc, world.temperature_degc, world.seed.wrapping_add(index as u64 * 7919)),
+            body: PackBody::new(
+                pack.battery,
+                pack.age.start(pack.soc, world.temperature_degc),
+                world.seed.wrapping_add(index as u64 * 7919),
+            ),
             depleted: false,
         };
         Self {

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use energy::charger::{self, Charger, PowerPath, Stage};
 use energy::gauge::Sample;
 use energy::{Channel, Estimate, Model};
+use node::Age;
 use node::body::{PackBody, Task};
 use proto::{RobotId, SpareId};
 
@@ -81,7 +82,7 @@ impl Shelf {
     pub(super) fn arrived(&mut self, robot: &RobotId, soc: f64) {
         let (Some(battery), Some(place)) = (&self.battery, self.awaited.remove(robot)) else { return };
         self.seed = self.seed.wrapping_add(104_729);
-        let body = PackBody::new(Arc::clone(battery), soc, self.temperature_degc, self.seed);
+        let body = PackBody::new(Arc::clone(battery), Age::default().start(soc, self.temperature_degc), self.seed);
         self.left.insert(place, Left { charger: PackCharger::new(battery), body });
     }
 
