@@ -19,7 +19,7 @@ fn world(socs: &[f64]) -> World {
         pack: PackId::new(format!("pack-{}", index + 1)).unwrap(),
         battery: model("mds-3s4p-7600mah"),
         soc,
-        age: node::Age::default(),
+        age: Age::default(),
     };
     World {
         load: model("mds-station"),
