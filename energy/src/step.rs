@@ -7,7 +7,7 @@ use crate::model::{Model, Placed};
 use crate::power::PowerTree;
 use crate::real::Real;
 use crate::system::{BatteryFacts, Facts};
-use crate::units::{KELVIN_AT_0_DEGC, S_PER_H};
+use crate::units::{H_PER_S, KELVIN_AT_0_DEGC};
 use crate::{Channel, Channels};
 
 /// One or many runs of a model.
@@ -23,10 +23,10 @@ pub(crate) trait Parts<S> {
 }
 
 /// Advances by `dt_s` seconds.
-#[inline]
+#[inline(always)]
 pub(crate) fn step<S: Real>(model: &Model, dt_s: f64, parts: &mut impl Parts<S>) {
     match &model.facts {
-        Facts::Battery(facts) => battery(facts, model.predicts_temperature(), dt_s, parts),
+        Facts::Battery(facts) => battery(model, facts, dt_s, parts),
         Facts::Robot(robot) => {
             parts.each(|_, now| {
                 now[Channel::PowerW] = S::from(0.0);
@@ -73,15 +73,16 @@ fn rails<S: Real>(model: &Model, tree: &PowerTree, parts: &mut impl Parts<S>) {
 }
 
 /// A battery of like cells: between the two halves of its terminals lie the cells themselves.
-#[inline]
-fn battery<S: Real>(facts: &BatteryFacts, warms: bool, dt_s: f64, parts: &mut impl Parts<S>) {
+#[inline(always)]
+fn battery<S: Real>(model: &Model, facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
+    let warms = model.predicts_temperature();
     sensed(warms, parts);
-    cells(facts, dt_s, parts);
+    cells(facts, !model.placed_in(Phase::Equilibrium).is_empty(), dt_s, parts);
     terminals(warms, parts);
 }
 
 /// From the current as its sensor shows it to the one that flowed.
-#[inline]
+#[inline(always)]
 pub(crate) fn sensed<S: Real>(warms: bool, parts: &mut impl Parts<S>) {
     parts.each(|_, now| {
         now[Channel::TerminalCurrentA] = now[Channel::CurrentA];
@@ -102,10 +103,10 @@ pub(crate) fn drawn<S: Real>(parallel: u32, parts: &mut impl Parts<S>) {
     parts.act(Phase::Current);
 }
 
-#[inline]
-fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
-    let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s / S_PER_H);
-    let per_parallel = 1.0 / parallel;
+#[inline(always)]
+fn cells<S: Real>(facts: &BatteryFacts, shifts: bool, dt_s: f64, parts: &mut impl Parts<S>) {
+    let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s * H_PER_S);
+    let per_parallel = if facts.parallel == 1 { 1.0 } else { 1.0 / parallel };
     let (resistance, self_discharge) = (facts.cell.resistance, facts.cell.self_discharge);
     parts.each(|_, now| {
         now[Channel::CapacityAh] = S::from(facts.capacity_ah);
@@ -125,9 +126,11 @@ fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
         now[Channel::Soc] = states[0];
         now[Channel::OcvV] = facts.ocv.voltage_v(states[0]);
         now[Channel::OverpotentialV] = S::from(0.0);
-        now[Channel::EntropyVPerK] = S::from(0.0);
     });
-    parts.act(Phase::Equilibrium);
+    if shifts {
+        parts.each(|_, now| now[Channel::EntropyVPerK] = S::from(0.0));
+        parts.act(Phase::Equilibrium);
+    }
     // A cell of more resistance is one of less electrode: the same current is denser in it.
     if resistance != 1.0 {
         parts.each(|_, now| now[Channel::CellCurrentA] *= resistance);
@@ -146,8 +149,12 @@ fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
         now[Channel::CellVoltageV] -= polarisation_v;
         now[Channel::OverpotentialV] = now[Channel::OcvV] - now[Channel::CellVoltageV];
         // Bernardi's balance: what the resistances burn, and what the change of entropy gives.
-        let entropic_v = (now[Channel::CellDegc] + KELVIN_AT_0_DEGC) * now[Channel::EntropyVPerK];
-        now[Channel::HeatW] = (now[Channel::OverpotentialV] - entropic_v) * now[Channel::CellCurrentA];
+        // Without a change of entropy the heat need not wait for the temperature.
+        let mut lost_v = now[Channel::OverpotentialV];
+        if shifts {
+            lost_v -= (now[Channel::CellDegc] + KELVIN_AT_0_DEGC) * now[Channel::EntropyVPerK];
+        }
+        now[Channel::HeatW] = lost_v * now[Channel::CellCurrentA];
         now[Channel::CellMinV] = now[Channel::CellVoltageV];
         now[Channel::CellMaxV] = now[Channel::CellVoltageV];
         now[Channel::TerminalVoltageV] = now[Channel::CellVoltageV] * series;
@@ -156,7 +163,7 @@ fn cells<S: Real>(facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
 }
 
 /// From the cells' voltage to the terminals and to what sensors show.
-#[inline]
+#[inline(always)]
 pub(crate) fn terminals<S: Real>(warms: bool, parts: &mut impl Parts<S>) {
     parts.act(Phase::Connection);
     parts.each(|_, now| {

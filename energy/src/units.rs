@@ -2,6 +2,8 @@
 
 /// Seconds in an hour.
 pub const S_PER_H: f64 = 3600.0;
+/// Hours in a second: a step multiplies by it, since a division would take longer.
+pub const H_PER_S: f64 = 1.0 / S_PER_H;
 /// Kelvin at 0 °C.
 pub const KELVIN_AT_0_DEGC: f64 = 273.15;
 /// Standard gravity, m/s² (3rd CGPM, 1901).
