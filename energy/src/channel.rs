@@ -41,6 +41,8 @@ channels! {
     CycleCount = "cycle_count",
     /// Days since the battery was made.
     AgeDays = "age_days",
+    /// How the charge at the start was reached: 1 by discharge, -1 by charge, 0 when not known.
+    History = "history",
     /// Current that truly flows at the terminals, whatever its sensor shows, A.
     TerminalCurrentA = "terminal_current_a",
     /// Voltage that is truly at the terminals, whatever its sensor shows, V.

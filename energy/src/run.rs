@@ -21,19 +21,28 @@ pub struct Start<S = f64> {
     pub cycle_count: f64,
     /// Days since the battery was made.
     pub age_days: f64,
+    /// How the battery came to this charge: 1 by discharge, -1 by charge, between them after both
+    /// or when it is not known.
+    pub history: f64,
 }
 
 impl Start<f64> {
     /// A new battery at this state of charge and the reference temperature.
     #[must_use]
     pub fn at_soc(soc: f64) -> Self {
-        Self { soc, temperature_degc: REFERENCE_DEGC, cycle_count: 0.0, age_days: 0.0 }
+        Self { soc, temperature_degc: REFERENCE_DEGC, cycle_count: 0.0, age_days: 0.0, history: 0.0 }
     }
 
     /// The same start, as plain or dual numbers.
     #[must_use]
     pub fn lifted<S: From<f64>>(self) -> Start<S> {
-        Start { soc: S::from(self.soc), temperature_degc: self.temperature_degc, cycle_count: self.cycle_count, age_days: self.age_days }
+        Start {
+            soc: S::from(self.soc),
+            temperature_degc: self.temperature_degc,
+            cycle_count: self.cycle_count,
+            age_days: self.age_days,
+            history: self.history,
+        }
     }
 }
 
@@ -187,6 +196,7 @@ pub(crate) fn begin<S: Lane>(model: &Model, parameters: &[S], states: &mut [S], 
     }
     channels[Channel::CycleCount] = S::from(start.cycle_count);
     channels[Channel::AgeDays] = S::from(start.age_days);
+    channels[Channel::History] = S::from(start.history.clamp(-1.0, 1.0));
     if let Facts::Battery(facts) = &model.facts {
         states[0] = start.soc;
         channels[Channel::OcvV] = facts.ocv.voltage_v(start.soc);

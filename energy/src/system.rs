@@ -81,6 +81,7 @@ impl System {
                 Channel::VoltageV,
                 Channel::PowerW,
                 Channel::Soc,
+                Channel::History,
                 Channel::TerminalCurrentA,
                 Channel::TerminalVoltageV,
                 Channel::CellMinV,

@@ -3,7 +3,7 @@
 use energy::document::hint;
 use energy::{Channel, Facts, Model, Start};
 
-use crate::measurement::Log;
+use crate::measurement::{History, Log};
 
 /// What a model predicts and a log has measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -224,6 +224,10 @@ fn start(model: &Model, log: &Log, inputs: &[(Channel, Vec<f64>)]) -> Result<Sta
     let mut start = Start::at_soc(0.0);
     start.temperature_degc = temperature_degc.unwrap_or(start.temperature_degc);
     start.cycle_count = input(Channel::CycleCount).unwrap_or(start.cycle_count);
+    start.history = log.facts.history.map_or(0.0, |history| match history {
+        History::Discharged => 1.0,
+        History::Charged => -1.0,
+    });
     start.age_days = input(Channel::AgeDays).unwrap_or(start.age_days);
     let Facts::Battery(facts) = &model.facts else { return Ok(start) };
     start.soc = match (log.facts.soc_initial, log.facts.rest_voltage_v) {

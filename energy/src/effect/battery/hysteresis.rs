@@ -61,6 +61,10 @@ impl Physics for Hysteresis {
         &SPEC
     }
 
+    fn start<S: Real>(&self, _: &Facts, _: &[S], states: &mut [S], channels: &Channels<S>) {
+        states[0] = channels[Channel::History];
+    }
+
     fn prepared_len(&self) -> usize {
         2
     }
@@ -124,5 +128,17 @@ mod tests {
         let amplitude_v = 16.8e-3;
         let (down_v, up_v) = (pass(0.5, amplitude_v, 50.0, &mut [0.0]), pass(-0.5, amplitude_v, 50.0, &mut [0.0]));
         assert!((down_v - up_v - (3.32472 - 3.29115)).abs() < 1e-4, "{down_v} {up_v}");
+    }
+
+    /// A rested cell that was charged before lies M above the middle, one that was discharged below.
+    #[test]
+    fn a_run_starts_on_the_branch_that_its_history_says() {
+        for (history, side) in [(1.0, 1.0), (-1.0, -1.0), (0.0, 0.0)] {
+            let (mut states, mut channels) = ([0.5], Channels::filled(0.0_f64));
+            channels[Channel::History] = history;
+            Physics::start(&Hysteresis, &Facts::robot(), &[5e-3, 50.0], &mut states, &channels);
+            step_once(&Hysteresis, &Facts::robot(), 1.0, &[5e-3, 50.0], &mut states, &mut channels);
+            assert!((channels[Channel::OverpotentialV] - 5e-3 * side).abs() < 1e-15);
+        }
     }
 }
