@@ -48,9 +48,15 @@ pub struct Sensor {
     /// Step between readings.
     #[serde(default)]
     pub quantum: f64,
+    /// Largest reading that is shown as 0.
+    #[serde(default)]
+    pub dead_band: f64,
     /// Delay of a reading, s.
     #[serde(default)]
     pub lag_s: f64,
+    /// Standard deviation of the time by which a reading is late or early beyond that, s.
+    #[serde(default)]
+    pub lag_sigma_s: f64,
     /// Standard deviation of a constant offset, from the datasheet.
     #[serde(default)]
     pub offset_sigma: f64,
@@ -61,7 +67,8 @@ pub struct Sensor {
 
 impl Sensor {
     /// A perfect sensor.
-    pub const PERFECT: Sensor = Sensor { sigma: 0.0, quantum: 0.0, lag_s: 0.0, offset_sigma: 0.0, gain_sigma: 0.0 };
+    pub const PERFECT: Sensor =
+        Sensor { sigma: 0.0, quantum: 0.0, dead_band: 0.0, lag_s: 0.0, lag_sigma_s: 0.0, offset_sigma: 0.0, gain_sigma: 0.0 };
 
     /// Standard deviation of one reading: noise and rounding to the quantum (uniform, q²/12).
     #[must_use]
@@ -74,7 +81,11 @@ impl Sensor {
     #[must_use]
     pub fn shows(&self, value: f64, noise: f64, offset: f64, gain: f64) -> f64 {
         let shown = value * (1.0 + gain * self.gain_sigma) + offset * self.offset_sigma + noise * self.sigma;
-        if self.quantum > 0.0 { (shown / self.quantum).round() * self.quantum } else { shown }
+        match () {
+            () if shown.abs() <= self.dead_band => 0.0,
+            () if self.quantum > 0.0 => (shown / self.quantum).round() * self.quantum,
+            () => shown,
+        }
     }
 }
 

@@ -155,7 +155,14 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     });
     let targets = targets.collect();
     let start = start(model, log, &inputs)?;
-    Ok(Prepared { name: log.name.clone(), time_s: log.time_s.clone(), inputs, start, soc_initial_sigma: log.facts.soc_initial_sigma, targets })
+    Ok(Prepared {
+        name: log.name.clone(),
+        time_s: log.time_s.clone(),
+        inputs,
+        start,
+        soc_initial_sigma: log.facts.soc_initial_sigma,
+        targets,
+    })
 }
 
 /// Like [`prepare`], keeps only the targets named in `only` (all when empty), and refuses a log in

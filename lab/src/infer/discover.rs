@@ -59,8 +59,10 @@ pub enum Outcome {
 const DELTA_BIC: f64 = 10.0;
 /// Effects within this of the best one's information criterion are as likely.
 const ALIKE: f64 = 10.0;
-/// Effects that are refitted, by either of the two scores.
-const REFITTED: usize = 5;
+/// Effects that are refitted: the best by what a linear refit promises, and by the score against
+/// slow noise.
+const REFITTED: usize = 4;
+const REFITTED_TOO: usize = 1;
 /// Share of the squared error beyond the floor that an effect must take away: 5 % of the RMS.
 const FALL: f64 = 0.1;
 /// RMS over floor up to which a channel is explained.
@@ -73,16 +75,18 @@ impl Step {
         let (able, untested) = candidates(&base.frame, &base.x);
         let scoring = Scoring::new(&base);
         let mut scored: Vec<(Score, &Candidate)> = able.iter().filter_map(|one| scoring.score(one).map(|score| (score, one))).collect();
-        scored.sort_by(|a, b| b.0.explained.total_cmp(&a.0.explained));
+        scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         let mut by_statistic: Vec<usize> = (0..scored.len()).collect();
         by_statistic.sort_by(|&a, &b| scored[b].0.statistic.total_cmp(&scored[a].0.statistic));
-        let best = |&place: &usize| place < REFITTED || by_statistic.iter().take(REFITTED).any(|&other| other == place);
-        let promising = |&place: &usize| scored[place].0.explained > threshold(able.len()) || scored[place].0.statistic > threshold(able.len());
-        let mut trials: Vec<Trial> = (0..scored.len())
-            .filter(best)
-            .filter(promising)
-            .map(|place| Trial::run(&base, scored[place].1, &scored[place].0, holdout))
-            .collect();
+        let best_gain = scored.first().map_or(0.0, |(score, _)| score.gain);
+        let worth_a_refit = |&place: &usize| {
+            let score = &scored[place].0;
+            let near = place < REFITTED && score.gain > 0.3 * best_gain || score.gain > best_gain - 2.0 * ALIKE;
+            let next = by_statistic.iter().take(REFITTED_TOO).any(|&other| other == place);
+            (near || next) && score.gain.max(score.statistic) > 0.5 * threshold(able.len())
+        };
+        let mut trials: Vec<Trial> =
+            (0..scored.len()).filter(worth_a_refit).map(|place| Trial::run(&base, scored[place].1, &scored[place].0, holdout)).collect();
         trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&base, evidence));
         let refusals: Vec<Vec<Refusal>> = trials.iter().map(|trial| refusals(&base, trial, &base_holdout, holdout, able.len())).collect();

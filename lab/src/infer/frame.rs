@@ -14,42 +14,76 @@ use super::rough::{Known, Rough, knots, rough, weights};
 use super::walk::{drives, walk};
 use crate::prepare::Prepared;
 
-/// The rows of one target of one log.
+/// The judged rows of one target of one log.
 #[derive(Debug, Clone)]
 pub struct Segment {
     /// Index of the log.
     pub log: usize,
     /// The target.
     pub channel: Channel,
-    /// Row in the log of each of them.
+    /// Rows of the log that count.
     pub rows: Vec<usize>,
-    /// Time of each of them, s.
+    /// Among the judged rows, counted from `begin`, the one that each of them goes into.
+    block_of: Vec<usize>,
+    /// How many of them each judged row is the mean of.
+    pub counts: Vec<f64>,
+    /// Time of each judged row, s.
     pub time_s: Vec<f64>,
     /// What was measured.
     pub observed: Vec<f64>,
-    /// Where they begin among all rows.
+    /// Where its judged rows begin among all.
     pub begin: usize,
+}
+
+impl Segment {
+    /// Slope of a value per judged row towards the next row (`side` > 0), the one before (< 0) or
+    /// between both, per s; 0 across means and gaps, whose times say too little.
+    fn slope(&self, values: &[f64], row: usize, side: f64) -> f64 {
+        let towards = |other: usize| {
+            let whole = other < values.len() && self.counts[row] == 1.0 && self.counts[other] == 1.0;
+            whole.then(|| (values[other] - values[row]) / (self.time_s[other] - self.time_s[row]))
+        };
+        match (towards(row + 1), row.checked_sub(1).and_then(towards)) {
+            (Some(next), _) if side > 0.0 => next,
+            (_, Some(before)) if side < 0.0 => before,
+            (Some(next), Some(before)) if side == 0.0 => (next + before) / 2.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Where its judged rows stand among all.
+    #[must_use]
+    pub fn range(&self) -> std::ops::Range<usize> {
+        self.begin..self.begin + self.counts.len()
+    }
 }
 
 /// The logs, and what of them is judged.
 #[derive(Debug)]
 pub struct Evidence {
     /// The logs.
-    pub logs: Vec<Prepared>,
+    pub logs: Arc<Vec<Prepared>>,
     /// What is judged.
     pub segments: Vec<Segment>,
-    /// White noise by channel: the known floor or, where a model states none, the noise that the
-    /// measurements themselves show from row to row.
+    /// White noise of one row by channel: the known floor or, where a model states none, the noise
+    /// that the measurements themselves show from row to row.
     pub floors: Vec<(Channel, f64)>,
+    /// The same evidence row by row, where `segments` hold means of rows.
+    pub whole: Option<Arc<Evidence>>,
 }
 
+/// Rows that a mean takes at most.
+const BLOCK_MAX: usize = 12;
+/// Change of an input, as a share of its range, after which means begin small again.
+const JUMP: f64 = 0.02;
+
 impl Evidence {
-    /// Of these logs, prepared for this model. A battery model that does not say how its
-    /// temperature moves is held to say that it is that of the surroundings, where both were
+    /// Of these logs, prepared for this model, row by row. A battery model that does not say how
+    /// its temperature moves is held to say that it is that of the surroundings, where both were
     /// measured.
     #[must_use]
-    pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
-        let (mut segments, mut begin) = (Vec::new(), 0);
+    pub fn row_by_row(model: &Model, logs: Vec<Prepared>) -> Evidence {
+        let mut segments = Vec::new();
         for (index, log) in logs.iter().enumerate() {
             let unpredicted = if model.system == System::Battery && !model.predicts_temperature() { temperature(log) } else { None };
             let known = log.targets.iter().map(|target| (target.channel, target.observed.as_slice(), target.used.as_slice()));
@@ -59,10 +93,19 @@ impl Evidence {
                 let time_s: Vec<f64> = rows.iter().map(|&row| log.time_s[row]).collect();
                 let observed = rows.iter().map(|&row| observed[row]).collect();
                 let count = rows.len();
-                segments.push(Segment { log: index, channel, rows, time_s, observed, begin });
-                begin += count;
+                segments.push(Segment {
+                    log: index,
+                    channel,
+                    block_of: (0..count).collect(),
+                    counts: vec![1.0; count],
+                    rows,
+                    time_s,
+                    observed,
+                    begin: 0,
+                });
             }
         }
+        place(&mut segments);
         let mut floors: Vec<(Channel, f64)> = Vec::new();
         for segment in &segments {
             if !floors.iter().any(|(channel, _)| *channel == segment.channel) {
@@ -72,13 +115,25 @@ impl Evidence {
                 floors.push((segment.channel, white));
             }
         }
-        Evidence { logs, segments, floors }
+        Evidence { logs: Arc::new(logs), segments, floors, whole: None }
     }
 
-    /// Rows that are judged.
+    /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
+    /// when much happens, and of up to [`BLOCK_MAX`] later. A mean of measurements is compared with
+    /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
+    #[must_use]
+    pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
+        let whole = Evidence::row_by_row(model, logs);
+        let jumps: Vec<Vec<bool>> = whole.logs.iter().map(jumps).collect();
+        let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
+        place(&mut segments);
+        Evidence { logs: Arc::clone(&whole.logs), segments, floors: whole.floors.clone(), whole: Some(Arc::new(whole)) }
+    }
+
+    /// Judged rows.
     #[must_use]
     pub fn rows(&self) -> usize {
-        self.segments.last().map_or(0, |segment| segment.begin + segment.rows.len())
+        self.segments.last().map_or(0, |segment| segment.range().end)
     }
 
     /// White noise of a channel, in its unit.
@@ -86,6 +141,51 @@ impl Evidence {
     pub fn floor(&self, channel: Channel) -> f64 {
         self.floors.iter().find(|(known, _)| *known == channel).map_or(1.0, |(_, floor)| *floor)
     }
+}
+
+fn place(segments: &mut [Segment]) {
+    let mut begin = 0;
+    for segment in segments {
+        segment.begin = begin;
+        begin += segment.counts.len();
+    }
+}
+
+/// Rows at which an input jumps.
+fn jumps(log: &Prepared) -> Vec<bool> {
+    let mut jumps = vec![false; log.time_s.len()];
+    for (_, values) in &log.inputs {
+        let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
+        for row in 1..values.len() {
+            jumps[row] |= (values[row] - values[row - 1]).abs() > JUMP * (high - low);
+        }
+    }
+    jumps
+}
+
+fn in_means(segment: &Segment, jumps: &[bool]) -> Segment {
+    let (mut block_of, mut counts, mut time_s, mut observed) = (Vec::new(), Vec::<f64>::new(), Vec::<f64>::new(), Vec::<f64>::new());
+    let (mut since, mut room) = (0, 0);
+    for (place, &row) in segment.rows.iter().enumerate() {
+        let apart = place == 0 || segment.rows[place - 1] + 1 != row;
+        // The last row before a jump stands alone as well: a late reading shows what comes.
+        let ends = jumps.get(row + 1) == Some(&true);
+        since = if jumps[row] || apart { 0 } else { since + 1 };
+        if room == 0 || since == 0 || ends {
+            // One by one at first, then a quarter of the rows since the jump.
+            room = if ends { 1 } else { (since / 4).clamp(1, BLOCK_MAX) };
+            counts.push(0.0);
+            time_s.push(0.0);
+            observed.push(0.0);
+        }
+        let block = counts.len() - 1;
+        block_of.push(block);
+        room -= 1;
+        counts[block] += 1.0;
+        time_s[block] += (segment.time_s[place] - time_s[block]) / counts[block];
+        observed[block] += (segment.observed[place] - observed[block]) / counts[block];
+    }
+    Segment { block_of, counts, time_s, observed, ..segment.clone() }
 }
 
 fn temperature(log: &Prepared) -> Option<&[f64]> {
@@ -192,8 +292,9 @@ impl Frame {
         let values = self.values(x);
         let mut all = vec![0.0; self.evidence.rows()];
         for log in 0..self.evidence.logs.len() {
-            self.walk_log(log, x, values.clone(), &self.model_at(x), |_, value| value, |row, shown, _| all[row] = shown);
+            self.walk_log(log, x, values.clone(), &self.model_at(x), |_, value| value, |row, shown, _, share| all[row] += shown * share);
         }
+        self.delay(x, &mut all);
         all
     }
 
@@ -205,7 +306,8 @@ impl Frame {
         let mut columns = DMatrix::zeros(all.len(), by.len());
         let model = self.model_at(x);
         for log in 0..self.evidence.logs.len() {
-            let moved: Vec<(usize, usize)> = by.iter().copied().enumerate().filter(|&(_, unknown)| self.moves_model(unknown, log)).collect();
+            let moved: Vec<(usize, usize)> =
+                by.iter().copied().enumerate().filter(|&(_, unknown)| self.moves_model(unknown, log)).collect();
             for (pass, lanes) in moved.chunks(LANES).enumerate() {
                 let dual = |unknown: Option<usize>, value: f64| {
                     let lane = unknown.and_then(|unknown| lanes.iter().position(|&(_, known)| known == unknown));
@@ -214,28 +316,42 @@ impl Frame {
                 let parameters = self.values(x).into_iter().enumerate();
                 let parameters = parameters.map(|(index, value)| dual(self.unknown_of_parameter(index), value)).collect();
                 let error = |what, value| dual(self.unknown_of(what), value);
-                self.walk_log(log, x, parameters, &model, error, |row, shown: Dual, soc| {
-                    all[row] = shown.re;
+                self.walk_log(log, x, parameters, &model, error, |row, shown: Dual, soc, share| {
                     for (lane, &(column, _)) in lanes.iter().enumerate() {
-                        columns[(row, column)] = derivative(&shown, lane);
+                        columns[(row, column)] += derivative(&shown, lane) * share;
                     }
                     if pass == 0 {
-                        self.additive(row, soc.re, shown.re, x, by, &mut columns);
+                        all[row] += shown.re * share;
+                        self.additive(row, soc.re, shown.re, share, x, by, &mut columns);
                     }
                 });
             }
             if moved.is_empty() {
-                self.walk_log(log, x, self.values(x), &model, |_, value| value, |row, shown, soc| {
-                    all[row] = shown;
-                    self.additive(row, soc, shown, x, by, &mut columns);
-                });
+                self.walk_log(
+                    log,
+                    x,
+                    self.values(x),
+                    &model,
+                    |_, value| value,
+                    |row, shown, soc, share| {
+                        all[row] += shown * share;
+                        self.additive(row, soc, shown, share, x, by, &mut columns);
+                    },
+                );
             }
         }
-        if let Some(column) = by.iter().position(|&unknown| self.what(unknown) == Some(Rough::Capacity)) {
+        self.delay_columns(x, &all, by, &mut columns);
+        self.delay(x, &mut all);
+        for (column, &unknown) in by.iter().enumerate() {
+            let step = match self.what(unknown) {
+                Some(Rough::Capacity) => CAPACITY_STEP,
+                Some(Rough::TemperatureInitial(_)) => TEMPERATURE_STEP_K,
+                _ => continue,
+            };
             let mut beside = x.to_vec();
-            beside[by[column]] += CAPACITY_STEP;
+            beside[unknown] += step;
             let moved = self.predict(&beside);
-            columns.column_mut(column).iter_mut().zip(moved.iter().zip(&all)).for_each(|(slope, (b, a))| *slope = (b - a) / CAPACITY_STEP);
+            columns.column_mut(column).iter_mut().zip(moved.iter().zip(&all)).for_each(|(slope, (b, a))| *slope = (b - a) / step);
         }
         (all, columns)
     }
@@ -251,7 +367,18 @@ impl Frame {
         let of_log = |log: usize| {
             let run = |values: Vec<f64>| {
                 let mut seen = Vec::new();
-                self.walk_channels(log, x, values, &model, |_, value| value, |row, now: &Channels<f64>| if row > 0 { seen.push(now[channel]) });
+                self.walk_channels(
+                    log,
+                    x,
+                    values,
+                    &model,
+                    |_, value| value,
+                    |row, now: &Channels<f64>| {
+                        if row > 0 {
+                            seen.push(now[channel])
+                        }
+                    },
+                );
                 seen
             };
             let (a, b) = (run(values.clone()), run(without.clone()));
@@ -266,7 +393,14 @@ impl Frame {
     pub fn soc(&self, x: &[f64], log: usize) -> Vec<f64> {
         let mut soc = Vec::new();
         if self.model.system == System::Battery {
-            self.walk_channels(log, x, self.values(x), &self.model_at(x), |_, value| value, |_, now: &Channels<f64>| soc.push(now[Channel::Soc]));
+            self.walk_channels(
+                log,
+                x,
+                self.values(x),
+                &self.model_at(x),
+                |_, value| value,
+                |_, now: &Channels<f64>| soc.push(now[Channel::Soc]),
+            );
         }
         soc
     }
@@ -288,7 +422,9 @@ impl Frame {
         match self.what(unknown) {
             None | Some(Rough::Parameter(_) | Rough::InputOffset(_) | Rough::InputGain(_)) => true,
             Some(Rough::SocInitial(own)) => own == log,
-            Some(Rough::TargetOffset(_) | Rough::TargetGain(_) | Rough::Capacity | Rough::Ocv(_)) => false,
+            // Of the model, but dear in every lane: taken by differences.
+            Some(Rough::Capacity | Rough::TemperatureInitial(_)) => false,
+            Some(Rough::TargetOffset(_) | Rough::TargetGain(_) | Rough::TargetLag(_) | Rough::Ocv(_)) => false,
         }
     }
 
@@ -327,10 +463,12 @@ impl Frame {
         };
         let mut start: Start<S> = prepared.start.lifted();
         start.soc += lifted(Rough::SocInitial(log)).unwrap_or(zero);
+        start.temperature_degc += self.error(x, Rough::TemperatureInitial(log));
         walk(model, parameters, start, &prepared.time_s, &drives(model, prepared, shift), at);
     }
 
-    /// Walks a log and shows, for every judged row, the predicted value and the state of charge.
+    /// Walks a log and shows, for every row that counts, the judged row that it goes into, the
+    /// predicted value, the state of charge and the row's share in the mean.
     fn walk_log<S: energy::effect::Lane>(
         &self,
         log: usize,
@@ -338,7 +476,7 @@ impl Frame {
         parameters: Vec<S>,
         model: &Arc<Model>,
         error: impl Fn(Rough, f64) -> S,
-        mut at: impl FnMut(usize, S, S),
+        mut at: impl FnMut(usize, S, S, f64),
     ) {
         let segments: Vec<&Segment> = self.evidence.segments.iter().filter(|segment| segment.log == log).collect();
         let mut next = vec![0; segments.len()];
@@ -364,26 +502,53 @@ impl Frame {
                     }
                 }
                 let (offset, gain) = shown[place];
-                at(segment.begin + next[place], value * (1.0 + gain) + offset, now[Channel::Soc]);
+                let block = segment.block_of[next[place]];
+                at(segment.begin + block, value * (1.0 + gain) + offset, now[Channel::Soc], segment.counts[block].recip());
                 next[place] += 1;
             }
         });
     }
 
     /// Derivatives of one row by what is added to the model's prediction.
-    fn additive(&self, row: usize, soc: f64, shown: f64, x: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
+    #[expect(clippy::too_many_arguments, reason = "one row in all its aspects")]
+    fn additive(&self, row: usize, soc: f64, shown: f64, share: f64, x: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
         let place = self.evidence.segments.partition_point(|segment| segment.begin <= row) - 1;
         let channel = self.evidence.segments[place].channel;
         let about = if channel == Channel::VoltageV && !self.knots.is_empty() { weights(&self.knots, soc) } else { [(usize::MAX, 0.0); 2] };
         for (column, &unknown) in by.iter().enumerate() {
-            columns[(row, column)] += match self.what(unknown) {
-                Some(Rough::TargetOffset(own)) if own == channel => 1.0,
-                Some(Rough::TargetGain(own)) if own == channel => shown / (1.0 + self.error(x, Rough::TargetGain(own))),
-                Some(Rough::Ocv(knot)) => {
-                    about.iter().filter(|(near, _)| *near == knot).map(|(_, weight)| weight).sum::<f64>() * self.cells()
+            columns[(row, column)] += share
+                * match self.what(unknown) {
+                    Some(Rough::TargetOffset(own)) if own == channel => 1.0,
+                    Some(Rough::TargetGain(own)) if own == channel => shown / (1.0 + self.error(x, Rough::TargetGain(own))),
+                    Some(Rough::Ocv(knot)) => {
+                        about.iter().filter(|(near, _)| *near == knot).map(|(_, weight)| weight).sum::<f64>() * self.cells()
+                    }
+                    _ => 0.0,
+                };
+        }
+    }
+
+    /// Shows every target as it was a little later or, for a negative lag, earlier: on the line
+    /// between judged rows.
+    fn delay(&self, x: &[f64], all: &mut [f64]) {
+        for segment in &self.evidence.segments {
+            let lag_s = self.error(x, Rough::TargetLag(segment.channel));
+            if lag_s != 0.0 {
+                let own = &mut all[segment.range()];
+                let prompt = own.to_vec();
+                own.iter_mut().enumerate().for_each(|(row, value)| *value += lag_s * segment.slope(&prompt, row, lag_s));
+            }
+        }
+    }
+
+    fn delay_columns(&self, x: &[f64], all: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
+        for (column, &unknown) in by.iter().enumerate() {
+            let Some(Rough::TargetLag(channel)) = self.what(unknown) else { continue };
+            for segment in self.evidence.segments.iter().filter(|segment| segment.channel == channel) {
+                for row in 0..segment.counts.len() {
+                    columns[(segment.begin + row, column)] = segment.slope(&all[segment.range()], row, x[unknown]);
                 }
-                _ => 0.0,
-            };
+            }
         }
     }
 
@@ -397,3 +562,5 @@ impl Frame {
 
 /// Share of the capacity over which its derivative is taken.
 const CAPACITY_STEP: f64 = 1e-4;
+/// Step over which the derivative by a temperature is taken, K.
+const TEMPERATURE_STEP_K: f64 = 1e-3;

@@ -33,16 +33,12 @@ impl Noise {
         Noise { white, slow: 0.0, tau_s: 1.0 }
     }
 
-    /// The filter for rows at these times, s, increasing.
+    /// The filter for rows at these times, s, increasing; each is the mean of so many readings.
     #[must_use]
-    pub fn filter(&self, time_s: &[f64]) -> Filter {
+    pub fn filter(&self, time_s: &[f64], counts: &[f64]) -> Filter {
         let rows = time_s.len();
-        let mut filter = Filter { kept: vec![0.0; rows], gain: vec![0.0; rows], scale: vec![1.0 / self.white; rows], log_variance: 0.0 };
-        if self.slow == 0.0 {
-            filter.log_variance = 2.0 * self.white.ln() * rows as f64;
-            return filter;
-        }
-        self.along(time_s, |row, kept, gain, variance| {
+        let mut filter = Filter { kept: vec![0.0; rows], gain: vec![0.0; rows], scale: vec![0.0; rows], log_variance: 0.0 };
+        self.along(time_s, counts, |row, kept, gain, variance| {
             filter.kept[row] = kept;
             filter.gain[row] = gain;
             filter.scale[row] = variance.sqrt().recip();
@@ -52,9 +48,9 @@ impl Noise {
     }
 
     /// Minus twice the log-likelihood of these residuals at these times, without its constant.
-    fn cost(&self, time_s: &[f64], residual: &[f64]) -> f64 {
+    fn cost(&self, time_s: &[f64], counts: &[f64], residual: &[f64]) -> f64 {
         let (mut cost, mut product, mut level) = (0.0, 1.0, 0.0);
-        self.along(time_s, |row, kept, gain, variance| {
+        self.along(time_s, counts, |row, kept, gain, variance| {
             level *= kept;
             let innovation = residual[row] - level;
             level += gain * innovation;
@@ -70,7 +66,7 @@ impl Noise {
     }
 
     #[inline(always)]
-    fn along(&self, time_s: &[f64], mut at: impl FnMut(usize, f64, f64, f64)) {
+    fn along(&self, time_s: &[f64], counts: &[f64], mut at: impl FnMut(usize, f64, f64, f64)) {
         let (white2, slow2) = (self.white * self.white, self.slow * self.slow);
         let (mut before_s, mut step_s, mut kept, mut variance) = (f64::NAN, f64::NAN, 0.0, slow2);
         for (row, &now_s) in time_s.iter().enumerate() {
@@ -82,7 +78,7 @@ impl Noise {
                 }
                 variance = kept * kept * variance + slow2 * (1.0 - kept * kept);
             }
-            let total = variance + white2;
+            let total = variance + white2 / counts[row];
             let gain = variance / total;
             at(row, kept, gain, total);
             variance *= 1.0 - gain;
@@ -110,14 +106,17 @@ const TAU_STEPS: [f64; 7] = [1.5, 5.0, 15.0, 50.0, 150.0, 500.0, 2000.0];
 /// the model: a disturbance that could last as long as the log would excuse any wrong level.
 const LONGEST: f64 = 0.1;
 
-/// The most likely noise of residuals, given the white part: by log, times and residuals.
+/// Times, s, numbers of readings and residuals of the judged rows of one log.
+pub type Rows<'a> = (&'a [f64], &'a [f64], &'a [f64]);
+
+/// The most likely noise of residuals, given the white part of one reading.
 #[must_use]
-pub fn estimate(white: f64, logs: &[(&[f64], &[f64])]) -> Noise {
-    let cost = |noise: Noise| logs.iter().map(|(time_s, residual)| noise.cost(time_s, residual)).sum::<f64>();
+pub fn estimate(white: f64, logs: &[Rows<'_>]) -> Noise {
+    let cost = |noise: Noise| logs.iter().map(|(time_s, counts, residual)| noise.cost(time_s, counts, residual)).sum::<f64>();
     let (mut rows, mut squares, mut length_s) = (0.0, 0.0, 0.0);
-    for (time_s, residual) in logs.iter().filter(|(time_s, _)| time_s.len() > 1) {
+    for (time_s, counts, residual) in logs.iter().filter(|(time_s, ..)| time_s.len() > 1) {
         rows += residual.len() as f64;
-        squares += residual.iter().map(|r| r * r).sum::<f64>();
+        squares += residual.iter().zip(*counts).map(|(r, count)| r * r * count).sum::<f64>();
         length_s += time_s[time_s.len() - 1] - time_s[0];
     }
     let none = Noise::white(white);
@@ -194,11 +193,11 @@ mod tests {
         let cholesky = covariance.cholesky().unwrap();
         let expected = cholesky.l().solve_lower_triangular(&values).unwrap();
         let mut found = values.as_slice().to_vec();
-        let filter = NOISE.filter(&time_s);
+        let filter = NOISE.filter(&time_s, &[1.0; 6]);
         filter.apply(&mut found);
         assert!(found.iter().zip(expected.iter()).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} {expected}");
         assert!((filter.log_variance - cholesky.determinant().ln()).abs() < 1e-12);
-        let cost = NOISE.cost(&time_s, values.as_slice());
+        let cost = NOISE.cost(&time_s, &[1.0; 6], values.as_slice());
         assert!((cost - cholesky.determinant().ln() - expected.norm_squared()).abs() < 1e-9);
     }
 
@@ -206,7 +205,7 @@ mod tests {
     fn a_slow_part_is_found_with_about_its_size_and_persistence() {
         let time_s: Vec<f64> = (0..4000).map(f64::from).collect();
         let values = draw(NOISE, &time_s, 1);
-        let found = estimate(1.0, &[(&time_s, &values)]);
+        let found = estimate(1.0, &[(&time_s, &[1.0; 4000], &values)]);
         assert!((found.slow / NOISE.slow - 1.0).abs() < 0.2 && (15.0..=50.0).contains(&found.tau_s), "{found:?}");
     }
 
@@ -214,7 +213,7 @@ mod tests {
     fn white_noise_has_no_slow_part_worth_the_name() {
         let time_s: Vec<f64> = (0..4000).map(f64::from).collect();
         let values = draw(Noise::white(1.0), &time_s, 2);
-        let found = estimate(1.0, &[(&time_s, &values)]);
+        let found = estimate(1.0, &[(&time_s, &[1.0; 4000], &values)]);
         assert!(found.slow < 0.15, "{found:?}");
     }
 }

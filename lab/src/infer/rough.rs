@@ -17,12 +17,16 @@ pub enum Rough {
     TargetOffset(Channel),
     /// Gain of a target's sensor beyond 1.
     TargetGain(Channel),
+    /// Time by which a target is read later than the inputs' intervals end, s.
+    TargetLag(Channel),
     /// Capacity, as a share beyond the model's.
     Capacity,
     /// The open-circuit voltage at a knot, V per cell beyond the table.
     Ocv(usize),
     /// The state of charge at the first row of a log, beyond the log's fact.
     SocInitial(usize),
+    /// The temperature at the first row of a log, beyond what its sensor showed, K.
+    TemperatureInitial(usize),
 }
 
 /// A rough number and its standard deviation.
@@ -39,7 +43,7 @@ impl Known {
     #[must_use]
     pub fn log(&self) -> Option<usize> {
         match self.what {
-            Rough::SocInitial(log) => Some(log),
+            Rough::SocInitial(log) | Rough::TemperatureInitial(log) => Some(log),
             _ => None,
         }
     }
@@ -64,6 +68,7 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
             (true, _) => {
                 know(Rough::TargetOffset(channel), sensor.offset_sigma);
                 know(Rough::TargetGain(channel), sensor.gain_sigma);
+                know(Rough::TargetLag(channel), sensor.lag_sigma_s);
             }
             (false, true) => {
                 know(Rough::InputOffset(channel), sensor.offset_sigma);
@@ -78,6 +83,10 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
             know(Rough::Ocv(knot), model.uncertainty.ocv_sigma_v);
         }
         for (index, log) in logs.iter().enumerate() {
+            if model.predicts_temperature() {
+                let sensor = model.sensor(Channel::TemperatureDegc);
+                know(Rough::TemperatureInitial(index), sensor.floor().hypot(sensor.offset_sigma));
+            }
             know(Rough::SocInitial(index), log.soc_initial_sigma.unwrap_or(model.uncertainty.soc_initial_sigma));
         }
     } else {
@@ -87,9 +96,8 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
 }
 
 /// States of charge at which the error of an OCV table may differ: every 5 %, and closer to empty.
-const KNOTS: [f64; 22] = [
-    0.0, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0,
-];
+const KNOTS: [f64; 22] =
+    [0.0, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0];
 
 /// States of charge between which the error of an OCV table runs straight: the table's own where
 /// it has few.

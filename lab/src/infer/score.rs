@@ -19,7 +19,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use super::candidate::Candidate;
 use super::frame::Frame;
 use super::noise::Filter;
-use super::state::{State, Whitened};
+use super::state::{State, Whitened, filters, likelihood, noises};
 
 /// One absent effect at its best shape.
 #[derive(Debug, Clone)]
@@ -36,6 +36,11 @@ pub struct Score {
     pub uniqueness: f64,
     /// Where the linear theory expects the effect's parameters.
     pub expected: Vec<f64>,
+    /// Where it expects the base model's own unknowns beside the effect.
+    pub base_x: Vec<f64>,
+    /// How much better than the base model the logs could be explained, in units of twice the
+    /// log-likelihood, each with the slow noise that it leaves.
+    pub gain: f64,
     /// What it would add to every row after a refit of the base, in units of independent noise.
     direction: DVector<f64>,
 }
@@ -54,6 +59,8 @@ pub struct Scoring<'a> {
     state: &'a State,
     slow: Lens,
     white: Lens,
+    /// Cost of the base model, refitted as the linear theory would.
+    linear_cost: f64,
 }
 
 /// The rows through one kind of noise.
@@ -61,6 +68,7 @@ struct Lens {
     filters: Vec<Filter>,
     design: DMatrix<f64>,
     normal: Option<Cholesky<f64, Dyn>>,
+    whitened: DVector<f64>,
     /// M r.
     left: DVector<f64>,
 }
@@ -72,8 +80,13 @@ impl Lens {
         for index in 0..normal.nrows() {
             normal[(index, index)] += 1e-11 * normal[(index, index)] + 1e-15 * largest + f64::MIN_POSITIVE;
         }
-        let mut lens =
-            Lens { filters: state.filters(), design: state.design.clone(), normal: normal.cholesky(), left: state.whitened.clone() };
+        let mut lens = Lens {
+            filters: state.filters(),
+            design: state.design.clone(),
+            normal: normal.cholesky(),
+            whitened: state.whitened.clone(),
+            left: state.whitened.clone(),
+        };
         lens.left = lens.project(&state.whitened);
         lens
     }
@@ -95,6 +108,8 @@ struct Look {
     change: Vec<f64>,
     uniqueness: f64,
     direction: DVector<f64>,
+    /// What it would add without a refit.
+    whole: DVector<f64>,
 }
 
 impl<'a> Scoring<'a> {
@@ -102,7 +117,9 @@ impl<'a> Scoring<'a> {
     #[must_use]
     pub fn new(state: &'a State) -> Self {
         let white = State::at(Arc::clone(&state.frame), state.x.clone(), State::white(&state.frame));
-        Scoring { state, slow: Lens::new(state), white: Lens::new(&white) }
+        let mut scoring = Scoring { state, slow: Lens::new(state), white: Lens::new(&white), linear_cost: 0.0 };
+        scoring.linear_cost = scoring.cost(&scoring.white.left);
+        scoring
     }
 
     /// The best of a candidate's onsets; none when the logs do not excite it.
@@ -111,7 +128,7 @@ impl<'a> Scoring<'a> {
         let mut best: Option<Score> = None;
         for onset in &candidate.onsets {
             let Some(score) = self.onset(candidate, onset) else { continue };
-            if best.as_ref().is_none_or(|best| score.explained > best.explained) {
+            if best.as_ref().is_none_or(|best| score.gain > best.gain) {
                 best = Some(score);
             }
         }
@@ -146,8 +163,11 @@ impl<'a> Scoring<'a> {
         for ((&index, (null, _, _)), change) in own.iter().zip(&sides).zip(&white.change) {
             expected[index] = null + change;
         }
+        let left = &self.white.left - &white.direction;
         Some(Score {
             spec: candidate.spec,
+            gain: self.linear_cost - self.cost(&left),
+            base_x: self.base_x(&white.whole),
             statistic: slow.statistic,
             explained: white.statistic,
             freedom: white.freedom,
@@ -155,6 +175,30 @@ impl<'a> Scoring<'a> {
             expected,
             direction: white.direction,
         })
+    }
+
+    /// Twice the negative log-likelihood of residuals in units of the sensors' noise, with the most
+    /// likely slow noise beside it.
+    fn cost(&self, left: &DVector<f64>) -> f64 {
+        let evidence = &self.state.frame.evidence;
+        let rows = evidence.rows();
+        let mut residual = left.as_slice()[..rows].to_vec();
+        for segment in &evidence.segments {
+            let floor = evidence.floor(segment.channel);
+            residual[segment.range()].iter_mut().zip(&segment.counts).for_each(|(r, count)| *r *= floor / count.sqrt());
+        }
+        let noise = noises(&self.state.frame, &residual);
+        let priors: f64 = left.as_slice()[rows..].iter().map(|error| error * error).sum();
+        likelihood(&self.state.frame, &residual, &filters(&self.state.frame, &noise)) + priors
+    }
+
+    /// The base model's unknowns after a linear refit beside an effect that adds `whole`.
+    fn base_x(&self, whole: &DVector<f64>) -> Vec<f64> {
+        let Lens { design, normal, .. } = &self.white;
+        let Some(normal) = normal else { return self.state.x.clone() };
+        let change = normal.solve(&design.tr_mul(&(&self.white.whitened - whole)));
+        let bounds = self.state.frame.bounds();
+        self.state.x.iter().zip(change.iter()).zip(bounds).map(|((x, change), (min, max))| (x + change).clamp(min, max)).collect()
     }
 
     fn look(&self, lens: &Lens, columns: &DMatrix<f64>, sides: &[(f64, f64, f64)]) -> Option<Look> {
@@ -197,7 +241,7 @@ impl<'a> Scoring<'a> {
             }
             let statistic = lens.left.dot(&direction);
             let uniqueness = (direction.norm_squared() / whole.norm_squared().max(f64::MIN_POSITIVE)).sqrt().min(1.0);
-            return Some(Look { statistic, freedom, change: all, uniqueness, direction });
+            return Some(Look { statistic, freedom, change: all, uniqueness, direction, whole });
         }
     }
 }

@@ -13,8 +13,8 @@ use std::sync::Arc;
 use energy::Channel;
 use nalgebra::{DMatrix, DVector};
 
-use super::frame::{Frame, Segment};
-use super::noise::{Filter, Noise, estimate};
+use super::frame::{Evidence, Frame, Segment};
+use super::noise::{Filter, Noise, Rows, estimate};
 use crate::fit::{LeastSquares, minimise_to};
 
 /// A frame at its most likely unknowns.
@@ -65,7 +65,6 @@ impl State {
             let problem = Whitened { frame: &frame, filters: &filters };
             let enough = ENOUGH.0 + ENOUGH.1 * problem.residual(&x).norm_squared();
             let solution = minimise_to(&problem, &x, &frame.bounds(), enough, &mut |_| {});
-            if std::env::var("LABDBG").is_ok() { eprintln!("fit {} unknowns: {} iterations, cost {}", frame.unknowns(), solution.iterations, solution.residual.norm_squared()); }
             x = solution.at;
             let residual = residual(&frame, &x);
             noise = noises(&frame, &residual);
@@ -123,16 +122,16 @@ impl State {
         DMatrix::from_fn(scale.len(), scale.len(), |i, j| inverse[(i, j)] / (scale[i] * scale[j]))
     }
 
-    /// RMS of the residuals of each channel over all logs, beside its floor.
+    /// RMS of the residuals of each channel over all rows of all logs.
     #[must_use]
     pub fn rms(&self) -> Vec<(Channel, f64)> {
-        let evidence = &self.frame.evidence;
-        let of = |channel: Channel| {
-            let rows = evidence.segments.iter().filter(|segment| segment.channel == channel).flat_map(range);
-            let (count, squares) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + self.residual[row].powi(2)));
-            (squares / f64::from(count.max(1))).sqrt()
-        };
-        evidence.floors.iter().map(|&(channel, _)| (channel, of(channel))).collect()
+        match &self.frame.evidence.whole {
+            Some(whole) => {
+                let frame = Frame::new(Arc::clone(&self.frame.model), Arc::clone(whole));
+                rms(whole, &residual(&frame, &self.x))
+            }
+            None => rms(&self.frame.evidence, &self.residual),
+        }
     }
 
     /// Bayesian information criterion: lower is better.
@@ -146,11 +145,6 @@ impl State {
     pub fn filters(&self) -> Vec<Filter> {
         filters(&self.frame, &self.noise)
     }
-}
-
-/// Rows of a segment.
-pub(super) fn range(segment: &Segment) -> std::ops::Range<usize> {
-    segment.begin..segment.begin + segment.rows.len()
 }
 
 /// Directions of the free parameters that the rows determine, once what is rough is allowed for.
@@ -176,28 +170,39 @@ fn observed(frame: &Frame) -> impl Iterator<Item = f64> + '_ {
     frame.evidence.segments.iter().flat_map(|segment| segment.observed.iter().copied())
 }
 
-fn residual(frame: &Frame, x: &[f64]) -> Vec<f64> {
+/// RMS by channel of residuals, by judged row.
+pub(super) fn rms(evidence: &Evidence, residual: &[f64]) -> Vec<(Channel, f64)> {
+    let of = |&(channel, _): &(Channel, f64)| {
+        let rows = evidence.segments.iter().filter(|segment| segment.channel == channel).flat_map(Segment::range);
+        let (count, squares) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + residual[row].powi(2)));
+        (channel, (squares / f64::from(count.max(1))).sqrt())
+    };
+    evidence.floors.iter().map(of).collect()
+}
+
+pub(super) fn residual(frame: &Frame, x: &[f64]) -> Vec<f64> {
     observed(frame).zip(frame.predict(x)).map(|(observed, predicted)| observed - predicted).collect()
 }
 
-fn filters(frame: &Frame, noise: &[(Channel, Noise)]) -> Vec<Filter> {
+pub(super) fn filters(frame: &Frame, noise: &[(Channel, Noise)]) -> Vec<Filter> {
     let of = |wanted| noise.iter().find(|(channel, _)| *channel == wanted).map_or(Noise::white(1.0), |(_, noise)| *noise);
-    frame.evidence.segments.iter().map(|segment| of(segment.channel).filter(&segment.time_s)).collect()
+    frame.evidence.segments.iter().map(|segment| of(segment.channel).filter(&segment.time_s, &segment.counts)).collect()
 }
 
 /// The most likely noise of every channel.
 pub(super) fn noises(frame: &Frame, residual: &[f64]) -> Vec<(Channel, Noise)> {
     let of = |&(channel, floor): &(Channel, f64)| {
         let segments = frame.evidence.segments.iter().filter(|segment| segment.channel == channel);
-        let logs: Vec<(&[f64], &[f64])> = segments.map(|segment| (segment.time_s.as_slice(), &residual[range(segment)])).collect();
+        let logs: Vec<Rows<'_>> =
+            segments.map(|segment| (segment.time_s.as_slice(), segment.counts.as_slice(), &residual[segment.range()])).collect();
         (channel, estimate(floor, &logs))
     };
     frame.evidence.floors.iter().map(of).collect()
 }
 
-fn likelihood(frame: &Frame, residual: &[f64], filters: &[Filter]) -> f64 {
+pub(super) fn likelihood(frame: &Frame, residual: &[f64], filters: &[Filter]) -> f64 {
     let of = |(segment, filter): (&Segment, &Filter)| {
-        let mut own = residual[range(segment)].to_vec();
+        let mut own = residual[segment.range()].to_vec();
         filter.apply(&mut own);
         filter.log_variance + own.iter().map(|e| e * e).sum::<f64>()
     };
@@ -226,7 +231,7 @@ impl Whitened<'_> {
     /// Turns a value per row into innovations.
     pub(super) fn whiten(&self, rows: &mut [f64]) {
         for (segment, filter) in self.frame.evidence.segments.iter().zip(self.filters) {
-            filter.apply(&mut rows[range(segment)]);
+            filter.apply(&mut rows[segment.range()]);
         }
     }
 

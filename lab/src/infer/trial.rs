@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidate::{Candidate, usual};
 use super::frame::{Evidence, Frame};
 use super::score::Score;
-use super::state::{State, Whitened, range};
+use super::state::{State, Whitened, residual, rms};
 use crate::fit::{LeastSquares, minimise_to};
 
 /// A refitted candidate.
@@ -32,11 +32,12 @@ impl Trial {
     #[must_use]
     pub fn run(base: &State, candidate: &Candidate, score: &Score, holdout: Option<&Arc<Evidence>>) -> Trial {
         let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
-        let usual: Vec<f64> = candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
+        let usual: Vec<f64> =
+            candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
         // An effect of one number is as good as linear: one start is enough for it.
         let several = if candidate.spec.parameters.len() > 1 { vec![&score.expected, &usual] } else { vec![&score.expected] };
         let fits = several.into_iter().map(|own| {
-            let start = start(&frame, base, candidate, own);
+            let start = start(&frame, base, score, candidate, own);
             State::fit_from(Arc::clone(&frame), &start)
         });
         let state = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("there is one");
@@ -54,27 +55,22 @@ impl Trial {
 }
 
 /// Unknowns at which a refit begins: the base model's, and the candidate's own.
-fn start(frame: &Frame, base: &State, candidate: &Candidate, own: &[f64]) -> Vec<f64> {
-    let mut values = frame.model.values();
-    values[candidate.first..candidate.first + own.len()].copy_from_slice(own);
+fn start(frame: &Frame, base: &State, score: &Score, candidate: &Candidate, own: &[f64]) -> Vec<f64> {
+    let mut values = base.frame.values(&score.base_x);
+    values.splice(candidate.first..candidate.first, own.iter().copied());
     let free = frame.free.iter().map(|&index| values[index]);
-    free.chain(base.x[base.frame.free.len()..].iter().copied()).collect()
+    free.chain(score.base_x[base.frame.free.len()..].iter().copied()).collect()
 }
 
 /// RMS by channel on logs that the state has not seen. What belongs to one log alone (its state of
 /// charge at the start) is asked of that log, within what is known of it; all else stays.
 #[must_use]
 pub fn held_out(state: &State, evidence: &Arc<Evidence>) -> Vec<(Channel, f64)> {
-    let residual = held_out_residual(state, evidence);
-    let of = |&(channel, _): &(Channel, f64)| {
-        let rows = evidence.segments.iter().filter(|segment| segment.channel == channel).flat_map(range);
-        let (count, squares) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + residual[row].powi(2)));
-        (channel, (squares / f64::from(count.max(1))).sqrt())
-    };
-    evidence.floors.iter().map(of).collect()
+    let whole = evidence.whole.as_ref().unwrap_or(evidence);
+    rms(whole, &held_out_residual(state, evidence))
 }
 
-/// Observed minus predicted on logs that the state has not seen, by row; see [`held_out`].
+/// Observed minus predicted on logs that the state has not seen, row by row; see [`held_out`].
 #[must_use]
 pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
     let seen = &state.frame;
@@ -86,19 +82,20 @@ pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
         let is_parameter = matches!(known.what, super::rough::Rough::Parameter(_));
         x[frame.free.len() + place] = if is_parameter { 0.0 } else { seen.error(&state.x, known.what) };
     }
-    let own: Vec<usize> = (0..frame.known.len()).filter(|&place| frame.known[place].log().is_some()).map(|place| frame.free.len() + place).collect();
+    let own: Vec<usize> =
+        (0..frame.known.len()).filter(|&place| frame.known[place].log().is_some()).map(|place| frame.free.len() + place).collect();
     let filters: Vec<_> = {
         let of = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
         let noise = |channel| of(channel).unwrap_or(super::noise::Noise::white(evidence.floor(channel)));
-        evidence.segments.iter().map(|segment| noise(segment.channel).filter(&segment.time_s)).collect()
+        evidence.segments.iter().map(|segment| noise(segment.channel).filter(&segment.time_s, &segment.counts)).collect()
     };
     let some = Held { whole: Whitened { frame: &frame, filters: &filters }, x: x.clone(), own: &own };
     let bounds: Vec<(f64, f64)> = own.iter().map(|&unknown| frame.bounds()[unknown]).collect();
     let begin: Vec<f64> = own.iter().map(|&unknown| x[unknown]).collect();
     let solution = minimise_to(&some, &begin, &bounds, 0.02, &mut |_| {});
     let x = some.place(&solution.at);
-    let observed = evidence.segments.iter().flat_map(|segment| segment.observed.iter());
-    observed.zip(frame.predict(&x)).map(|(observed, predicted)| observed - predicted).collect()
+    let whole = evidence.whole.as_ref().unwrap_or(evidence);
+    residual(&Frame::new(Arc::clone(&frame.model), Arc::clone(whole)), &x)
 }
 
 /// A fit of some unknowns, the others held.

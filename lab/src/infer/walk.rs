@@ -13,17 +13,17 @@ pub(super) struct Drive<'a, S> {
     values: &'a [f64],
     /// Offset and gain beyond 1; none when the sensor is taken at its word.
     shift: Option<(S, S)>,
+    /// Its sensor shows 0 for readings up to here, whatever it adds.
+    dead_band: f64,
 }
 
 /// The inputs of a log that the model does not predict itself.
-pub(super) fn drives<'a, S: Copy>(
-    model: &Model,
-    log: &'a Prepared,
-    shift: impl Fn(Channel) -> Option<(S, S)>,
-) -> Vec<Drive<'a, S>> {
+pub(super) fn drives<'a, S: Copy>(model: &Model, log: &'a Prepared, shift: impl Fn(Channel) -> Option<(S, S)>) -> Vec<Drive<'a, S>> {
     let predicted = predicted_channels(model);
     let inputs = log.inputs.iter().filter(|(channel, _)| !predicted.contains(channel));
-    inputs.map(|(channel, values)| Drive { channel: *channel, values, shift: shift(*channel) }).collect()
+    inputs
+        .map(|(channel, values)| Drive { channel: *channel, values, shift: shift(*channel), dead_band: model.sensor(*channel).dead_band })
+        .collect()
 }
 
 /// Steps the model along the log and shows the channels of every row.
@@ -41,6 +41,7 @@ pub(super) fn walk<S: Lane>(
             let value = drive.values[row];
             run.channels[drive.channel] = match drive.shift {
                 None => S::from(value),
+                Some(_) if value == 0.0 && drive.dead_band > 0.0 => S::from(0.0),
                 Some((offset, gain)) => (gain + 1.0) * value + offset,
             };
         }
