@@ -12,7 +12,7 @@ use nalgebra::DMatrix;
 
 use super::rough::{Known, Rough, knots, rough, weights};
 use super::walk::{drives, walk};
-use crate::prepare::Prepared;
+use crate::prepare::{Prepared, predicted_channels};
 
 /// The judged rows of one target of one log.
 #[derive(Debug, Clone)]
@@ -79,13 +79,14 @@ const JUMP: f64 = 0.02;
 
 impl Evidence {
     /// Of these logs, prepared for this model, row by row. A battery model that does not say how
-    /// its temperature moves is held to say that it is that of the surroundings, where both were
-    /// measured.
+    /// its temperature moves takes it from the log; where `temperature` is asked for, it is held to
+    /// say that it is that of the surroundings.
     #[must_use]
-    pub fn row_by_row(model: &Model, logs: Vec<Prepared>) -> Evidence {
+    pub fn row_by_row(model: &Model, logs: Vec<Prepared>, temperature: bool) -> Evidence {
         let mut segments = Vec::new();
         for (index, log) in logs.iter().enumerate() {
-            let unpredicted = if model.system == System::Battery && !model.predicts_temperature() { temperature(log) } else { None };
+            let asked = temperature && model.system == System::Battery && !model.predicts_temperature();
+            let unpredicted = if asked { both_temperatures(log) } else { None };
             let known = log.targets.iter().map(|target| (target.channel, target.observed.as_slice(), target.used.as_slice()));
             let all = vec![true; log.time_s.len()];
             for (channel, observed, used) in known.chain(unpredicted.map(|values| (Channel::TemperatureDegc, values, all.as_slice()))) {
@@ -122,8 +123,8 @@ impl Evidence {
     /// when much happens, and of up to [`BLOCK_MAX`] later. A mean of measurements is compared with
     /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
     #[must_use]
-    pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
-        let whole = Evidence::row_by_row(model, logs);
+    pub fn new(model: &Model, logs: Vec<Prepared>, temperature: bool) -> Evidence {
+        let whole = Evidence::row_by_row(model, logs, temperature);
         let jumps: Vec<Vec<bool>> = whole.logs.iter().map(jumps).collect();
         let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
         place(&mut segments);
@@ -188,7 +189,7 @@ fn in_means(segment: &Segment, jumps: &[bool]) -> Segment {
     Segment { block_of, counts, time_s, observed, ..segment.clone() }
 }
 
-fn temperature(log: &Prepared) -> Option<&[f64]> {
+fn both_temperatures(log: &Prepared) -> Option<&[f64]> {
     let input = |wanted| log.inputs.iter().find(|(channel, _)| *channel == wanted).map(|(_, values)| values.as_slice());
     input(Channel::AmbientDegc).and(input(Channel::TemperatureDegc))
 }
@@ -420,12 +421,19 @@ impl Frame {
     /// Whether the walk of this log must carry derivatives by the unknown.
     fn moves_model(&self, unknown: usize, log: usize) -> bool {
         match self.what(unknown) {
-            None | Some(Rough::Parameter(_) | Rough::InputOffset(_) | Rough::InputGain(_)) => true,
+            None | Some(Rough::Parameter(_)) => true,
+            Some(Rough::Offset(channel) | Rough::Gain(channel)) => self.drives_model(channel, log),
             Some(Rough::SocInitial(own)) => own == log,
             // Of the model, but dear in every lane: taken by differences.
             Some(Rough::Capacity | Rough::TemperatureInitial(_)) => false,
-            Some(Rough::TargetOffset(_) | Rough::TargetGain(_) | Rough::TargetLag(_) | Rough::Ocv(_)) => false,
+            Some(Rough::Lag(_) | Rough::Ocv(_)) => false,
         }
+    }
+
+    /// Whether the channel is an input of the model in that log.
+    fn drives_model(&self, channel: Channel, log: usize) -> bool {
+        let input = self.evidence.logs[log].inputs.iter().any(|(input, _)| *input == channel);
+        input && !predicted_channels(&self.model).contains(&channel)
     }
 
     /// The model with the capacity of these unknowns.
@@ -457,7 +465,7 @@ impl Frame {
             Some(error(what, x[unknown]))
         };
         let zero = S::from(0.0);
-        let shift = |channel| match (lifted(Rough::InputOffset(channel)), lifted(Rough::InputGain(channel))) {
+        let shift = |channel| match (lifted(Rough::Offset(channel)), lifted(Rough::Gain(channel))) {
             (None, None) => None,
             (offset, gain) => Some((offset.unwrap_or(zero), gain.unwrap_or(zero))),
         };
@@ -483,7 +491,7 @@ impl Frame {
         let (ocv, cells) = (self.ocv_error(x), self.cells());
         let shown: Vec<(f64, f64)> = segments
             .iter()
-            .map(|segment| (self.error(x, Rough::TargetOffset(segment.channel)), self.error(x, Rough::TargetGain(segment.channel))))
+            .map(|segment| (self.error(x, Rough::Offset(segment.channel)), self.error(x, Rough::Gain(segment.channel))))
             .collect();
         let source = |channel| {
             let unpredicted = channel == Channel::TemperatureDegc && !model.predicts_temperature();
@@ -518,8 +526,8 @@ impl Frame {
         for (column, &unknown) in by.iter().enumerate() {
             columns[(row, column)] += share
                 * match self.what(unknown) {
-                    Some(Rough::TargetOffset(own)) if own == channel => 1.0,
-                    Some(Rough::TargetGain(own)) if own == channel => shown / (1.0 + self.error(x, Rough::TargetGain(own))),
+                    Some(Rough::Offset(own)) if own == channel => 1.0,
+                    Some(Rough::Gain(own)) if own == channel => shown / (1.0 + self.error(x, Rough::Gain(own))),
                     Some(Rough::Ocv(knot)) => {
                         about.iter().filter(|(near, _)| *near == knot).map(|(_, weight)| weight).sum::<f64>() * self.cells()
                     }
@@ -532,7 +540,7 @@ impl Frame {
     /// between judged rows.
     fn delay(&self, x: &[f64], all: &mut [f64]) {
         for segment in &self.evidence.segments {
-            let lag_s = self.error(x, Rough::TargetLag(segment.channel));
+            let lag_s = self.error(x, Rough::Lag(segment.channel));
             if lag_s != 0.0 {
                 let own = &mut all[segment.range()];
                 let prompt = own.to_vec();
@@ -543,7 +551,7 @@ impl Frame {
 
     fn delay_columns(&self, x: &[f64], all: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
         for (column, &unknown) in by.iter().enumerate() {
-            let Some(Rough::TargetLag(channel)) = self.what(unknown) else { continue };
+            let Some(Rough::Lag(channel)) = self.what(unknown) else { continue };
             for segment in self.evidence.segments.iter().filter(|segment| segment.channel == channel) {
                 for row in 0..segment.counts.len() {
                     columns[(segment.begin + row, column)] = segment.slope(&all[segment.range()], row, x[unknown]);

@@ -185,7 +185,7 @@ mod tests {
     /// The filter is a Cholesky factor of V in disguise.
     #[test]
     fn innovations_and_likelihood_are_those_of_the_covariance_matrix() {
-        let time_s = [0.0, 1.0, 3.0, 10.0, 11.0, 60.0];
+        let time_s = [0.0_f64, 1.0, 3.0, 10.0, 11.0, 60.0];
         let covariance = DMatrix::from_fn(6, 6, |i, j| {
             NOISE.slow.powi(2) * (-(time_s[i] - time_s[j]).abs() / NOISE.tau_s).exp() + if i == j { NOISE.white.powi(2) } else { 0.0 }
         });

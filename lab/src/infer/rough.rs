@@ -9,16 +9,13 @@ use crate::prepare::Prepared;
 pub enum Rough {
     /// A parameter of the model that is not free but has a deviation: its change, in its unit.
     Parameter(usize),
-    /// Constant offset of an input's sensor: what is added to the input, in its unit.
-    InputOffset(Channel),
-    /// Gain of an input's sensor beyond 1.
-    InputGain(Channel),
-    /// Constant offset of a target's sensor: what is added to the prediction, in its unit.
-    TargetOffset(Channel),
-    /// Gain of a target's sensor beyond 1.
-    TargetGain(Channel),
+    /// Constant offset of a sensor: what it shows beyond the truth, in the channel's unit. It shifts
+    /// the prediction of a target and, the other way, an input.
+    Offset(Channel),
+    /// Gain of a sensor beyond 1.
+    Gain(Channel),
     /// Time by which a target is read later than the inputs' intervals end, s.
-    TargetLag(Channel),
+    Lag(Channel),
     /// Capacity, as a share beyond the model's.
     Capacity,
     /// The open-circuit voltage at a knot, V per cell beyond the table.
@@ -62,19 +59,13 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
         know(Rough::Parameter(index), parameter.sigma);
     }
     for (&channel, sensor) in &model.sensors {
-        let is_target = logs.iter().any(|log| log.targets.iter().any(|target| target.channel == channel));
-        let is_input = logs.iter().any(|log| log.inputs.iter().any(|(input, _)| *input == channel));
-        match (is_target, is_input) {
-            (true, _) => {
-                know(Rough::TargetOffset(channel), sensor.offset_sigma);
-                know(Rough::TargetGain(channel), sensor.gain_sigma);
-                know(Rough::TargetLag(channel), sensor.lag_sigma_s);
-            }
-            (false, true) => {
-                know(Rough::InputOffset(channel), sensor.offset_sigma);
-                know(Rough::InputGain(channel), sensor.gain_sigma);
-            }
-            (false, false) => {}
+        let measured = |log: &Prepared| {
+            log.targets.iter().any(|target| target.channel == channel) || log.inputs.iter().any(|(input, _)| *input == channel)
+        };
+        if logs.iter().any(measured) {
+            know(Rough::Offset(channel), sensor.offset_sigma);
+            know(Rough::Gain(channel), sensor.gain_sigma);
+            know(Rough::Lag(channel), sensor.lag_sigma_s);
         }
     }
     if let Facts::Battery(facts) = &model.facts {
@@ -83,16 +74,24 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
             know(Rough::Ocv(knot), model.uncertainty.ocv_sigma_v);
         }
         for (index, log) in logs.iter().enumerate() {
-            if model.predicts_temperature() {
+            if temperature_is_judged(log) {
                 let sensor = model.sensor(Channel::TemperatureDegc);
                 know(Rough::TemperatureInitial(index), sensor.floor().hypot(sensor.offset_sigma));
             }
             know(Rough::SocInitial(index), log.soc_initial_sigma.unwrap_or(model.uncertainty.soc_initial_sigma));
         }
     } else {
-        know(Rough::InputGain(Channel::BaySquaredCurrentA2), 2.0 * model.uncertainty.bay_current_relative_sigma);
+        // A square has twice the relative error of its root.
+        know(Rough::Gain(Channel::BaySquaredCurrentA2), 2.0 * model.uncertainty.bay_current_relative_sigma);
     }
     all
+}
+
+/// Whether a battery's log measures its temperature and, beside it, what it follows from.
+pub(super) fn temperature_is_judged(log: &Prepared) -> bool {
+    let input = |wanted| log.inputs.iter().any(|(channel, _)| *channel == wanted);
+    let target = log.targets.iter().any(|target| target.channel == Channel::TemperatureDegc);
+    target || (input(Channel::AmbientDegc) && input(Channel::TemperatureDegc))
 }
 
 /// States of charge at which the error of an OCV table may differ: every 5 %, and closer to empty.

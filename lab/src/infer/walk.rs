@@ -7,7 +7,7 @@ use energy::{Channel, Channels, Model, Run, Start};
 
 use crate::prepare::{Prepared, predicted_channels};
 
-/// An input with what its sensor may have added and multiplied.
+/// An input with what its sensor may have multiplied and added.
 pub(super) struct Drive<'a, S> {
     channel: Channel,
     values: &'a [f64],
@@ -42,7 +42,7 @@ pub(super) fn walk<S: Lane>(
             run.channels[drive.channel] = match drive.shift {
                 None => S::from(value),
                 Some(_) if value == 0.0 && drive.dead_band > 0.0 => S::from(0.0),
-                Some((offset, gain)) => (gain + 1.0) * value + offset,
+                Some((offset, gain)) => (S::from(value) - offset) / (gain + 1.0),
             };
         }
         if row > 0 {
