@@ -8,8 +8,9 @@
 //!        |
 //!   predict        the same walk for plain numbers and for exact derivatives
 //!        |
-//!   residual ──> regime     where the squared error lies
-//!        |   └─> compare    error against the sensor floor, worst regimes in words
+//!   residual ──> regime, concentration   where the squared error lies
+//!        |   ├─> whiteness, floor         is there still something in it
+//!        |   └─> compare                  error against the sensor floor, worst regimes in words
 //!        v
 //!   fit/           free parameters, bounded least squares, honest sigmas
 //!        |
@@ -22,7 +23,9 @@
 //! program's `cmd/` touch the disk. Residual is always observed minus predicted.
 
 pub mod compare;
+pub mod concentration;
 pub mod fit;
+pub mod floor;
 pub mod measurement;
 pub mod model_edit;
 pub mod model_source;
@@ -32,6 +35,7 @@ pub mod prepare;
 pub mod regime;
 pub mod report;
 pub mod residual;
+pub mod whiteness;
 
 pub use compare::{Comparison, compare};
 pub use measurement::{Log, LogError, LogFacts};

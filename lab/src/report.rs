@@ -1,5 +1,6 @@
 //! What people and programs read: terminal tables and JSON structures.
 
+pub mod comparison;
 pub mod effects;
 pub mod fitted;
 pub mod prediction;

@@ -1,7 +1,7 @@
 //! `lab compare`: where a model fails.
 
 use lab::compare::{Verdict, compare};
-use lab::report::table::comparison;
+use lab::report::comparison::human;
 
 use super::inputs::{LogArgs, ModelArg};
 use super::{Answer, Format, print};
@@ -18,7 +18,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let source = args.model.load()?;
     let logs = args.logs.prepare(&source.model)?;
     let result = compare(&source.model, &source.model.values(), &logs);
-    print(format, &result, || comparison(&result))?;
+    print(format, &result, || human(&result))?;
     Ok(match result.verdict {
         Verdict::WithinFloor => Answer::Yes,
         Verdict::LeavesError => Answer::No,
