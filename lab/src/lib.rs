@@ -16,7 +16,8 @@
 //!        |
 //!   model_edit     the fitted numbers, written back into the model's own text
 //!        v
-//!   report/        terminal tables and serde structs for `--format json`
+//!   report/        terminal tables, serde structs for `--format json`, one HTML file
+//!   plot/          SVG and PNG, for files and for that HTML
 //! ```
 //!
 //! Nothing here reads a clock or draws a random number. Only `model_source`, `output` and the
@@ -30,6 +31,7 @@ pub mod measurement;
 pub mod model_edit;
 pub mod model_source;
 pub mod output;
+pub mod plot;
 pub mod predict;
 pub mod prepare;
 pub mod regime;
