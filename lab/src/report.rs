@@ -3,6 +3,7 @@
 pub mod comparison;
 pub mod effects;
 pub mod fitted;
+pub mod html;
 pub mod prediction;
 pub mod quantity;
 pub mod table;

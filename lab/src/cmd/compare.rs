@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use lab::compare::{Verdict, compare};
 use lab::output::{check_writable, write_whole};
 use lab::plot::file::{Kind, bars_svg, traces_svg};
-use lab::plot::regimes::regime_bars;
+use lab::plot::regimes::charts;
 use lab::plot::traces;
 use lab::report::comparison::human;
 
@@ -39,7 +39,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         draw(path, traces_svg(&model.name, &traces(model, &values, &logs)))?;
     }
     if let Some(path) = &args.plot_regimes {
-        draw(path, bars_svg(&format!("{}: error by regime", model.name), &regime_bars(&result)))?;
+        draw(path, bars_svg(&format!("{}: error by regime", model.name), &charts(&result.regimes)))?;
     }
     print(format, &result, || human(&result))?;
     Ok(answer(result.verdict))

@@ -1,6 +1,6 @@
 //! The error by regime as bars.
 
-use crate::compare::{Comparison, RegimeError};
+use crate::compare::RegimeError;
 use crate::report::comparison::ranked;
 use crate::report::quantity::quantity;
 
@@ -14,8 +14,8 @@ const DRAWN: usize = 5;
 /// One chart for each channel and regime: the share of the squared error beside the share of the
 /// rows, with the RMS in words.
 #[must_use]
-pub fn regime_bars(comparison: &Comparison) -> Vec<Bars> {
-    ranked(&comparison.regimes).into_iter().filter(|(rank, _)| *rank < DRAWN).map(|(_, bands)| chart(bands)).collect()
+pub fn charts(regimes: &[RegimeError]) -> Vec<Bars> {
+    ranked(regimes).into_iter().filter(|(rank, _)| *rank < DRAWN).map(|(_, bands)| chart(bands)).collect()
 }
 
 fn chart(bands: &[RegimeError]) -> Bars {

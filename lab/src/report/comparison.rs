@@ -70,7 +70,8 @@ fn errors(errors: &[ChannelError]) -> Table {
 }
 
 /// The interval of RMS over floor; too few independent rows give no upper end worth reading.
-fn interval(check: FloorCheck) -> String {
+#[must_use]
+pub fn interval(check: FloorCheck) -> String {
     if check.effective_rows < 3.0 {
         return format!("> {}", digits(check.ratio_low));
     }

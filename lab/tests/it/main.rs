@@ -5,4 +5,5 @@ mod cli;
 mod commands;
 mod measured;
 mod recovery;
+mod report;
 mod sets;
