@@ -51,7 +51,7 @@ impl Whiteness {
             interval_s: slots.interval_s,
             slots: slots.filled,
             empty_slots: slots.values.len() - slots.filled,
-            lag1: correlation.at(1),
+            lag1: slots.lag1(),
             correlation_time_s: correlation.time_s(slots.interval_s),
             ljung_box: LjungBox::of(&correlation, slots.filled),
             cumulative_periodogram: spectrum.cumulative(),

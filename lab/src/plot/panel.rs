@@ -78,7 +78,7 @@ pub fn draw(svg: &mut Svg, panel: &Panel) {
             svg.rect((left, y(*high)), (right - left, y(*low) - y(*high)), *ink, 0.25);
         }
     }
-    for (value, words) in panel.y.ticks((panel.height / 30.0) as usize) {
+    for (value, words) in panel.y.ticks((panel.height / 24.0) as usize) {
         svg.line((left, y(value)), (right, y(value)), Ink::Grid, 1.0, false);
         svg.text((left - 7.0, y(value) + 4.0), Anchor::End, SIZE, Ink::Muted, &words);
     }

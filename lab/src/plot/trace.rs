@@ -36,8 +36,10 @@ pub struct Trace {
 
 /// Spans of time into which a log is cut; each keeps its lowest and its highest point.
 const SPANS: usize = 360;
-/// A pause longer than this many usual intervals breaks a line.
+/// A pause longer than this many usual intervals breaks a line,
 const PAUSE: f64 = 20.0;
+/// if it is also longer than this share of the log: a logger may write only what changes.
+const SEEN: f64 = 0.02;
 
 /// Every channel of every log.
 #[must_use]
@@ -68,12 +70,14 @@ pub fn traces(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Vec<Trac
 fn thin(points: &[(f64, f64)]) -> Pieces {
     let mut steps: Vec<f64> = points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let usual_s = if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(points.len() / 2 - 1, f64::total_cmp).1 };
-    let pieces = points.chunk_by(|a, b| b.0 - a.0 <= PAUSE * usual_s);
+    let whole_s = points.last().map_or(0.0, |last| last.0 - points[0].0);
+    let pause_s = (PAUSE * usual_s).max(SEEN * whole_s);
+    let pieces = points.chunk_by(|a, b| b.0 - a.0 <= pause_s);
     if points.len() <= 2 * SPANS {
         return pieces.map(<[_]>::to_vec).collect();
     }
     let begin_s = points[0].0;
-    let width_s = (points[points.len() - 1].0 - begin_s) / SPANS as f64;
+    let width_s = whole_s / SPANS as f64;
     let span = |point: &(f64, f64)| ((point.0 - begin_s) / width_s) as usize;
     let ends = |part: &[(f64, f64)]| {
         let lowest = (0..part.len()).min_by(|&a, &b| part[a].1.total_cmp(&part[b].1)).unwrap_or(0);

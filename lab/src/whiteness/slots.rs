@@ -67,6 +67,20 @@ impl Slots {
         self.values.iter().map(|value| if value.is_finite() { *value } else { 0.0 })
     }
 
+    /// Correlation of neighbouring slots, never beyond 1: each side of the pairs has its own
+    /// variance, as gaps may leave out different parts of the series on each.
+    pub(super) fn lag1(&self) -> f64 {
+        let pairs = self.values.windows(2).filter(|pair| pair[0].is_finite() && pair[1].is_finite());
+        let (mut products, mut before, mut after) = (0.0, 0.0, 0.0);
+        for pair in pairs {
+            products += pair[0] * pair[1];
+            before += pair[0] * pair[0];
+            after += pair[1] * pair[1];
+        }
+        let size = f64::sqrt(before * after);
+        if size > 0.0 { products / size } else { 0.0 }
+    }
+
     /// Correlation at every lag up to a quarter of the slots.
     pub(super) fn correlation(&self) -> Correlation {
         let lags = (self.values.len() / 4).max(1);
@@ -145,6 +159,7 @@ mod tests {
         let residual: Vec<f64> = (0..40).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let correlation = Slots::of(&time_s, &residual).unwrap().correlation();
         assert!((correlation.at(1) + 1.0).abs() < 1e-12 && (correlation.at(2) - 1.0).abs() < 1e-12);
+        assert!((Slots::of(&time_s, &residual).unwrap().lag1() + 1.0).abs() < 1e-12);
         assert_eq!(correlation.pairs[3], 37.0);
         let below = (1.0 - (-1.0_f64).exp()) / 2.0;
         assert!((correlation.time_s(2.0).unwrap() - 2.0 * below).abs() < 1e-12);
