@@ -13,6 +13,7 @@ pub(super) fn words(verdict: Verdict, errors: &[ChannelError], worst: &[Worst]) 
     words.extend(worst.iter().map(place));
     words.extend(errors.iter().filter_map(period));
     words.extend(colour(errors));
+    words.extend(errors.iter().filter_map(offset));
     words.extend(errors.iter().filter_map(doubt));
     words
 }
@@ -49,12 +50,29 @@ fn colour(errors: &[ChannelError]) -> Option<String> {
     let white = known.iter().filter(|white| **white).count();
     Some(match (known.len(), white) {
         (0, _) => return None,
-        (1, 1) => "The residual is white: nothing in its order in time is left to explain.".to_owned(),
-        (all, white) if all == white => "All residuals are white: nothing in their order in time is left to explain.".to_owned(),
+        (1, 1) => "The residual is white about its mean: nothing in its order in time is left to explain.".to_owned(),
+        (all, white) if all == white => {
+            "All residuals are white about their means: nothing in their order in time is left to explain.".to_owned()
+        }
         (1, _) => format!("The residual is not white: it keeps its sign for about {} s.", digits(slowest)),
         (_, 0) => format!("No residual is white: they keep their sign for up to {} s.", digits(slowest)),
         (all, white) => format!("{} of {all} residuals are not white: they keep their sign for up to {} s.", all - white, digits(slowest)),
     })
+}
+
+/// Standard deviations of its mean by which a white residual must be off.
+const SURELY_OFF: f64 = 4.0;
+/// Share of the floor below which an offset is not worth a sentence.
+const WORTH_SAYING: f64 = 0.25;
+
+/// A mean that a white residual does not have by chance. Where the residual is not white, a mean
+/// says little, and the regimes show where it comes from.
+fn offset(error: &ChannelError) -> Option<String> {
+    let (white, floor, size) = (error.whiteness.as_ref()?, error.floor?, error.size);
+    let deviation = (size.rms.powi(2) - size.mean.powi(2)).max(0.0).sqrt() / (size.rows as f64).sqrt();
+    let off = white.is_white() && size.mean.abs() > SURELY_OFF * deviation && size.mean.abs() > WORTH_SAYING * floor;
+    let (channel, log, mean) = (error.channel, &error.log, quantity(size.mean, error.unit));
+    off.then(|| format!("{channel} in {log} is off by {mean} on average, which its noise does not explain."))
 }
 
 /// What to doubt about a floor.
@@ -96,5 +114,34 @@ fn answer(verdict: Verdict, errors: &[ChannelError]) -> String {
             format!("No verdict: the model states no sensor floor for {unknown}; add [sensor.{unknown}] sigma = ... to it.")
         }
         (_, None) => "Nothing was compared.".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::residual::Size;
+    use crate::whiteness::Whiteness;
+    use crate::whiteness::tests::{seconds, uniform};
+
+    fn error(offset: f64) -> ChannelError {
+        let values: Vec<f64> = uniform(1000).into_iter().map(|noise| noise + offset).collect();
+        ChannelError {
+            log: "run".to_owned(),
+            channel: "power_w",
+            unit: "W",
+            size: Size::of(values.iter().copied()),
+            floor: Some(0.3),
+            ratio: None,
+            floor_check: None,
+            whiteness: Whiteness::of(&seconds(1000), &values),
+        }
+    }
+
+    #[test]
+    fn an_offset_of_a_white_residual_is_said() {
+        let words = words(Verdict::WithinFloor, &[error(0.2)], &[]).join(" ");
+        assert!(words.contains("white about its mean") && words.contains("power_w in run is off by"), "{words}");
+        assert_eq!(offset(&error(0.0)), None);
     }
 }

@@ -11,17 +11,26 @@ pub(super) struct Scale {
     pub(super) factor: f64,
     /// What follows the number: ` degC`, ` % SoC`.
     pub(super) suffix: &'static str,
+    /// The same after a 1.
+    pub(super) singular: &'static str,
+    /// What goes before the number of a single value.
+    pub(super) preposition: &'static str,
 }
 
 impl Scale {
     /// Values said as they are.
     pub(super) const fn of(name: &'static str, suffix: &'static str) -> Scale {
-        Scale { name, factor: 1.0, suffix }
+        Scale { name, factor: 1.0, suffix, singular: suffix, preposition: "at" }
+    }
+
+    /// Things that are counted.
+    pub(super) const fn count(name: &'static str, singular: &'static str, plural: &'static str) -> Scale {
+        Scale { name, factor: 1.0, suffix: plural, singular, preposition: "with" }
     }
 
     /// Fractions said as percent.
     pub(super) const fn percent(name: &'static str, suffix: &'static str) -> Scale {
-        Scale { name, factor: 100.0, suffix }
+        Scale { factor: 100.0, ..Scale::of(name, suffix) }
     }
 }
 
@@ -86,11 +95,13 @@ pub(super) fn between(scale: Scale, edges: &[f64], columns: &Columns<'_>) -> Dim
 }
 
 fn at_values(scale: Scale, values: &[f64], columns: &Columns<'_>) -> Dimension {
-    let bands: Vec<String> = values.iter().map(|&value| format!("{}{}", said(value), scale.suffix)).collect();
+    let unit = |value: f64| if value == 1.0 { scale.singular } else { scale.suffix };
+    let bands: Vec<String> = values.iter().map(|&value| format!("{}{}", said(value), unit(value))).collect();
+    let at = scale.preposition;
     let last = bands.len() - 1;
-    let single = bands.iter().enumerate().map(|(index, band)| (vec![index], format!("at {band}")));
-    let from = (1..last).map(|begin| ((begin..=last).collect(), format!("at {} or more", bands[begin])));
-    let to = (1..last).map(|end| ((0..=end).collect(), format!("at {} or less", bands[end])));
+    let single = bands.iter().enumerate().map(|(index, band)| (vec![index], format!("{at} {band}")));
+    let from = (1..last).map(|begin| ((begin..=last).collect(), format!("{at} {} or more", bands[begin])));
+    let to = (1..last).map(|end| ((0..=end).collect(), format!("{at} {} or less", bands[end])));
     let groups = single.chain(from).chain(to).collect();
     let of = |value: f64| values.iter().position(|&known| known == value * scale.factor);
     Dimension { name: scale.name, groups, of_row: sort(columns, of), bands }
@@ -131,11 +142,11 @@ mod tests {
 
     #[test]
     fn few_values_have_a_band_each_and_many_share_round_ones() {
-        let scale = Scale::of("docked", " robots docked");
+        let scale = Scale::count("docked", " robot docked", " robots docked");
         let dimension = by_number(scale, &vec![Some(&[2.0, 0.0, 1.0, f64::NAN]), None]).unwrap();
-        assert_eq!(dimension.bands, ["0 robots docked", "1 robots docked", "2 robots docked"]);
+        assert_eq!(dimension.bands, ["0 robots docked", "1 robot docked", "2 robots docked"]);
         assert_eq!(dimension.of_row, [vec![Some(2), Some(0), Some(1), None], vec![]]);
-        assert!(dimension.groups.contains(&(vec![1, 2], "at 1 robots docked or more".to_owned())));
+        assert!(dimension.groups.contains(&(vec![1, 2], "with 1 robot docked or more".to_owned())));
         let many: Vec<f64> = (0..100).map(|k| 20.0 + 0.1 * f64::from(k)).collect();
         let dimension = by_number(Scale::of("temperature", " degC"), &vec![Some(&many)]).unwrap();
         assert_eq!(dimension.bands, ["< 22 degC", "22 to 24 degC", "24 to 26 degC", "26 to 28 degC", "> 28 degC"]);

@@ -21,8 +21,8 @@ pub(super) fn dimensions(seen: &Seen<'_>) -> Vec<Dimension> {
     let number = |channel, scale| by_number(scale, &seen.channel(channel)?);
     let lift = [("lift at rest", "with the lift at rest"), ("lift moving", "with the lift moving")];
     let all = [
-        number(Channel::RobotsDocked, Scale::of("docked", " robots docked")),
-        number(Channel::RobotsCharging, Scale::of("charging", " robots charging")),
+        number(Channel::RobotsDocked, Scale::count("docked", " robot docked", " robots docked")),
+        number(Channel::RobotsCharging, Scale::count("charging", " robot charging", " robots charging")),
         number(Channel::ChargePowerW, Scale::of("charge power", " W of charge power")),
         seen.channel(Channel::ChargePowerW).map(|power_w| phase(seen, &power_w)),
         seen.channel(Channel::LiftActive).map(|active| named("lift", &lift, &active, |active| usize::from(active > 0.0))),
