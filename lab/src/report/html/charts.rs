@@ -150,7 +150,7 @@ fn spectrum(curve: &SpectrumCurve) -> Panel {
     Panel {
         title: format!("{}: {}", curve.log, title_of(&curve.channel)),
         x: Axis { label: format!("frequency, {unit}"), low: 0.0, high: end * factor },
-        y: Axis { label: "share of power".to_owned(), low: 0.0, high: 1.0 },
+        y: Axis { label: "share of power".to_owned(), low: 0.0, high: 1.06 },
         marks: vec![
             line(bound(1.0), Ink::Floor, 1.5, true, "white, 95 %"),
             line(bound(-1.0), Ink::Floor, 1.5, true, ""),
