@@ -46,7 +46,10 @@ fn period(error: &ChannelError) -> Option<String> {
 /// Which residuals are white, in one sentence for all.
 fn colour(errors: &[ChannelError]) -> Option<String> {
     let known: Vec<bool> = errors.iter().filter_map(|error| Some(error.whiteness.as_ref()?.is_white())).collect();
-    let slowest = errors.iter().filter_map(|error| error.whiteness.as_ref()?.correlation_time_s).fold(0.0, f64::max);
+    // A correlation that never falls below 1/e lasts longer than the log can tell.
+    let lasts = errors.iter().filter_map(|error| Some(error.whiteness.as_ref()?.correlation_time_s.unwrap_or(f64::INFINITY)));
+    let slowest = lasts.fold(0.0, f64::max);
+    let slowest = if slowest.is_finite() { format!("{} s", digits(slowest)) } else { "most of the log".to_owned() };
     let white = known.iter().filter(|white| **white).count();
     Some(match (known.len(), white) {
         (0, _) => return None,
@@ -54,9 +57,9 @@ fn colour(errors: &[ChannelError]) -> Option<String> {
         (all, white) if all == white => {
             "All residuals are white about their means: nothing in their order in time is left to explain.".to_owned()
         }
-        (1, _) => format!("The residual is not white: it keeps its sign for about {} s.", digits(slowest)),
-        (_, 0) => format!("No residual is white: they keep their sign for up to {} s.", digits(slowest)),
-        (all, white) => format!("{} of {all} residuals are not white: they keep their sign for up to {} s.", all - white, digits(slowest)),
+        (1, _) => format!("The residual is not white: it keeps its sign for about {slowest}."),
+        (_, 0) => format!("No residual is white: they keep their sign for up to {slowest}."),
+        (all, white) => format!("{} of {all} residuals are not white: they keep their sign for up to {slowest}.", all - white),
     })
 }
 
