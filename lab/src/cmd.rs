@@ -5,6 +5,7 @@ mod effects;
 mod fit;
 mod inputs;
 mod predict;
+mod report;
 
 use std::io::{self, Write as _};
 use std::process::ExitCode;
@@ -44,6 +45,8 @@ enum Verb {
     Compare(compare::Args),
     /// Calibrate the free parameters of a model on logs.
     Fit(fit::Args),
+    /// Write what a comparison found into one HTML file that reads without a network.
+    Report(report::Args),
 }
 
 /// What a verb found.
@@ -61,6 +64,7 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
         Verb::Predict(args) => predict::run(&args, cli.format),
         Verb::Compare(args) => compare::run(&args, cli.format),
         Verb::Fit(args) => fit::run(&args, cli.format),
+        Verb::Report(args) => report::run(&args, cli.format),
     };
     match result {
         Ok(Answer::Yes) => ExitCode::SUCCESS,

@@ -1,15 +1,20 @@
 //! Compares a model with logs: error against the known sensor floor, and where it lies.
 
+mod words;
+
 use std::sync::Arc;
 
 use energy::{Channel, Model};
 use serde::Serialize;
 
-use crate::predict::predict;
-use crate::prepare::Prepared;
+use crate::concentration::{Concentration, Sorted, worst};
+use crate::floor::FloorCheck;
+use crate::predict::{Prediction, predict};
+use crate::prepare::{Prepared, Target};
 use crate::regime::{Dimension, dimensions};
-use crate::report::quantity::{quantity, unit_of};
+use crate::report::quantity::unit_of;
 use crate::residual::{Residual, Size, residuals};
+use crate::whiteness::Whiteness;
 
 /// RMS up to this multiple of the sensor floor counts as the floor.
 pub const WITHIN: f64 = 1.5;
@@ -42,6 +47,10 @@ pub struct ChannelError {
     pub floor: Option<f64>,
     /// RMS over floor.
     pub ratio: Option<f64>,
+    /// How sure that ratio is, and whether the floor itself can be right; null without a floor.
+    pub floor_check: Option<FloorCheck>,
+    /// What the residual looks like in time; null when there are too few rows to say.
+    pub whiteness: Option<Whiteness>,
 }
 
 /// Error of one channel, over all logs, in one band of a regime.
@@ -64,6 +73,19 @@ pub struct RegimeError {
     pub share_of_rows: f64,
 }
 
+/// Where the error of one channel, over all logs, is densest.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Worst {
+    /// Canonical name of the channel.
+    pub channel: &'static str,
+    /// The shortest set of conditions that explains most of the squared error.
+    #[serde(flatten)]
+    pub concentration: Concentration,
+    /// The same for the rows outside that set, with shares of what is left; null when the rest is
+    /// small or spread evenly.
+    pub of_the_rest: Option<Concentration>,
+}
+
 /// Everything that `lab compare` says. Residuals are observed minus predicted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
@@ -77,27 +99,30 @@ pub struct Comparison {
     pub errors: Vec<ChannelError>,
     /// Error by regime; bands without rows are left out.
     pub regimes: Vec<RegimeError>,
-    /// The answer and the worst regimes, one sentence each.
+    /// Where the error is densest, worst channel first; none for a channel whose error is spread
+    /// evenly.
+    pub worst: Vec<Worst>,
+    /// The answer, the worst regimes and what the residual looks like, one sentence each.
     pub words: Vec<String>,
 }
 
 /// Compares the model, with these parameter values, with all logs.
 #[must_use]
 pub fn compare(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Comparison {
+    let predictions: Vec<Prediction> = logs.iter().map(|log| predict(model, log, values)).collect();
+    let dimensions = dimensions(model, logs, &predictions);
     let mut errors = Vec::new();
-    let mut sorted: Vec<Sorted> = Vec::new();
-    for (index, log) in logs.iter().enumerate() {
-        let prediction = predict(model, log, values);
-        let mut dimensions = dimensions(model, log, &prediction);
-        if logs.len() > 1 {
-            dimensions.insert(0, by_log(logs, index));
-        }
+    let mut channels: Vec<Rows> = Vec::new();
+    for (index, (log, prediction)) in logs.iter().zip(&predictions).enumerate() {
         for target in &log.targets {
-            let rows: Vec<Residual> = residuals(log, &prediction, target).into_iter().filter(|row| row.used).collect();
-            errors.push(channel_error(log, target.channel, target.floor, Size::of(rows.iter().map(Residual::value))));
-            for dimension in &dimensions {
-                sort_in(&mut sorted, target.channel, dimension, &rows);
-            }
+            let rows: Vec<Residual> = residuals(log, prediction, target).into_iter().filter(|row| row.used).collect();
+            errors.push(channel_error(log, target, &rows));
+            let known = channels.iter().position(|known| known.channel == target.channel);
+            let known = known.unwrap_or_else(|| {
+                channels.push(Rows::new(target.channel, dimensions.len()));
+                channels.len() - 1
+            });
+            channels[known].add(&dimensions, index, &rows);
         }
     }
     let verdict = match &errors {
@@ -105,115 +130,89 @@ pub fn compare(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Compari
         errors if errors.iter().any(|error| error.ratio.is_none()) => Verdict::FloorUnknown,
         _ => Verdict::WithinFloor,
     };
-    let mut words = vec![answer(verdict, &errors)];
-    let mut remarks: Vec<Remark> = sorted.iter().filter_map(worst).collect();
-    remarks.sort_by(|a, b| b.excess.total_cmp(&a.excess));
-    if remarks.is_empty() && verdict != Verdict::WithinFloor {
-        words.push("No regime stands out: the squared error is spread about as the rows are.".to_owned());
-    }
-    words.extend(remarks.into_iter().map(|remark| remark.words));
-    let regimes = sorted.iter().flat_map(regime_errors).collect();
-    Comparison { schema: 1, model: model.name.clone(), verdict, errors, regimes, words }
+    let mut worst: Vec<Worst> = channels.iter().filter_map(|rows| rows.worst(&dimensions)).collect();
+    let excess = |worst: &Worst| worst.concentration.share - worst.concentration.share_of_rows;
+    worst.sort_by(|a, b| excess(b).total_cmp(&excess(a)));
+    let words = words::words(verdict, &errors, &worst);
+    let regimes = channels.iter().flat_map(|rows| rows.errors(&dimensions)).collect();
+    Comparison { schema: 1, model: model.name.clone(), verdict, errors, regimes, worst, words }
 }
 
-fn channel_error(log: &Prepared, channel: Channel, floor: f64, size: Size) -> ChannelError {
-    let floor = (floor > 0.0).then_some(floor);
-    let ratio = floor.map(|floor| size.rms / floor);
-    ChannelError { log: log.name.clone(), channel: channel.name(), unit: unit_of(channel.name()), size, floor, ratio }
-}
-
-fn by_log(logs: &[Prepared], index: usize) -> Dimension {
-    let bands: Vec<String> = logs.iter().map(|log| log.name.clone()).collect();
-    let groups = bands.iter().enumerate().map(|(index, name)| (vec![index], format!("in {name}"))).collect();
-    Dimension { name: "log", bands, groups, of_row: vec![Some(index); logs[index].time_s.len()] }
-}
-
-/// Residuals of one channel, from all logs, sorted by one dimension.
-struct Sorted {
-    channel: Channel,
-    dimension: Dimension,
-    values: Vec<Vec<f64>>,
-}
-
-fn sort_in(all: &mut Vec<Sorted>, channel: Channel, dimension: &Dimension, rows: &[Residual]) {
-    let known = all.iter().position(|sorted| sorted.channel == channel && sorted.dimension.name == dimension.name);
-    let index = known.unwrap_or_else(|| {
-        let values = vec![Vec::new(); dimension.bands.len()];
-        all.push(Sorted { channel, dimension: dimension.clone(), values });
-        all.len() - 1
-    });
-    for row in rows {
-        if let Some(band) = dimension.of_row[row.row] {
-            all[index].values[band].push(row.value());
-        }
-    }
-}
-
-fn regime_errors(sorted: &Sorted) -> Vec<RegimeError> {
-    let sizes: Vec<Size> = sorted.values.iter().map(|values| Size::of(values.iter().copied())).collect();
-    let squares: f64 = sizes.iter().map(Size::squares).sum();
-    let rows: usize = sizes.iter().map(|size| size.rows).sum();
-    let filled = sizes.into_iter().zip(&sorted.dimension.bands).filter(|(size, _)| size.rows > 0);
-    let error = |(size, band): (Size, &String)| RegimeError {
-        channel: sorted.channel.name(),
-        dimension: sorted.dimension.name,
-        band: band.clone(),
-        unit: unit_of(sorted.channel.name()),
+fn channel_error(log: &Prepared, target: &Target, rows: &[Residual]) -> ChannelError {
+    let channel = target.channel.name();
+    let places: Vec<usize> = rows.iter().map(|row| row.row).collect();
+    let time_s: Vec<f64> = places.iter().map(|&row| log.time_s[row]).collect();
+    let values: Vec<f64> = rows.iter().map(Residual::value).collect();
+    let size = Size::of(values.iter().copied());
+    let floor = (target.floor > 0.0).then_some(target.floor);
+    ChannelError {
+        log: log.name.clone(),
+        channel,
+        unit: unit_of(channel),
         size,
-        share: if squares > 0.0 { size.squares() / squares } else { 0.0 },
-        share_of_rows: size.rows as f64 / rows as f64,
-    };
-    filled.map(error).collect()
+        floor,
+        ratio: floor.map(|floor| size.rms / floor),
+        floor_check: FloorCheck::of(&places, &values, target.floor),
+        whiteness: Whiteness::of(&time_s, &values),
+    }
 }
 
-/// A share must exceed its share of rows by this much to be worth a sentence.
-const REMARKABLE: f64 = 0.1;
-
-/// Where the error lies, and by how much its share exceeds the share of rows.
-struct Remark {
-    excess: f64,
-    words: String,
+/// Rows of one channel, from all logs, sorted by every regime.
+struct Rows {
+    channel: Channel,
+    values: Vec<f64>,
+    sorted: Sorted,
 }
 
-/// The set of bands in which the squared error is most concentrated, in words.
-fn worst(sorted: &Sorted) -> Option<Remark> {
-    let errors = regime_errors(sorted);
-    let share = |bands: &[usize]| {
-        let named = |error: &&RegimeError| bands.iter().any(|&band| sorted.dimension.bands[band] == error.band);
-        errors.iter().filter(named).fold((0.0, 0.0), |sum, error| (sum.0 + error.share, sum.1 + error.share_of_rows))
-    };
-    let candidates = sorted.dimension.groups.iter().map(|(bands, words)| (share(bands), words));
-    let ((error, rows), words) = candidates.max_by(|(a, _), (b, _)| (a.0 - a.1).total_cmp(&(b.0 - b.1)))?;
-    (error - rows >= REMARKABLE).then(|| {
-        let shares = (percent(error), percent(rows));
-        let words = format!("{} of the squared error of {} lies {words}, in {} of the rows.", shares.0, sorted.channel.name(), shares.1);
-        Remark { excess: error - rows, words }
-    })
-}
+/// Share of the squared error that must be left for the rest to get a sentence of its own.
+const WORTH_ANOTHER: f64 = 0.15;
 
-fn percent(share: f64) -> String {
-    format!("{:.0} %", share * 100.0)
-}
+impl Rows {
+    fn new(channel: Channel, dimensions: usize) -> Rows {
+        Rows { channel, values: Vec::new(), sorted: Sorted { squares: Vec::new(), bands: vec![Vec::new(); dimensions] } }
+    }
 
-fn answer(verdict: Verdict, errors: &[ChannelError]) -> String {
-    let by_ratio = |a: &&ChannelError, b: &&ChannelError| a.ratio.unwrap_or(0.0).total_cmp(&b.ratio.unwrap_or(0.0));
-    let describe = |error: &ChannelError| {
-        let rms = quantity(error.size.rms, error.unit);
-        match (error.floor, error.ratio) {
-            (Some(floor), Some(ratio)) => {
-                let floor = quantity(floor, error.unit);
-                format!("{rms} RMS of {} in {}, {ratio:.1} x the sensor floor of {floor}", error.channel, error.log)
+    fn add(&mut self, dimensions: &[Dimension], log: usize, rows: &[Residual]) {
+        self.values.extend(rows.iter().map(Residual::value));
+        self.sorted.squares.extend(rows.iter().map(|row| row.value() * row.value()));
+        for (dimension, bands) in dimensions.iter().zip(&mut self.sorted.bands) {
+            let of_row = &dimension.of_row[log];
+            // A log without the channel has no row in any band.
+            bands.extend(rows.iter().map(|row| of_row.get(row.row).copied().flatten()));
+        }
+    }
+
+    fn errors(&self, dimensions: &[Dimension]) -> Vec<RegimeError> {
+        let squares: f64 = self.sorted.squares.iter().sum();
+        let mut errors = Vec::new();
+        for (dimension, of_row) in dimensions.iter().zip(&self.sorted.bands) {
+            let mut values = vec![Vec::new(); dimension.bands.len()];
+            for (value, band) in self.values.iter().zip(of_row) {
+                if let Some(band) = *band {
+                    values[band].push(*value);
+                }
             }
-            _ => format!("{rms} RMS of {} in {}", error.channel, error.log),
+            let filled = values.into_iter().zip(&dimension.bands).filter(|(values, _)| !values.is_empty());
+            errors.extend(filled.map(|(values, band)| {
+                let size = Size::of(values.into_iter());
+                RegimeError {
+                    channel: self.channel.name(),
+                    dimension: dimension.name,
+                    band: band.clone(),
+                    unit: unit_of(self.channel.name()),
+                    size,
+                    share: if squares > 0.0 { size.squares() / squares } else { 0.0 },
+                    share_of_rows: size.rows as f64 / self.values.len() as f64,
+                }
+            }));
         }
-    };
-    match (verdict, errors.iter().max_by(by_ratio)) {
-        (Verdict::WithinFloor, Some(error)) => format!("The model explains the logs: at most {}.", describe(error)),
-        (Verdict::LeavesError, Some(error)) => format!("The model leaves {}.", describe(error)),
-        (Verdict::FloorUnknown, _) => {
-            let unknown = errors.iter().find(|error| error.ratio.is_none()).map_or("", |error| error.channel);
-            format!("No verdict: the model states no sensor floor for {unknown}; add [sensor.{unknown}] sigma = ... to it.")
-        }
-        (_, None) => "Nothing was compared.".to_owned(),
+        errors
+    }
+
+    fn worst(&self, dimensions: &[Dimension]) -> Option<Worst> {
+        let concentration = worst(dimensions, &self.sorted)?;
+        let rest = (1.0 - concentration.share >= WORTH_ANOTHER).then(|| self.sorted.without(dimensions, &concentration));
+        let of_the_rest = rest.and_then(|rest| worst(dimensions, &rest));
+        Some(Worst { channel: self.channel.name(), concentration, of_the_rest })
     }
 }

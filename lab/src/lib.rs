@@ -8,31 +8,37 @@
 //!        |
 //!   predict        the same walk for plain numbers and for exact derivatives
 //!        |
-//!   residual ──> regime     where the squared error lies
-//!        |   └─> compare    error against the sensor floor, worst regimes in words
+//!   residual ──> regime, concentration   where the squared error lies
+//!        |   ├─> whiteness, floor         is there still something in it
+//!        |   └─> compare                  error against the sensor floor, worst regimes in words
 //!        v
 //!   fit/           free parameters, bounded least squares, honest sigmas
 //!        |
 //!   model_edit     the fitted numbers, written back into the model's own text
 //!        v
-//!   report/        terminal tables and serde structs for `--format json`
+//!   report/        terminal tables, serde structs for `--format json`, one HTML file
+//!   plot/          SVG and PNG, for files and for that HTML
 //! ```
 //!
 //! Nothing here reads a clock or draws a random number. Only `model_source`, `output` and the
 //! program's `cmd/` touch the disk. Residual is always observed minus predicted.
 
 pub mod compare;
+pub mod concentration;
 pub mod fit;
 pub mod infer;
+pub mod floor;
 pub mod measurement;
 pub mod model_edit;
 pub mod model_source;
 pub mod output;
+pub mod plot;
 pub mod predict;
 pub mod prepare;
 pub mod regime;
 pub mod report;
 pub mod residual;
+pub mod whiteness;
 
 pub use compare::{Comparison, compare};
 pub use measurement::{Log, LogError, LogFacts};

@@ -1,7 +1,13 @@
 //! `lab compare`: where a model fails.
 
+use std::path::{Path, PathBuf};
+
 use lab::compare::{Verdict, compare};
-use lab::report::table::comparison;
+use lab::output::{check_writable, write_whole};
+use lab::plot::file::{Kind, bars_svg, traces_svg};
+use lab::plot::regimes::charts;
+use lab::plot::traces;
+use lab::report::comparison::human;
 
 use super::inputs::{LogArgs, ModelArg};
 use super::{Answer, Format, print};
@@ -12,16 +18,44 @@ pub(super) struct Args {
     model: ModelArg,
     #[command(flatten)]
     logs: LogArgs,
+    /// Draw measured and predicted over time, with the residual, into this .svg or .png file.
+    #[arg(long, value_name = "OUT.svg|.png")]
+    plot: Option<PathBuf>,
+    /// Draw the error by regime into this .svg or .png file.
+    #[arg(long, value_name = "OUT.svg|.png")]
+    plot_regimes: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
+    for path in args.plot.iter().chain(&args.plot_regimes) {
+        Kind::of(path)?;
+        check_writable(path)?;
+    }
     let source = args.model.load()?;
-    let logs = args.logs.prepare(&source.model)?;
-    let result = compare(&source.model, &source.model.values(), &logs);
-    print(format, &result, || comparison(&result))?;
-    Ok(match result.verdict {
+    let (model, values) = (&source.model, source.model.values());
+    let logs = args.logs.prepare(model)?;
+    let result = compare(model, &values, &logs);
+    if let Some(path) = &args.plot {
+        draw(path, traces_svg(&model.name, &traces(model, &values, &logs)))?;
+    }
+    if let Some(path) = &args.plot_regimes {
+        draw(path, bars_svg(&format!("{}: error by regime", model.name), &charts(&result.regimes)))?;
+    }
+    print(format, &result, || human(&result))?;
+    Ok(answer(result.verdict))
+}
+
+/// What the exit status says about a verdict.
+pub(super) fn answer(verdict: Verdict) -> Answer {
+    match verdict {
         Verdict::WithinFloor => Answer::Yes,
         Verdict::LeavesError => Answer::No,
         Verdict::FloorUnknown => Answer::CannotTell,
-    })
+    }
+}
+
+fn draw(path: &Path, svg: String) -> anyhow::Result<()> {
+    write_whole(path, &Kind::of(path)?.bytes(svg)?)?;
+    eprintln!("lab: wrote {}", path.display());
+    Ok(())
 }

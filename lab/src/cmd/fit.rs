@@ -38,7 +38,8 @@ pub(super) struct Args {
     date: Option<String>,
 }
 
-fn date(text: &str) -> Result<String, String> {
+/// A date as people and files write it.
+pub(super) fn date(text: &str) -> Result<String, String> {
     let parts: Vec<&str> = text.split('-').collect();
     let number = |part: &str, digits: usize, max: u32| {
         part.len() == digits && part.bytes().all(|byte| byte.is_ascii_digit()) && part.parse().is_ok_and(|n: u32| (1..=max).contains(&n))

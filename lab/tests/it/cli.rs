@@ -145,6 +145,19 @@ fn an_output_that_cannot_be_written_is_refused_before_the_work() {
 }
 
 #[test]
+fn plots_are_written_as_their_ending_says_and_another_ending_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let arguments = ["compare", "--model", CELL, "--log", "discharge-1c.csv"];
+    let outcome = lab(&[&arguments[..], &["--plot", &path("a.svg"), "--plot-regimes", &path("b.png")]].concat());
+    assert_eq!(outcome.code, 1, "{}", outcome.stderr);
+    let svg = fs::read_to_string(path("a.svg")).unwrap();
+    assert!(svg.contains("measured") && svg.contains("sensor floors of 0.500 mV") && svg.len() < 200_000, "{}", svg.len());
+    assert_eq!(fs::read(path("b.png")).unwrap()[1..4], *b"PNG");
+    refuses(&lab(&[&arguments[..], &["--plot", &path("a.jpg")]].concat()), &["it must end in .svg or .png"]);
+}
+
+#[test]
 fn a_robot_log_is_fitted_with_its_own_columns() {
     let directory = tempfile::tempdir().unwrap();
     let mut log = "t,watts,v_kmh\n".to_owned();

@@ -5,4 +5,6 @@ mod cli;
 mod commands;
 mod measured;
 mod recovery;
+mod regimes;
+mod report;
 mod sets;

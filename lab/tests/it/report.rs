@@ -1,0 +1,42 @@
+//! The HTML report says what the comparison says.
+
+use std::fs;
+
+use crate::commands::lab;
+
+const CELL: &str = "enertech-lco-2280mah";
+
+#[test]
+fn the_report_holds_the_numbers_of_the_comparison_and_loads_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("report.html");
+    let logs = ["--log", "discharge-0p5c.csv", "discharge-1c.csv"];
+    let compared = lab(&[&["compare", "--format", "json", "--model", CELL], &logs[..]].concat());
+    let more = ["--holdout", "discharge-0p1c.csv", "--date", "2026-01-31", "-o", path.to_str().unwrap()];
+    let outcome = lab(&[&["report", "--format", "json", "--model", CELL], &logs[..], &more].concat());
+    assert_eq!((compared.code, outcome.code), (1, 1), "{}", outcome.stderr);
+    assert_eq!(outcome.json()["comparison"], compared.json());
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(!text.contains("http"));
+    assert!(text.contains("2026-01-31") && text.contains("discharge-0p1c"));
+    for error in compared.json()["errors"].as_array().unwrap() {
+        let cell = |value: String| assert!(text.contains(&format!(">{value}</td>")), "{value} is not in the report");
+        cell(error["rows"].to_string());
+        cell(format!("{:.2}", error["ratio"].as_f64().unwrap()));
+        cell(lab::report::quantity::quantity(error["rms"].as_f64().unwrap(), "V"));
+    }
+    for words in compared.json()["words"].as_array().unwrap() {
+        assert!(text.contains(words.as_str().unwrap()), "{words} is not in the report");
+    }
+}
+
+#[test]
+fn two_runs_write_the_same_report() {
+    let directory = tempfile::tempdir().unwrap();
+    let write = |name: &str| {
+        let path = directory.path().join(name);
+        lab(&["report", "--model", CELL, "--log", "discharge-1c.csv", "-o", path.to_str().unwrap()]);
+        fs::read(path).unwrap()
+    };
+    assert_eq!(write("a.html"), write("b.html"));
+}
