@@ -18,8 +18,8 @@
 //!   report/        terminal tables and serde structs for `--format json`
 //! ```
 //!
-//! Nothing here reads a clock or draws a random number. Only `model_source`, `output` and the
-//! program's `cmd/` touch the disk. Residual is always observed minus predicted.
+//! Nothing here reads a clock or draws a random number. Only `model_source`, `output`, the
+//! coordinator's store in `measurement/` and the program's `cmd/` touch the disk. Residual is always observed minus predicted.
 
 pub mod compare;
 pub mod fit;
@@ -35,5 +35,5 @@ pub mod residual;
 
 pub use compare::{Comparison, compare};
 pub use measurement::{Log, LogError, LogFacts};
-pub use model_source::{ModelSource, ModelSourceError, load_model};
+pub use model_source::{ModelSource, load_model};
 pub use prepare::{PrepareError, Prepared, prepare};
