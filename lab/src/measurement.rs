@@ -9,6 +9,8 @@ mod facts;
 mod limits;
 mod log;
 mod mapping;
+mod mcap;
+mod store;
 mod table;
 mod thin;
 mod times;
@@ -23,7 +25,8 @@ pub use facts::{History, LogFacts, Overrides, Role};
 pub use limits::BYTES_MAX as LOG_BYTES_MAX;
 pub use log::{Column, Log};
 pub use mapping::Mapping;
-pub use table::{Cells, Table};
+pub use store::{StoreQuery, Subject, instant, read_store};
+pub use table::{Cells, GaugeStart, Table};
 pub use thin::{LONG, Thinning, thin, uneven_sampling};
 
 /// A source format.
@@ -37,7 +40,7 @@ pub struct Format {
 }
 
 /// Every known format.
-static FORMATS: &[Format] = &[csv::FORMAT];
+static FORMATS: &[Format] = &[csv::FORMAT, mcap::FORMAT];
 
 /// Every known format.
 #[must_use]

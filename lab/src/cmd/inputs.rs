@@ -1,17 +1,19 @@
 //! Arguments that verbs share: the model, the logs and the facts about them.
 
 mod facts;
+mod store;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
-use lab::measurement::{Log, Role, Thinning, thin, uneven_sampling};
+use lab::measurement::{Log, LogFacts, Role, Thinning, thin, uneven_sampling};
 use lab::prepare::{Prepared, predicted_channels, prepare_to_judge};
 use lab::{ModelSource, load_model};
 
 pub(super) use facts::FactArgs;
+use store::StoreArgs;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelArg {
@@ -30,8 +32,10 @@ impl ModelArg {
 #[derive(Debug, clap::Args)]
 pub(super) struct LogArgs {
     /// Logs to read. Facts about L.csv are read from L.toml beside it.
-    #[arg(long = "log", value_name = "LOG", required = true, num_args = 1..)]
+    #[arg(long = "log", value_name = "LOG", required_unless_present = "store", num_args = 1..)]
     logs: Vec<PathBuf>,
+    #[command(flatten)]
+    store: StoreArgs,
     /// Only this of the channels that the model predicts; all that the logs hold when left out.
     #[arg(long = "target", value_name = "CHANNEL")]
     targets: Vec<String>,
@@ -98,11 +102,17 @@ impl LogArgs {
             if role.is_none_or(|role| role == is) {
                 let mut log = self.facts.read_with(path, facts)?;
                 log.facts.role = Some(is);
-                let told = log.notes.len();
-                thin(&mut log, model, self.rows.thinning());
-                say(&log.notes[told..]);
                 logs.push(log);
             }
+        }
+        // What the coordinator saw is there to learn from.
+        if role != Some(Role::Holdout) {
+            logs.extend(self.store.read(self.facts.overrides()?.over(LogFacts::default()))?);
+        }
+        for log in &mut logs {
+            let told = log.notes.len();
+            thin(log, model, self.rows.thinning());
+            say(&log.notes[told..]);
         }
         say(uneven_sampling(&logs).as_slice());
         Ok(logs)
@@ -189,4 +199,43 @@ fn targets(model: &Model, names: &[String]) -> anyhow::Result<Vec<Channel>> {
         })
     };
     names.iter().map(known).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use clap::Parser as _;
+
+    use super::*;
+
+    #[derive(Debug, clap::Parser)]
+    struct Verb {
+        #[command(flatten)]
+        inputs: LogInputs,
+    }
+
+    #[test]
+    fn logs_for_judging_come_from_the_flag_and_from_the_facts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        for name in ["a", "b", "c"] {
+            fs::write(path(&format!("{name}.csv")), "time_s,current_a,voltage_v\n0,1,4.1\n1,1,4.0\n").unwrap();
+        }
+        fs::write(path("b.toml"), "schema = 1\nrole = \"holdout\"\n").unwrap();
+        // The flag wins over the facts.
+        fs::write(path("c.toml"), "schema = 1\nrole = \"train\"\n").unwrap();
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let verb = |more: &[&str]| Verb::try_parse_from([&["verb", "--soc-initial", "1", "--log"], more].concat()).unwrap().inputs;
+        let (a, b, c) = (path("a.csv"), path("b.csv"), path("c.csv"));
+        let inputs = verb(&[&a, &b, "--holdout", &c]);
+        let names = |logs: Vec<Log>| logs.into_iter().map(|log| (log.name, log.facts.role)).collect::<Vec<_>>();
+        assert_eq!(names(inputs.train(&model).unwrap()), [("a".to_owned(), Some(Role::Train))]);
+        let judged = inputs.holdout(&model).unwrap();
+        assert_eq!(inputs.ready(&model, &judged).unwrap().len(), 2);
+        assert_eq!(names(judged), [("b".to_owned(), Some(Role::Holdout)), ("c".to_owned(), Some(Role::Holdout))]);
+        let twice = verb(&[&a, "--holdout", &a]).train(&model).unwrap_err().to_string();
+        assert!(twice.contains("is given twice"), "{twice}");
+        assert!(verb(&[&b]).train(&model).unwrap_err().to_string().contains("no log to fit to"));
+    }
 }

@@ -8,7 +8,7 @@ use energy::document::hint;
 use super::facts::misspelt;
 use super::mapping::Source;
 use super::times::{Rows, gaps};
-use super::values::{missing, spikes, within_range, without_sentinels};
+use super::values::{missing, spikes, within_range, without_given, without_sentinels};
 use super::{LogError, LogFacts, Table};
 
 /// The column that every log begins with, in seconds.
@@ -62,7 +62,7 @@ impl Log {
     ///
     /// # Errors
     /// Names the line and the column.
-    pub fn from_table(file: &str, table: Table, facts: LogFacts) -> Result<Log, LogError> {
+    pub fn from_table(file: &str, table: Table, mut facts: LogFacts) -> Result<Log, LogError> {
         let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
         let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
         let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
@@ -89,7 +89,15 @@ impl Log {
             }
         }
         reader.tell_spikes(&channels);
-        let notes = table.notes.iter().chain(&reader.notes).map(|note| format!("{file}: {note}")).collect();
+        let mut notes = [table.notes.clone(), reader.notes].concat();
+        if let (Some(start), None, None) =
+            (table.start.filter(|start| (0.0..=1.0).contains(&start.soc)), facts.soc_initial, facts.rest_voltage_v)
+        {
+            facts.soc_initial = Some(start.soc);
+            facts.soc_initial_sigma = facts.soc_initial_sigma.or(Some(start.sigma));
+            notes.push(format!("starts at {:.1} % by the gauge in the log, unless --soc-initial says otherwise", 100.0 * start.soc));
+        }
+        let notes = notes.into_iter().map(|note| format!("{file}: {note}")).collect();
         let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
         Ok(Log { file: file.to_owned(), name: stem, time_s, channels, extra, facts, notes })
     }
@@ -146,14 +154,14 @@ impl Reader<'_> {
         let (lines, places) = (&self.table.lines, self.table.places);
         let mut values = self.numbers(channel.name(), source)?;
         if let Source::Column { scale, offset, .. } = source {
-            self.notes.extend(without_sentinels(channel.name(), &mut values, self.missing, lines, places));
+            without_given(&mut values, self.missing);
+            self.notes.extend(missing(channel.name(), &values, lines, places));
+            self.notes.extend(without_sentinels(channel.name(), &mut values, lines, places));
             values.iter_mut().for_each(|value| *value = *value * scale + offset);
         }
         let outside = within_range(channel, &mut values, lines, places).map_err(|(row, message)| self.row_error(row, message))?;
         self.notes.extend(outside);
-        let values = rows.numbers(values);
-        self.notes.extend(missing(channel.name(), &values, &self.places, places));
-        Ok(values)
+        Ok(rows.numbers(values))
     }
 
     fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>) {

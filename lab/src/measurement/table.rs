@@ -19,13 +19,24 @@ pub struct Table {
     pub places: &'static str,
     /// What the reader should know but that stops nothing.
     pub notes: Vec<String>,
+    /// What a fuel gauge that speaks in the log knows of the start.
+    pub start: Option<GaugeStart>,
+}
+
+/// State of charge at the first row, by a fuel gauge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GaugeStart {
+    /// State of charge, 0..1.
+    pub soc: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
 }
 
 impl Table {
     /// A table of these columns without rows.
     #[must_use]
     pub fn of(names: Vec<String>, places: &'static str) -> Table {
-        Table { columns: vec![Cells::default(); names.len()], names, lines: Vec::new(), places, notes: Vec::new() }
+        Table { columns: vec![Cells::default(); names.len()], names, lines: Vec::new(), places, notes: Vec::new(), start: None }
     }
 }
 

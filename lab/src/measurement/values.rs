@@ -41,15 +41,21 @@ fn plausible(channel: Channel) -> RangeInclusive<f64> {
     }
 }
 
-/// Makes known sentinels of a column, as the logger wrote it, missing. Returns what is to be said.
-pub(super) fn without_sentinels(name: &str, raw: &mut [f64], given: &[f64], lines: &[u64], places: &str) -> Vec<String> {
-    let listed = |value: f64| value.abs() >= SENTINEL_MIN || SENTINELS.contains(&value);
-    let mut notes = Vec::new();
-    if !given.is_empty() {
-        raw.iter_mut().filter(|value| given.contains(value)).for_each(|value| *value = f64::NAN);
+/// How the unit that people use most beside ours becomes ours.
+fn likely_unit(channel: Channel) -> &'static str {
+    match channel {
+        Channel::TemperatureDegc | Channel::AmbientDegc => "*1-273.15",
+        Channel::Soc | Channel::RadioDuty | Channel::CpuUtil => "/100",
+        Channel::PitchRad => "*0.0174533",
+        _ => "/1000",
     }
+}
+
+/// Makes known sentinels of a column, as the logger wrote it, missing. Returns what is to be said.
+pub(super) fn without_sentinels(name: &str, raw: &mut [f64], lines: &[u64], places: &str) -> Option<String> {
+    let listed = |value: f64| value.abs() >= SENTINEL_MIN || SENTINELS.contains(&value);
     if !raw.iter().copied().any(listed) {
-        return notes;
+        return None;
     }
     let others = raw.iter().copied().filter(|&value| value.is_finite() && !listed(value));
     let (low, high) = others.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
@@ -57,16 +63,14 @@ pub(super) fn without_sentinels(name: &str, raw: &mut [f64], given: &[f64], line
     let foreign =
         |value: f64| listed(value) && (value.abs() >= SENTINEL_MIN || (low <= high && (value < low - reach || value > high + reach)));
     let rows: Vec<usize> = (0..raw.len()).filter(|&row| foreign(raw[row])).collect();
-    if let Some(&first) = rows.first() {
-        notes.push(format!(
-            "`{name}`: {} values such as {} are no measurements but a logger's sign for none: taken as missing ({})",
-            rows.len(),
-            plain(raw[first]),
-            at(&rows, lines, places)
-        ));
-        rows.iter().for_each(|&row| raw[row] = f64::NAN);
-    }
-    notes
+    let first = raw[*rows.first()?];
+    rows.iter().for_each(|&row| raw[row] = f64::NAN);
+    Some(format!(
+        "`{name}`: {} such as {} no measurement but a logger's sign for none: taken as missing ({})",
+        count(rows.len(), "value"),
+        if rows.len() == 1 { format!("{} is", plain(first)) } else { format!("{} are", plain(first)) },
+        at(&rows, lines, places)
+    ))
 }
 
 /// Makes values outside a channel's range missing. Returns what is to be said.
@@ -81,20 +85,28 @@ pub(super) fn within_range(channel: Channel, values: &mut [f64], lines: &[u64], 
     let (name, low, high) = (channel.name(), plain(*range.start()), plain(*range.end()));
     if 2 * rows.len() > known {
         let message = format!(
-            "column `{name}`: {} of {known} values lie outside {low} to {high}, such as {}; is the unit right? Map it, for example --column {name}={name}/1000",
+            "column `{name}`: {} of {known} values lie outside {low} to {high}, such as {}; is the unit right? Map it, for example --column {name}={name}{}",
             rows.len(),
-            plain(values[first])
+            plain(values[first]),
+            likely_unit(channel)
         );
         return Err((first, message));
     }
     let note = format!(
-        "`{name}`: {} values such as {} lie outside {low} to {high}: taken as missing ({})",
-        rows.len(),
+        "`{name}`: {} outside {low} to {high}, such as {}: taken as missing ({})",
+        count(rows.len(), "value"),
         plain(values[first]),
         at(&rows, lines, places)
     );
     rows.iter().for_each(|&row| values[row] = f64::NAN);
     Ok(Some(note))
+}
+
+/// Makes the numbers missing that the user names as a logger's sign for "not measured".
+pub(super) fn without_given(raw: &mut [f64], given: &[f64]) {
+    if !given.is_empty() {
+        raw.iter_mut().filter(|value| given.contains(value)).for_each(|value| *value = f64::NAN);
+    }
 }
 
 /// What is to be said about values that are missing. The first row never counts, and a logger
@@ -129,13 +141,18 @@ pub(super) fn spikes(channel: Channel, values: &[f64], moves: impl Fn(usize) -> 
     let rows: Vec<usize> = (1..values.len() - 1).filter(spike).collect();
     let first = *rows.first()?;
     Some(format!(
-        "`{}`: {} single values leave both neighbours by more than {SPIKE_DIFFERENCES} usual differences, such as {} after {}; they stay, look at them ({})",
+        "`{}`: {} far from both neighbours (by more than {SPIKE_DIFFERENCES} usual differences), such as {} after {}; not removed ({})",
         channel.name(),
-        rows.len(),
+        count(rows.len(), "single value"),
         plain(values[first]),
         plain(values[first - 1]),
         at(&rows, lines, places)
     ))
+}
+
+/// `1 value`, `2 values`.
+fn count(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
 fn at(rows: &[usize], lines: &[u64], places: &str) -> String {
@@ -158,9 +175,10 @@ mod tests {
 
     const LINES: [u64; 5] = [2, 3, 4, 5, 6];
 
-    fn cleaned(raw: [f64; 5], given: &[f64]) -> ([f64; 5], Vec<String>) {
+    fn cleaned(raw: [f64; 5], given: &[f64]) -> ([f64; 5], Option<String>) {
         let mut values = raw;
-        let notes = without_sentinels("u", &mut values, given, &LINES, "lines");
+        without_given(&mut values, given);
+        let notes = without_sentinels("u", &mut values, &LINES, "lines");
         (values.map(|value| if value.is_nan() { -1.0 } else { value }), notes)
     }
 
@@ -168,10 +186,8 @@ mod tests {
     fn fill_values_far_from_all_others_are_missing() {
         let (values, notes) = cleaned([3.7, -3.4028235e38, 3.6, 65535.0, -9999.0], &[]);
         assert_eq!(values, [3.7, -1.0, 3.6, -1.0, -1.0]);
-        assert_eq!(
-            notes,
-            ["`u`: 3 values such as -3.4028235e38 are no measurements but a logger's sign for none: taken as missing (lines 3, 5, 6)"]
-        );
+        let note = "`u`: 3 values such as -3.4028235e38 are no measurement but a logger's sign for none: taken as missing (lines 3, 5, 6)";
+        assert_eq!(notes.unwrap(), note);
     }
 
     #[test]
@@ -186,7 +202,7 @@ mod tests {
         let mut values = [3.7, -0.001, 3.6, f64::NAN, 3.7];
         let note = within_range(Channel::VoltageV, &mut values, &LINES, "lines").unwrap().unwrap();
         assert!(values[1].is_nan());
-        assert_eq!(note, "`voltage_v`: 1 values such as -0.001 lie outside 0 to 2000: taken as missing (line 3)");
+        assert_eq!(note, "`voltage_v`: 1 value outside 0 to 2000, such as -0.001: taken as missing (line 3)");
         let (row, error) = within_range(Channel::TemperatureDegc, &mut [298.15; 5], &LINES, "lines").unwrap_err();
         assert!(row == 0 && error.contains("5 of 5 values lie outside -80 to 200, such as 298.15; is the unit right?"), "{error}");
     }

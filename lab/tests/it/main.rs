@@ -3,6 +3,10 @@
 
 mod cli;
 mod commands;
+mod inputs;
 mod measured;
+mod recordings;
 mod recovery;
 mod sets;
+mod stored;
+mod thinning;

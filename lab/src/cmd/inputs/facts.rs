@@ -30,16 +30,20 @@ pub(in crate::cmd) struct FactArgs {
     /// A number that the logger writes when nothing was measured.
     #[arg(long, allow_negative_numbers = true)]
     missing: Vec<f64>,
+    /// Which topic of an MCAP recording with several batteries.
+    #[arg(long)]
+    topic: Option<String>,
 }
 
 impl FactArgs {
-    fn overrides(&self) -> anyhow::Result<Overrides> {
+    pub(super) fn overrides(&self) -> anyhow::Result<Overrides> {
         let overrides = Overrides {
             soc_initial: self.soc_initial,
             soc_initial_sigma: self.soc_initial_sigma,
             rest_voltage_v: self.rest_voltage_v,
             ambient_degc: self.ambient_degc,
             missing: self.missing.clone(),
+            topic: self.topic.clone(),
             columns: self.columns.clone(),
         };
         overrides.check().map_err(anyhow::Error::msg)?;
