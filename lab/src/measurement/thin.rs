@@ -31,8 +31,9 @@ const STEP_MAX_S: f64 = 60.0;
 const STEP_SHARE: f64 = 0.05;
 /// Nor moves more than this state of charge, over which resistances may change.
 const STEP_SOC: f64 = 2e-3;
-/// An input holds while it stays within this many deviations of its noise.
-const INPUT_SIGMAS: f64 = 3.0;
+/// An input holds while it stays within this many deviations of its noise, and its quantum, of
+/// its mean since it last changed. Noise alone goes so far once in a million rows.
+const INPUT_SIGMAS: f64 = 5.0;
 /// A row is kept when a target has left the last kept one by this many floors: something
 /// happens there, whether a model knows of it or not.
 const TARGET_FLOORS: f64 = 6.0;
@@ -123,7 +124,7 @@ fn means(time_s: &[f64], values: &[f64], kept: &[usize]) -> Vec<f64> {
     std::iter::once(values[0]).chain(kept.windows(2).map(step)).collect()
 }
 
-/// An input while its value holds.
+/// An input while its value holds: sum and count since it last changed.
 struct Held<'a> {
     values: &'a [f64],
     tolerance: f64,
@@ -132,7 +133,7 @@ struct Held<'a> {
 }
 
 impl Held<'_> {
-    /// Whether the next row has the same value as those since the last kept one.
+    /// Whether the next row has the same value but for noise.
     fn holds(&self, next: usize) -> bool {
         let (next, mean) = (self.values[next], self.sum / self.count);
         next.is_nan() == mean.is_nan() && (next.is_nan() || (next - mean).abs() <= self.tolerance + 1e-9 * mean.abs())
@@ -158,7 +159,7 @@ impl<'a> Watch<'a> {
             Watch { time_s: &log.time_s, inputs: Vec::new(), targets: Vec::new(), sparse: Vec::new(), texts: Vec::new(), drain: None };
         for channel in inputs(log, model) {
             let sensor = model.sensor(channel);
-            let tolerance = (INPUT_SIGMAS * sensor.sigma).max(sensor.quantum);
+            let tolerance = INPUT_SIGMAS * sensor.sigma + sensor.quantum;
             watch.inputs.push(Held { values: &log.channels[&channel], tolerance, sum: 0.0, count: 0.0 });
         }
         for channel in model.system.targets() {
@@ -197,8 +198,8 @@ impl<'a> Watch<'a> {
             (last, soc) = (row, 0.0);
             if changes {
                 changed_s = self.time_s[row];
+                self.inputs.iter_mut().for_each(|input| (input.sum, input.count) = (0.0, 0.0));
             }
-            self.inputs.iter_mut().for_each(|input| (input.sum, input.count) = (0.0, 0.0));
         }
         kept
     }

@@ -5,6 +5,8 @@ use super::some_places;
 
 /// A step longer than this many usual ones is a gap.
 const GAP: f64 = 10.0;
+/// More gaps than this share of all steps are the logger's way, not accidents.
+const UNEVEN: f64 = 0.01;
 /// A share of repeated times above this is a clock coarser than the logger, not an accident.
 const COARSE: f64 = 0.1;
 
@@ -101,6 +103,12 @@ pub(super) fn gaps(time_s: &[f64], lines: &[u64], names: &str) -> Option<String>
     let rows: Vec<usize> = (1..time_s.len()).filter(gap).collect();
     let length = |row: usize| time_s[row] - time_s[row - 1];
     let longest = rows.iter().copied().max_by(|&a, &b| length(a).total_cmp(&length(b)))?;
+    if rows.len() as f64 > UNEVEN * time_s.len() as f64 && rows.len() > 1 {
+        let (usual_s, longest_s) = (short(usual_s), short(length(longest)));
+        return Some(format!(
+            "rows come unevenly: mostly {usual_s} s apart, but up to {longest_s} s; the inputs of a row stand for all of the step before it"
+        ));
+    }
     let places: Vec<u64> = rows.iter().map(|&row| lines[row]).collect();
     let one = places.len() == 1;
     Some(format!(
@@ -157,6 +165,8 @@ mod tests {
         let note = gaps(&time_s, &lines(12), "lines").unwrap();
         assert!(note.starts_with("1 gap longer than 10 usual steps of 1 s, the longest 3600 s;"), "{note}");
         assert!(note.ends_with("(before line 12)"), "{note}");
+        let uneven: Vec<f64> = time_s.iter().copied().chain([9000.0]).collect();
+        assert!(gaps(&uneven, &lines(13), "lines").unwrap().starts_with("rows come unevenly: mostly 1 s apart, but up to 5390 s;"));
         assert_eq!(gaps(&[0.0, 5.0, 10.0], &lines(3), "lines"), None);
     }
 

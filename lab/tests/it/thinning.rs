@@ -8,6 +8,7 @@ use lab::load_model;
 use lab::measurement::{Log, LogFacts, Thinning, read_log, thin};
 use lab::predict::predict;
 use lab::prepare::prepare;
+use rand_distr::{Distribution as _, Normal};
 
 use crate::commands::lab_in;
 
@@ -18,11 +19,12 @@ fn cell() -> Arc<Model> {
 /// A duty cycle at one row a second: out, rest, in, rest. Times and currents.
 fn duty(rows: usize) -> String {
     let mut text = "time_s,current_a,voltage_v,temperature_degc,phase\n".to_owned();
+    let mut random = rand_pcg::Pcg32::new(7, 11);
+    let mut noise = |sigma: f64| Normal::new(0.0, sigma).unwrap().sample(&mut random);
     for row in 0..rows {
         let (current_a, phase) = [(1.0, "out"), (0.0, "rest"), (-1.0, "in"), (0.0, "rest")][row / 1500 % 4];
-        // Less than the noise that the model states for this sensor.
-        let jitter = 1e-4 * ((row * 7919) % 11) as f64 - 5e-4;
-        writeln!(text, "{row},{:.5},3.8,25,{phase}", current_a + jitter * f64::from(u8::from(current_a != 0.0))).unwrap();
+        // As noisy as the model says that these sensors are.
+        writeln!(text, "{row},{:.5},{:.5},{:.3},{phase}", current_a + noise(1e-3), 3.8 + noise(5e-4), 25.0 + noise(0.02)).unwrap();
     }
     text
 }
@@ -40,7 +42,8 @@ fn voltage(model: &Arc<Model>, log: &Log) -> Vec<f64> {
 fn a_thinned_log_means_the_same_to_a_model() {
     let model = cell();
     let mut log = read_log("duty.csv", duty(40_000).as_bytes(), facts()).unwrap();
-    log.channels.insert(Channel::VoltageV, voltage(&model, &log));
+    let told: Vec<f64> = voltage(&model, &log);
+    log.channels.insert(Channel::VoltageV, told);
     let whole = log.clone();
     thin(&mut log, &model, Thinning::WhereNothingChanges);
     assert!(log.rows() < 8_000, "{} rows", log.rows());
