@@ -58,7 +58,7 @@ pub use model::{Model, Parameter, Sensor, Uncertainty};
 pub use need::Need;
 pub use ocv::OcvTable;
 pub use pack::Pack;
-pub use params::{built_in, built_in_names, load_model};
+pub use params::{FoundModel, built_in, built_in_names, find_model, load_model, parse_beside};
 pub use protection::Protection;
 pub use real::{Dual, Real};
 pub use run::Run;

@@ -46,14 +46,35 @@ pub fn built_in(name: &str) -> Option<&'static str> {
     MODELS.iter().chain(TABLES).find(|(known, _)| *known == name).map(|(_, text)| *text)
 }
 
+/// A model with the text that it was read from.
+#[derive(Debug)]
+pub struct FoundModel {
+    /// The model.
+    pub model: Model,
+    /// Its TOML text, as written.
+    pub text: String,
+    /// Whether it comes with the program; otherwise its name is the path of a file.
+    pub built_in: bool,
+}
+
 /// Loads a model by built-in name or by path. `read` fetches the text of a file; a table that
 /// the model names lies beside it.
 ///
 /// # Errors
 /// Everything that [`Model::parse`] refuses, and a name that is neither built in nor a file.
 pub fn load_model(name: &str, read: &dyn Fn(&Path) -> Result<String, String>) -> Result<Model, DocumentError> {
-    if let Some(text) = built_in(name) {
-        return Model::parse(name, text, &|table| built_in(table).map(str::to_owned).ok_or_else(|| "not built in".to_owned()));
+    find_model(name, read).map(|found| found.model)
+}
+
+/// Like [`load_model`], and keeps the text for those who change it.
+///
+/// # Errors
+/// As [`load_model`].
+pub fn find_model(name: &str, read: &dyn Fn(&Path) -> Result<String, String>) -> Result<FoundModel, DocumentError> {
+    if built_in_names().any(|known| known == name) {
+        let text = built_in(name).unwrap_or_default().to_owned();
+        let model = Model::parse(name, &text, &|table| built_in(table).map(str::to_owned).ok_or_else(|| "not built in".to_owned()))?;
+        return Ok(FoundModel { model, text, built_in: true });
     }
     let path = Path::new(name);
     let text = read(path).map_err(|error| {
@@ -61,7 +82,18 @@ pub fn load_model(name: &str, read: &dyn Fn(&Path) -> Result<String, String>) ->
         let known = built_in_names().collect::<Vec<_>>().join(", ");
         DocumentError { file: name.to_owned(), place: None, message: format!("{error}{hint} Built-in models: {known}") }
     })?;
-    Model::parse(name, &text, &|table| read(&path.with_file_name(table)).or_else(|error| built_in(table).map(str::to_owned).ok_or(error)))
+    let model = parse_beside(path, &text, read)?;
+    Ok(FoundModel { model, text, built_in: false })
+}
+
+/// Reads a model text as if it stood in the file at `path`: a table that it names lies beside
+/// that file, or else comes with the program.
+///
+/// # Errors
+/// As [`Model::parse`].
+pub fn parse_beside(path: &Path, text: &str, read: &dyn Fn(&Path) -> Result<String, String>) -> Result<Model, DocumentError> {
+    let table = |table: &str| read(&path.with_file_name(table)).or_else(|error| built_in(table).map(str::to_owned).ok_or(error));
+    Model::parse(&path.display().to_string(), text, &table)
 }
 
 #[cfg(test)]

@@ -20,14 +20,14 @@
 //!   plot/          SVG and PNG, for files and for that HTML
 //! ```
 //!
-//! Nothing here reads a clock or draws a random number. Only `model_source`, `output` and the
-//! program's `cmd/` touch the disk. Residual is always observed minus predicted.
+//! Nothing here reads a clock or draws a random number. Only `model_source`, `output`, the
+//! coordinator's store in `measurement/` and the program's `cmd/` touch the disk. Residual is always observed minus predicted.
 
 pub mod compare;
 pub mod concentration;
 pub mod fit;
-pub mod infer;
 pub mod floor;
+pub mod infer;
 pub mod measurement;
 pub mod model_edit;
 pub mod model_source;
@@ -42,5 +42,5 @@ pub mod whiteness;
 
 pub use compare::{Comparison, compare};
 pub use measurement::{Log, LogError, LogFacts};
-pub use model_source::{ModelSource, ModelSourceError, load_model};
+pub use model_source::{ModelSource, load_model};
 pub use prepare::{PrepareError, Prepared, prepare};

@@ -1,43 +1,33 @@
 //! Measurements: from a file of any known format to a [`Log`] of canonical channels.
 //!
-//! A format only turns bytes into a [`Table`] of cells. Names, units, gaps and per-log facts are
-//! the same for every format and live in [`Log`]. To add a format: one file here that has a
+//! A format only turns bytes into a [`Table`] of cells. Names, units, gaps, values that cannot be
+//! and per-log facts are the same for every format and live in [`Log`]. To add a format: one file here that has a
 //! `FORMAT`, and one line in `FORMATS`.
 
 mod csv;
 mod facts;
+mod limits;
 mod log;
 mod mapping;
+mod mcap;
+mod store;
+mod table;
+mod thin;
+mod times;
+mod values;
 
+use std::io::BufRead;
 use std::path::Path;
 
 use energy::DocumentError;
 
 pub use facts::{History, LogFacts, Overrides, Role};
+pub use limits::BYTES_MAX as LOG_BYTES_MAX;
 pub use log::{Column, Log};
 pub use mapping::Mapping;
-
-/// One cell as a format found it.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
-    /// A finite number.
-    Number(f64),
-    /// Nothing was measured.
-    Missing,
-    /// Something else.
-    Text(String),
-}
-
-/// What a format delivers: named columns of equal length, and the line of every row.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Table {
-    /// Column names, in the order of the file.
-    pub names: Vec<String>,
-    /// Cells by column, as many per column as there are lines.
-    pub columns: Vec<Vec<Cell>>,
-    /// Line of each row in the file, counted from 1.
-    pub lines: Vec<u64>,
-}
+pub use store::{StoreQuery, Subject, instant, read_store};
+pub use table::{Cells, GaugeStart, Table};
+pub use thin::{LONG, Thinning, thin, uneven_sampling};
 
 /// A source format.
 pub struct Format {
@@ -45,12 +35,12 @@ pub struct Format {
     pub name: &'static str,
     /// File endings that it claims, lower case.
     pub extensions: &'static [&'static str],
-    /// Turns bytes into cells; the first argument names the file in errors.
-    pub parse: fn(&str, &[u8]) -> Result<Table, LogError>,
+    /// Turns a stream of bytes into cells; the first argument names the file in errors.
+    pub parse: fn(&str, &mut dyn BufRead, &LogFacts) -> Result<Table, LogError>,
 }
 
 /// Every known format.
-static FORMATS: &[Format] = &[csv::FORMAT];
+static FORMATS: &[Format] = &[csv::FORMAT, mcap::FORMAT];
 
 /// Every known format.
 #[must_use]
@@ -98,12 +88,32 @@ pub enum LogError {
 ///
 /// # Errors
 /// Names the file, the line and the column.
-pub fn read_log(file: &str, bytes: &[u8], facts: LogFacts) -> Result<Log, LogError> {
+pub fn read_log(file: &str, mut bytes: &[u8], facts: LogFacts) -> Result<Log, LogError> {
+    read_log_from(file, &mut bytes, facts)
+}
+
+/// Like [`read_log`], from a stream, of which only a little is in memory at a time.
+///
+/// # Errors
+/// Names the file, the line and the column; refuses what is too long for one log.
+pub fn read_log_from(file: &str, input: &mut dyn BufRead, facts: LogFacts) -> Result<Log, LogError> {
     let extension = Path::new(file).extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
     let format = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()));
     let Some(format) = format else {
         let known = FORMATS.iter().flat_map(|format| format.extensions).map(|ending| format!(".{ending}"));
         return Err(LogError::UnknownFormat { file: file.to_owned(), extension, known: known.collect::<Vec<_>>().join(", ") });
     };
-    Log::from_table(file, &(format.parse)(file, bytes)?, facts)
+    let table = (format.parse)(file, input, &facts)?;
+    Log::from_table(file, table, facts)
+}
+
+/// Where something was found, for notes: `lines 3, 9, 12 ... 988`.
+fn some_places(places: &str, at: &[u64]) -> String {
+    const SHOWN: usize = 5;
+    let list = |at: &[u64]| at.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+    match at {
+        [one] => format!("{} {one}", places.strip_suffix('s').unwrap_or(places)),
+        [first @ .., last] if at.len() > SHOWN => format!("{places} {} ... {last}", list(&first[..SHOWN - 1])),
+        _ => format!("{places} {}", list(at)),
+    }
 }

@@ -57,7 +57,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let source = args.model.load()?;
     let model = &source.model;
     let free = free_parameters(model, &args.free, &args.fix)?;
-    let logs = args.logs.prepare(model)?;
+    let logs = args.logs.prepare_train(model)?;
     let before = compare(model, &model.values(), &logs);
     let bar = progress_bar();
     let fitted = fit(model, &logs, &free, &mut |step: Step| {

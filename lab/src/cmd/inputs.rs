@@ -1,14 +1,19 @@
 //! Arguments that verbs share: the model, the logs and the facts about them.
 
-use std::fs;
+mod facts;
+mod store;
+
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
-use lab::measurement::{Log, LogFacts, Mapping, Overrides, read_log};
+use lab::measurement::{Log, LogFacts, Role, Thinning, thin, uneven_sampling};
 use lab::prepare::{Prepared, predicted_channels, prepare_to_judge};
 use lab::{ModelSource, load_model};
+
+pub(super) use facts::FactArgs;
+use store::StoreArgs;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelArg {
@@ -23,98 +28,162 @@ impl ModelArg {
     }
 }
 
+/// Logs of any role.
 #[derive(Debug, clap::Args)]
 pub(super) struct LogArgs {
     /// Logs to read. Facts about L.csv are read from L.toml beside it.
-    #[arg(long = "log", value_name = "LOG", required = true, num_args = 1..)]
+    #[arg(long = "log", value_name = "LOG", required_unless_present = "store", num_args = 1..)]
     logs: Vec<PathBuf>,
+    #[command(flatten)]
+    store: StoreArgs,
     /// Only this of the channels that the model predicts; all that the logs hold when left out.
     #[arg(long = "target", value_name = "CHANNEL")]
     targets: Vec<String>,
     #[command(flatten)]
     facts: FactArgs,
+    #[command(flatten)]
+    rows: RowArgs,
 }
 
+/// Logs to fit models, and logs to judge them.
+// Waiting for its first verb.
+#[allow(dead_code, reason = "the verbs that judge on held-out logs use it")]
 #[derive(Debug, clap::Args)]
-pub(super) struct FactArgs {
-    /// Takes a channel from a column of another name or unit, e.g.
-    /// temperature_degc=temp_K*1-273.15; a number alone stands for every row.
-    #[arg(long = "column", value_name = "CANONICAL=SOURCE[*SCALE][+/-OFFSET]")]
-    columns: Vec<Mapping>,
-    /// State of charge at the first row, 0 to 1.
-    #[arg(long, allow_negative_numbers = true)]
-    soc_initial: Option<f64>,
-    /// Standard deviation of it.
-    #[arg(long, allow_negative_numbers = true)]
-    soc_initial_sigma: Option<f64>,
-    /// Pack voltage after a long rest before the log, V.
-    #[arg(long, allow_negative_numbers = true, conflicts_with = "soc_initial")]
-    rest_voltage_v: Option<f64>,
-    /// Temperature of the surroundings, degC, where no column holds it.
-    #[arg(long, allow_negative_numbers = true)]
-    ambient_degc: Option<f64>,
-    /// A number that the logger writes when nothing was measured.
-    #[arg(long, allow_negative_numbers = true)]
-    missing: Vec<f64>,
+pub(super) struct LogInputs {
+    #[command(flatten)]
+    logs: LogArgs,
+    /// Logs that only judge: nothing is fitted to them. So are logs whose facts say
+    /// role = "holdout".
+    #[arg(long, value_name = "LOG", num_args = 1..)]
+    holdout: Vec<PathBuf>,
 }
 
-impl FactArgs {
-    fn overrides(&self) -> anyhow::Result<Overrides> {
-        let overrides = Overrides {
-            soc_initial: self.soc_initial,
-            soc_initial_sigma: self.soc_initial_sigma,
-            rest_voltage_v: self.rest_voltage_v,
-            ambient_degc: self.ambient_degc,
-            missing: self.missing.clone(),
-            columns: self.columns.clone(),
-        };
-        overrides.check().map_err(anyhow::Error::msg)?;
-        Ok(overrides)
-    }
+/// How many rows of long logs count.
+#[derive(Debug, clap::Args)]
+struct RowArgs {
+    /// Make one row of all within so many seconds: inputs become means, states are those at its
+    /// end.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, conflicts_with = "no_decimation")]
+    every: Option<f64>,
+    /// Keep every row of a long log, also those in which nothing changes.
+    #[arg(long)]
+    no_decimation: bool,
+}
 
-    pub(super) fn read(&self, path: &Path) -> anyhow::Result<Log> {
-        let overrides = self.overrides()?;
-        let file = path.display().to_string();
-        let bytes = fs::read(path).with_context(|| format!("cannot read the log {file}"))?;
-        let beside = path.with_extension("toml");
-        let facts = if beside.is_file() {
-            let name = beside.display().to_string();
-            let text = fs::read_to_string(&beside).with_context(|| format!("cannot read {name}"))?;
-            LogFacts::parse(&name, &text)?
-        } else {
-            LogFacts::default()
-        };
-        let log = read_log(&file, &bytes, overrides.over(facts))?;
-        for note in &log.notes {
-            eprintln!("lab: note: {note}");
+fn seconds(text: &str) -> Result<f64, String> {
+    let given = text.parse::<f64>().ok().filter(|seconds| seconds.is_finite() && *seconds > 0.0);
+    given.ok_or_else(|| "must be a number of seconds above 0".to_owned())
+}
+
+impl RowArgs {
+    fn thinning(&self) -> Thinning {
+        match self.every {
+            Some(step_s) => Thinning::Every(step_s),
+            None if self.no_decimation => Thinning::None,
+            None => Thinning::WhereNothingChanges,
         }
-        Ok(log)
     }
 }
 
 impl LogArgs {
-    /// Reads every log and makes it ready.
-    pub(super) fn prepare(&self, model: &Model) -> anyhow::Result<Vec<Prepared>> {
-        let targets = targets(model, &self.targets)?;
-        let mut logs: Vec<Log> = Vec::new();
-        for path in &self.logs {
-            let log = self.facts.read(path)?;
-            if logs.iter().any(|known| known.file == log.file) {
-                bail!("the log {} is given twice; it would count twice", log.file);
-            }
-            logs.push(log);
+    /// Reads the logs of these files that have a role, and thins the long ones.
+    fn read(&self, model: &Model, files: &[(&Path, Option<Role>)], role: Option<Role>) -> anyhow::Result<Vec<Log>> {
+        for (index, (path, _)) in files.iter().enumerate() {
+            ensure!(
+                files[..index].iter().all(|(known, _)| !same_file(known, path)),
+                "the log {} is given twice; it would count twice",
+                path.display()
+            );
         }
+        let mut logs = Vec::new();
+        for (path, given) in files {
+            let facts = self.facts.of(path)?;
+            let is = given.or(facts.role).unwrap_or(Role::Train);
+            if role.is_none_or(|role| role == is) {
+                let mut log = self.facts.read_with(path, facts)?;
+                log.facts.role = Some(is);
+                logs.push(log);
+            }
+        }
+        // What the coordinator saw is there to learn from.
+        if role != Some(Role::Holdout) {
+            logs.extend(self.store.read(self.facts.overrides()?.over(LogFacts::default()))?);
+        }
+        for log in &mut logs {
+            let told = log.notes.len();
+            thin(log, model, self.rows.thinning());
+            say(&log.notes[told..]);
+        }
+        say(uneven_sampling(&logs).as_slice());
+        Ok(logs)
+    }
+
+    fn files(&self) -> impl Iterator<Item = (&Path, Option<Role>)> {
+        self.logs.iter().map(|path| (path.as_path(), None))
+    }
+
+    /// Reads every log, whatever its role, and makes it ready.
+    pub(super) fn prepare(&self, model: &Model) -> anyhow::Result<Vec<Prepared>> {
+        self.ready(model, &self.read(model, &self.files().collect::<Vec<_>>(), None)?)
+    }
+
+    /// Reads every log that models may be fitted to, and makes it ready.
+    pub(super) fn prepare_train(&self, model: &Model) -> anyhow::Result<Vec<Prepared>> {
+        let logs = self.read(model, &self.files().collect::<Vec<_>>(), Some(Role::Train))?;
+        if logs.is_empty() {
+            bail!("no log to fit to: the facts of each say role = \"holdout\"");
+        }
+        self.ready(model, &logs)
+    }
+
+    fn ready(&self, model: &Model, logs: &[Log]) -> anyhow::Result<Vec<Prepared>> {
+        let targets = targets(model, &self.targets)?;
         // Logs of one name in several directories are told apart by their whole path.
-        let names: Vec<String> = logs.iter().map(|log| log.name.clone()).collect();
-        let twice = |name: &String| names.iter().filter(|other| *other == name).count() > 1;
+        let twice = |log: &Log| logs.iter().filter(|other| other.name == log.name).count() > 1;
         let named = |log: &Log| {
             let mut prepared = prepare_to_judge(model, log, &targets)?;
-            if twice(&log.name) {
+            if twice(log) {
                 prepared.name.clone_from(&log.file);
             }
             anyhow::Ok(prepared)
         };
         logs.iter().map(named).collect()
+    }
+}
+
+#[allow(dead_code, reason = "the verbs that judge on held-out logs use it")]
+impl LogInputs {
+    fn files(&self) -> Vec<(&Path, Option<Role>)> {
+        self.logs.files().chain(self.holdout.iter().map(|path| (path.as_path(), Some(Role::Holdout)))).collect()
+    }
+
+    /// The logs that models may be fitted to: at least one.
+    pub(super) fn train(&self, model: &Model) -> anyhow::Result<Vec<Log>> {
+        let logs = self.logs.read(model, &self.files(), Some(Role::Train))?;
+        ensure!(!logs.is_empty(), "no log to fit to: the facts of each say role = \"holdout\"");
+        Ok(logs)
+    }
+
+    /// The logs that models are judged on, and never fitted to; perhaps none.
+    pub(super) fn holdout(&self, model: &Model) -> anyhow::Result<Vec<Log>> {
+        self.logs.read(model, &self.files(), Some(Role::Holdout))
+    }
+
+    /// Makes logs ready for a model, with the channels that the flags name.
+    pub(super) fn ready(&self, model: &Model, logs: &[Log]) -> anyhow::Result<Vec<Prepared>> {
+        self.logs.ready(model, logs)
+    }
+}
+
+/// Whether two paths name one file; of files that are not there, whether they are spelt alike.
+fn same_file(one: &Path, other: &Path) -> bool {
+    one == other || matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}
+
+/// Tells the user what stops nothing.
+fn say(notes: &[String]) {
+    for note in notes {
+        eprintln!("lab: note: {note}");
     }
 }
 
@@ -130,4 +199,43 @@ fn targets(model: &Model, names: &[String]) -> anyhow::Result<Vec<Channel>> {
         })
     };
     names.iter().map(known).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use clap::Parser as _;
+
+    use super::*;
+
+    #[derive(Debug, clap::Parser)]
+    struct Verb {
+        #[command(flatten)]
+        inputs: LogInputs,
+    }
+
+    #[test]
+    fn logs_for_judging_come_from_the_flag_and_from_the_facts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        for name in ["a", "b", "c"] {
+            fs::write(path(&format!("{name}.csv")), "time_s,current_a,voltage_v\n0,1,4.1\n1,1,4.0\n").unwrap();
+        }
+        fs::write(path("b.toml"), "schema = 1\nrole = \"holdout\"\n").unwrap();
+        // The flag wins over the facts.
+        fs::write(path("c.toml"), "schema = 1\nrole = \"train\"\n").unwrap();
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let verb = |more: &[&str]| Verb::try_parse_from([&["verb", "--soc-initial", "1", "--log"], more].concat()).unwrap().inputs;
+        let (a, b, c) = (path("a.csv"), path("b.csv"), path("c.csv"));
+        let inputs = verb(&[&a, &b, "--holdout", &c]);
+        let names = |logs: Vec<Log>| logs.into_iter().map(|log| (log.name, log.facts.role)).collect::<Vec<_>>();
+        assert_eq!(names(inputs.train(&model).unwrap()), [("a".to_owned(), Some(Role::Train))]);
+        let judged = inputs.holdout(&model).unwrap();
+        assert_eq!(inputs.ready(&model, &judged).unwrap().len(), 2);
+        assert_eq!(names(judged), [("b".to_owned(), Some(Role::Holdout)), ("c".to_owned(), Some(Role::Holdout))]);
+        let twice = verb(&[&a, "--holdout", &a]).train(&model).unwrap_err().to_string();
+        assert!(twice.contains("is given twice"), "{twice}");
+        assert!(verb(&[&b]).train(&model).unwrap_err().to_string().contains("no log to fit to"));
+    }
 }

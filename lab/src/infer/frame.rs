@@ -79,13 +79,13 @@ const JUMP: f64 = 0.02;
 
 impl Evidence {
     /// Of these logs, prepared for this model, row by row. A battery model that does not say how
-    /// its temperature moves takes it from the log; where `temperature` is asked for, it is held to
-    /// say that it is that of the surroundings.
+    /// its temperature moves is held to say that it is that of the surroundings, where both were
+    /// measured.
     #[must_use]
-    pub fn row_by_row(model: &Model, logs: Vec<Prepared>, temperature: bool) -> Evidence {
+    pub fn row_by_row(model: &Model, logs: Vec<Prepared>) -> Evidence {
         let mut segments = Vec::new();
         for (index, log) in logs.iter().enumerate() {
-            let asked = temperature && model.system == System::Battery && !model.predicts_temperature();
+            let asked = model.system == System::Battery && !model.predicts_temperature();
             let unpredicted = if asked { both_temperatures(log) } else { None };
             let known = log.targets.iter().map(|target| (target.channel, target.observed.as_slice(), target.used.as_slice()));
             let all = vec![true; log.time_s.len()];
@@ -123,8 +123,8 @@ impl Evidence {
     /// when much happens, and of up to [`BLOCK_MAX`] later. A mean of measurements is compared with
     /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
     #[must_use]
-    pub fn new(model: &Model, logs: Vec<Prepared>, temperature: bool) -> Evidence {
-        let whole = Evidence::row_by_row(model, logs, temperature);
+    pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
+        let whole = Evidence::row_by_row(model, logs);
         let jumps: Vec<Vec<bool>> = whole.logs.iter().map(jumps).collect();
         let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
         place(&mut segments);
@@ -254,7 +254,7 @@ impl Frame {
     #[must_use]
     pub fn bounds(&self) -> Vec<(f64, f64)> {
         let free = self.free.iter().map(|&index| (self.model.parameters()[index].min, self.model.parameters()[index].max));
-        free.chain(self.known.iter().map(|known| (-8.0 * known.sigma, 8.0 * known.sigma))).collect()
+        free.chain(self.known.iter().map(|known| (-ROUGH_MAX * known.sigma, ROUGH_MAX * known.sigma))).collect()
     }
 
     /// Values of all parameters of the model at these unknowns.
@@ -568,6 +568,9 @@ impl Frame {
     }
 }
 
+/// Deviations that a rough number may be off: what would need more is not rough knowledge, it is
+/// an effect.
+const ROUGH_MAX: f64 = 3.0;
 /// Share of the capacity over which its derivative is taken.
 const CAPACITY_STEP: f64 = 1e-4;
 /// Step over which the derivative by a temperature is taken, K.

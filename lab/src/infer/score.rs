@@ -75,14 +75,21 @@ struct Lens {
 
 impl Lens {
     fn new(state: &State) -> Lens {
-        let mut normal = state.design.tr_mul(&state.design);
+        // What rests on a bound can absorb no more.
+        let mut design = state.design.clone();
+        for (index, (x, (min, max))) in state.x.iter().zip(state.frame.bounds()).enumerate() {
+            if *x <= min || *x >= max {
+                design.column_mut(index).fill(0.0);
+            }
+        }
+        let mut normal = design.tr_mul(&design);
         let largest = normal.diagonal().max();
         for index in 0..normal.nrows() {
             normal[(index, index)] += 1e-11 * normal[(index, index)] + 1e-15 * largest + f64::MIN_POSITIVE;
         }
         let mut lens = Lens {
             filters: state.filters(),
-            design: state.design.clone(),
+            design,
             normal: normal.cholesky(),
             whitened: state.whitened.clone(),
             left: state.whitened.clone(),

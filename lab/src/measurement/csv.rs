@@ -1,74 +1,115 @@
 //! Comma-separated logs: a header, then one row per moment. Lines that begin with `#` are
-//! comments.
+//! comments. Read line by line, so that a long log is never in memory as text.
 
-use super::{Cell, Format, LogError, Table};
+use std::borrow::Cow;
+use std::io::BufRead;
+
+use super::limits::{COLUMNS_MAX, Line, Lines, check_cells};
+use super::{Cells, Format, LogError, LogFacts, Table, some_places};
 
 pub(super) const FORMAT: Format = Format { name: "CSV", extensions: &["csv"], parse };
 
 /// How loggers spell "nothing was measured". Numbers that a logger uses for it (such as -9999)
 /// differ by logger and are a fact of the log: `missing = [-9999]`.
-const MISSING: &[&str] = &["", "nan", "na", "n/a", "null", "none", "inf", "+inf", "-inf", "-nan", "infinity", "-infinity"];
+const MISSING: &[&str] =
+    &["", "nan", "na", "n/a", "null", "none", "inf", "+inf", "-inf", "-nan", "+nan", "infinity", "-infinity", "+infinity"];
 
-fn parse(file: &str, bytes: &[u8]) -> Result<Table, LogError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).flexible(true).from_reader(bytes);
-    let broken = |error: csv::Error| {
-        let line = error.position().map_or(1, csv::Position::line);
-        LogError::Row { file: file.to_owned(), line, message: format!("not readable as CSV: {error}") }
-    };
-    let names: Vec<String> = reader.headers().map_err(broken)?.iter().map(str::to_owned).collect();
-    check_header(file, &names)?;
-    let mut table = Table { columns: vec![Vec::new(); names.len()], names, lines: Vec::new() };
-    let mut place = Place { bytes, at: 0, line: 1 };
-    for record in reader.records() {
-        let record = record.map_err(broken)?;
-        let line = record.position().map_or(0, |position| place.line_of(position.byte()));
-        if record.len() != table.names.len() {
-            let message = format!("{} cells where the header has {} columns", record.len(), table.names.len());
-            return Err(LogError::Row { file: file.to_owned(), line, message });
+fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table, LogError> {
+    let mut lines = Lines::of(file, input);
+    let mut table = Table::default();
+    let mut headers = Vec::new();
+    while let Some(Line { number: line, text, whole }) = lines.next()? {
+        if text.trim().is_empty() || text.starts_with('#') {
+            continue;
+        }
+        let broken = |message: String| LogError::Row { file: file.to_owned(), line, message };
+        let Some(cells) = split(text) else {
+            return Err(broken("a quoted cell does not end on its line".to_owned()));
+        };
+        if table.names.is_empty() {
+            let names: Vec<String> = cells.iter().map(|name| name.to_string()).collect();
+            check_header(file, line, &names)?;
+            table = Table::of(names, "lines");
+            continue;
+        }
+        if cells.len() != table.names.len() {
+            if !whole && cells.len() < table.names.len() {
+                table.notes.push(format!("line {line}, the last, is cut off and left out"));
+                break;
+            }
+            return Err(broken(format!("{} cells where the header has {} columns", cells.len(), table.names.len())));
+        }
+        // A logger that was started again writes its header again.
+        if cells.iter().zip(&table.names).all(|(cell, name)| cell == name) {
+            headers.push(line);
+            continue;
         }
         table.lines.push(line);
-        for (column, text) in table.columns.iter_mut().zip(&record) {
-            column.push(cell(text));
+        check_cells(file, &table)?;
+        for (column, text) in table.columns.iter_mut().zip(&cells) {
+            push(column, text);
         }
+    }
+    if table.names.is_empty() {
+        let message = "the log is empty; it needs a header row and measurements".to_owned();
+        return Err(LogError::Whole { file: file.to_owned(), message });
+    }
+    if !headers.is_empty() {
+        table.notes.push(format!("the header comes again and is skipped ({})", some_places("lines", &headers)));
     }
     Ok(table)
 }
 
-/// Counts lines up to where records begin. A record's own position lies before the blank lines
-/// and comments that were skipped to reach it, so these are stepped over here.
-struct Place<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    line: u64,
-}
-
-impl Place<'_> {
-    fn line_of(&mut self, byte: u64) -> u64 {
-        let begin = usize::try_from(byte).unwrap_or(usize::MAX).min(self.bytes.len());
-        while self.at < begin || self.bytes.get(self.at).is_some_and(|byte| b"\r\n#".contains(byte)) {
-            if self.at >= begin && self.bytes[self.at] == b'#' {
-                let rest = &self.bytes[self.at..];
-                self.at += rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
-            } else {
-                self.line += u64::from(self.bytes[self.at] == b'\n');
-                self.at += 1;
+/// The cells of a line, trimmed; none when a quoted cell does not end.
+fn split(text: &str) -> Option<Vec<Cow<'_, str>>> {
+    if !text.contains('"') {
+        return Some(text.split(',').map(|cell| Cow::Borrowed(cell.trim())).collect());
+    }
+    let mut cells = Vec::new();
+    let mut rest = text;
+    loop {
+        let begin = rest.trim_start();
+        let after = match begin.strip_prefix('"') {
+            Some(mut inside) => {
+                let mut cell = String::new();
+                loop {
+                    let end = inside.find('"')?;
+                    cell.push_str(&inside[..end]);
+                    inside = &inside[end + 1..];
+                    // Two quotes stand for one.
+                    match inside.strip_prefix('"') {
+                        Some(more) => {
+                            cell.push('"');
+                            inside = more;
+                        }
+                        None => break,
+                    }
+                }
+                let end = inside.find(',').unwrap_or(inside.len());
+                cell.push_str(inside[..end].trim_end());
+                cells.push(Cow::Owned(cell.trim().to_owned()));
+                &inside[end..]
             }
+            None => {
+                let end = begin.find(',').unwrap_or(begin.len());
+                cells.push(Cow::Borrowed(begin[..end].trim()));
+                &begin[end..]
+            }
+        };
+        match after.strip_prefix(',') {
+            Some(more) => rest = more,
+            None => return Some(cells),
         }
-        self.line
     }
 }
 
-fn check_header(file: &str, names: &[String]) -> Result<(), LogError> {
-    let fail = |message: String| Err(LogError::Row { file: file.to_owned(), line: 1, message });
-    if names.is_empty() {
-        return Err(LogError::Whole {
-            file: file.to_owned(),
-            message: "the log is empty; it needs a header row and measurements".to_owned(),
-        });
-    }
+fn check_header(file: &str, line: u64, names: &[String]) -> Result<(), LogError> {
+    let fail = |message: String| Err(LogError::Row { file: file.to_owned(), line, message });
     if names.len() == 1 && names[0].contains([';', '\t']) {
         return fail("the columns are not separated by commas".to_owned());
+    }
+    if names.len() > COLUMNS_MAX {
+        return fail(format!("{} columns; a log may have {COLUMNS_MAX}", names.len()));
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return fail("the first row holds numbers; it must be a header with column names".to_owned());
@@ -84,11 +125,11 @@ fn check_header(file: &str, names: &[String]) -> Result<(), LogError> {
     Ok(())
 }
 
-fn cell(text: &str) -> Cell {
+fn push(column: &mut Cells, text: &str) {
     match text.parse::<f64>() {
-        Ok(number) if number.is_finite() => Cell::Number(number),
-        _ if MISSING.contains(&text.to_ascii_lowercase().as_str()) => Cell::Missing,
-        _ => Cell::Text(text.to_owned()),
+        Ok(number) if number.is_finite() => column.push(number),
+        _ if MISSING.contains(&text.to_ascii_lowercase().as_str()) => column.push(f64::NAN),
+        _ => column.push_text(text),
     }
 }
 
@@ -96,22 +137,43 @@ fn cell(text: &str) -> Cell {
 mod tests {
     use super::*;
 
+    fn read(text: &str) -> Result<Table, String> {
+        parse("a.csv", &mut text.as_bytes(), &LogFacts::default()).map_err(|error| error.to_string())
+    }
+
     #[test]
     fn reads_numbers_gaps_and_text_with_their_lines() {
-        let table = parse("a.csv", b"\xef\xbb\xbftime_s, floor\r\n# a comment\r\n0,mud\r\n1.5e0,\r\n2,NaN\r\n").unwrap();
+        let table = read("\u{feff}time_s, floor\r\n# a comment\r\n0,mud\r\n\r\n1.5e0,\r\n2,NaN\r\n").unwrap();
         assert_eq!(table.names, ["time_s", "floor"]);
-        assert_eq!(table.columns[0], [Cell::Number(0.0), Cell::Number(1.5), Cell::Number(2.0)]);
-        assert_eq!(table.columns[1], [Cell::Text("mud".to_owned()), Cell::Missing, Cell::Missing]);
-        assert_eq!(table.lines, [3, 4, 5]);
+        assert_eq!(table.columns[0].numbers(), [0.0, 1.5, 2.0]);
+        assert_eq!(table.columns[1].as_texts(), ["mud", "", ""]);
+        assert_eq!(table.columns[1].first_text(), Some((0, "mud")));
+        assert_eq!(table.lines, [3, 5, 6]);
+    }
+
+    #[test]
+    fn quoted_cells_may_hold_commas_and_quotes() {
+        let table = read("time_s,\"a, \"\"b\"\"\"\n\"0\", \"x\" \n1,2\n").unwrap();
+        assert_eq!(table.names, ["time_s", "a, \"b\""]);
+        assert_eq!(table.columns[1].as_texts(), ["x", "2"]);
+        assert_eq!(read("time_s,a\n0,\"x\n").unwrap_err(), "a.csv:2: a quoted cell does not end on its line");
     }
 
     #[test]
     fn a_broken_shape_is_named_with_its_line() {
-        let message = |text: &str| parse("a.csv", text.as_bytes()).unwrap_err().to_string();
+        let message = |text: &str| read(text).unwrap_err();
         assert_eq!(message("time_s,voltage_v\n0,1\n1\n"), "a.csv:3: 1 cells where the header has 2 columns");
-        assert_eq!(message("time_s,a,a\n0,1,2\n"), "a.csv:1: two columns are named `a`");
+        assert_eq!(message("# by hand\ntime_s,a,a\n0,1,2\n"), "a.csv:2: two columns are named `a`");
         assert!(message("time_s;voltage_v\n0;1\n").contains("not separated by commas"));
         assert!(message("0,1\n1,2\n").contains("must be a header"));
         assert!(message("").contains("the log is empty"));
+        assert!(message("# nothing\n").contains("the log is empty"));
+    }
+
+    #[test]
+    fn what_a_logger_leaves_behind_when_it_stops_is_skipped_and_said() {
+        let table = read("time_s,a\n0,1\ntime_s,a\n1,2\n2").unwrap();
+        assert_eq!(table.lines, [2, 4]);
+        assert_eq!(table.notes, ["line 5, the last, is cut off and left out", "the header comes again and is skipped (line 3)"]);
     }
 }

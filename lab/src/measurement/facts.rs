@@ -47,6 +47,8 @@ pub struct LogFacts {
     pub role: Option<Role>,
     /// Numbers that this logger writes when nothing was measured.
     pub missing: Vec<f64>,
+    /// Which topic of a recording that holds several.
+    pub topic: Option<String>,
     /// Column names and units of this logger.
     pub columns: Vec<Mapping>,
 }
@@ -64,6 +66,7 @@ struct Raw {
     role: Option<Role>,
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
+    topic: Option<String>,
     #[serde(default)]
     missing: Vec<f64>,
     #[serde(default)]
@@ -101,6 +104,7 @@ impl LogFacts {
             ambient_degc: within("ambient_degc", raw.ambient_degc, DEGC.0, DEGC.1)?,
             role: raw.role,
             missing: raw.missing,
+            topic: raw.topic,
             columns: columns.collect(),
         })
     }
@@ -127,6 +131,8 @@ pub struct Overrides {
     pub ambient_degc: Option<f64>,
     /// See [`LogFacts::missing`].
     pub missing: Vec<f64>,
+    /// See [`LogFacts::topic`].
+    pub topic: Option<String>,
     /// See [`LogFacts::columns`].
     pub columns: Vec<Mapping>,
 }
@@ -161,6 +167,7 @@ impl Overrides {
         facts.soc_initial_sigma = self.soc_initial_sigma.or(facts.soc_initial_sigma);
         facts.ambient_degc = self.ambient_degc.or(facts.ambient_degc);
         facts.missing.extend(&self.missing);
+        facts.topic = self.topic.clone().or(facts.topic);
         for mapping in &self.columns {
             facts.columns.retain(|known| known.canonical != mapping.canonical);
             facts.columns.push(mapping.clone());

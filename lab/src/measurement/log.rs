@@ -7,7 +7,9 @@ use energy::document::hint;
 
 use super::facts::misspelt;
 use super::mapping::Source;
-use super::{Cell, LogError, LogFacts, Table};
+use super::times::{Rows, gaps};
+use super::values::{missing, spikes, within_range, without_given, without_sentinels};
+use super::{LogError, LogFacts, Table};
 
 /// The column that every log begins with, in seconds.
 const TIME: &str = "time_s";
@@ -55,17 +57,17 @@ impl Log {
         std::iter::once(TIME).chain(self.channels.keys().map(|channel| channel.name())).chain(self.extra.keys().map(String::as_str))
     }
 
-    /// Applies names, units and the contract of logs to the cells of any format.
+    /// Applies names, units and the contract of logs to the cells of any format, and notes what
+    /// is not as it should be.
     ///
     /// # Errors
     /// Names the line and the column.
-    pub fn from_table(file: &str, table: &Table, facts: LogFacts) -> Result<Log, LogError> {
+    pub fn from_table(file: &str, table: Table, mut facts: LogFacts) -> Result<Log, LogError> {
         let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
         let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
         let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
-        let reader = Reader { file, table, missing: &facts.missing };
-        let time_s = reader.time_s(mapped.get(TIME).copied())?;
-        let mut notes = Vec::new();
+        let mut reader = Reader { file, table: &table, missing: &facts.missing, notes: Vec::new(), places: Vec::new() };
+        let (time_s, rows) = reader.time_s(mapped.get(TIME).copied())?;
         let (mut channels, mut extra) = (BTreeMap::new(), BTreeMap::new());
         let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
         let unmapped = table.names.iter().enumerate().map(|(index, name)| (name.as_str(), own(index)));
@@ -76,14 +78,26 @@ impl Log {
             }
             match Channel::from_name(name) {
                 Some(channel) => {
-                    channels.insert(channel, reader.numbers(name, source)?);
+                    channels.insert(channel, reader.channel(channel, source, &rows)?);
                 }
                 None => {
-                    notes.extend(mapped.get(name).and_then(|_| misspelt(name)).map(|note| format!("{file}: {note}")));
-                    extra.insert(name.to_owned(), reader.any(source));
+                    reader.notes.extend(mapped.get(name).and_then(|_| misspelt(name)));
+                    if let Some(column) = reader.any(name, source, &rows) {
+                        extra.insert(name.to_owned(), column);
+                    }
                 }
             }
         }
+        reader.tell_spikes(&channels);
+        let mut notes = [table.notes.clone(), reader.notes].concat();
+        if let (Some(start), None, None) =
+            (table.start.filter(|start| (0.0..=1.0).contains(&start.soc)), facts.soc_initial, facts.rest_voltage_v)
+        {
+            facts.soc_initial = Some(start.soc);
+            facts.soc_initial_sigma = facts.soc_initial_sigma.or(Some(start.sigma));
+            notes.push(format!("starts at {:.1} % by the gauge in the log, unless --soc-initial says otherwise", 100.0 * start.soc));
+        }
+        let notes = notes.into_iter().map(|note| format!("{file}: {note}")).collect();
         let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
         Ok(Log { file: file.to_owned(), name: stem, time_s, channels, extra, facts, notes })
     }
@@ -93,6 +107,10 @@ struct Reader<'a> {
     file: &'a str,
     table: &'a Table,
     missing: &'a [f64],
+    /// What the reader should know.
+    notes: Vec<String>,
+    /// Place in the source of every row of the log.
+    places: Vec<u64>,
 }
 
 impl Reader<'_> {
@@ -100,7 +118,8 @@ impl Reader<'_> {
         LogError::Row { file: self.file.to_owned(), line: self.table.lines[row], message }
     }
 
-    fn time_s(&self, mapped: Option<Source>) -> Result<Vec<f64>, LogError> {
+    /// Strictly increasing times, and which rows of the source they are.
+    fn time_s(&mut self, mapped: Option<Source>) -> Result<(Vec<f64>, Rows), LogError> {
         let whole = |message: String| LogError::Whole { file: self.file.to_owned(), message };
         let names = &self.table.names;
         let source = match (mapped, names.iter().position(|name| name == TIME)) {
@@ -118,58 +137,75 @@ impl Reader<'_> {
             }
         };
         let time_s = self.numbers(TIME, source)?;
+        let (rows, note) = Rows::of(&time_s, &self.table.lines, self.table.places)
+            .map_err(|(row, message)| self.row_error(row, format!("column `{TIME}`: {message}")))?;
+        let time_s = rows.numbers(time_s);
         if time_s.len() < 2 {
-            return Err(whole(format!("{} rows; a log needs at least 2", time_s.len())));
+            return Err(whole(format!("{} rows of different time; a log needs at least 2", time_s.len())));
         }
-        if let Some(row) = time_s.iter().position(|time| time.is_nan()) {
-            return Err(self.row_error(row, format!("column `{TIME}`: every row needs a time")));
-        }
-        if let Some(row) = (1..time_s.len()).find(|&row| time_s[row] <= time_s[row - 1]) {
-            let (now, before) = (time_s[row], time_s[row - 1]);
-            let what = if now == before { "stands still" } else { "goes backwards" };
-            return Err(self.row_error(row, format!("column `{TIME}`: time {what}: {now} s after {before} s")));
-        }
-        Ok(time_s)
+        self.places = rows.firsts(self.table.lines.clone());
+        self.notes.extend(note);
+        self.notes.extend(gaps(&time_s, &self.places, self.table.places));
+        Ok((time_s, rows))
     }
 
+    /// A channel's values, with what cannot be a measurement made missing.
+    fn channel(&mut self, channel: Channel, source: Source, rows: &Rows) -> Result<Vec<f64>, LogError> {
+        let (lines, places) = (&self.table.lines, self.table.places);
+        let mut values = self.numbers(channel.name(), source)?;
+        if let Source::Column { scale, offset, .. } = source {
+            without_given(&mut values, self.missing);
+            self.notes.extend(missing(channel.name(), &values, lines, places));
+            self.notes.extend(without_sentinels(channel.name(), &mut values, lines, places));
+            values.iter_mut().for_each(|value| *value = *value * scale + offset);
+        }
+        let outside = within_range(channel, &mut values, lines, places).map_err(|(row, message)| self.row_error(row, message))?;
+        self.notes.extend(outside);
+        Ok(rows.numbers(values))
+    }
+
+    fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>) {
+        let input = channels.get(&Channel::CurrentA).or(channels.get(&Channel::PackCurrentA));
+        for (&channel, values) in channels {
+            let moves = |row: usize| input.is_some_and(|input| input[row] != input[row - 1]);
+            self.notes.extend(spikes(channel, values, moves, &self.places, self.table.places));
+        }
+    }
+
+    /// A column's numbers as the source wrote them; for time also in the unit of the log.
     fn numbers(&self, name: &str, source: Source) -> Result<Vec<f64>, LogError> {
         let (index, scale, offset) = match source {
             Source::Column { index, scale, offset } => (index, scale, offset),
             Source::Constant(value) => return Ok(vec![value; self.table.lines.len()]),
         };
-        let read = |(row, cell): (usize, &Cell)| match cell {
-            Cell::Text(text) => {
-                let from = &self.table.names[index];
-                let via = if from == name { String::new() } else { format!(" (made from `{from}`)") };
-                Err(self.row_error(row, format!("column `{name}`{via}: `{text}` is not a number")))
-            }
-            cell => Ok(self.value(cell) * scale + offset),
-        };
-        self.table.columns[index].iter().enumerate().map(read).collect()
+        let cells = &self.table.columns[index];
+        if let Some((row, text)) = cells.first_text() {
+            let from = &self.table.names[index];
+            let via = if from == name { String::new() } else { format!(" (made from `{from}`)") };
+            return Err(self.row_error(row, format!("column `{name}`{via}: `{text}` is not a number")));
+        }
+        let mut values = cells.numbers().to_vec();
+        if name == TIME {
+            values.iter_mut().for_each(|value| *value = *value * scale + offset);
+        }
+        Ok(values)
     }
 
-    fn any(&self, source: Source) -> Column {
+    fn any(&mut self, name: &str, source: Source, rows: &Rows) -> Option<Column> {
         let (index, scale, offset) = match source {
             Source::Column { index, scale, offset } => (index, scale, offset),
-            Source::Constant(value) => return Column::Number(vec![value; self.table.lines.len()]),
+            Source::Constant(value) => return Some(Column::Number(rows.numbers(vec![value; self.table.lines.len()]))),
         };
         let cells = &self.table.columns[index];
-        if cells.iter().any(|cell| matches!(cell, Cell::Text(_))) {
-            let text = |cell: &Cell| match cell {
-                Cell::Text(text) => text.clone(),
-                Cell::Number(number) => number.to_string(),
-                Cell::Missing => String::new(),
-            };
-            return Column::Text(cells.iter().map(text).collect());
+        if cells.overflowed() {
+            self.notes.push(format!("`{name}`: too many different texts to be of use; the column is left out"));
+            return None;
         }
-        Column::Number(cells.iter().map(|cell| self.value(cell) * scale + offset).collect())
-    }
-
-    fn value(&self, cell: &Cell) -> f64 {
-        match cell {
-            Cell::Number(number) if !self.missing.contains(number) => *number,
-            _ => f64::NAN,
+        if cells.first_text().is_some() {
+            return Some(Column::Text(rows.firsts(cells.as_texts())));
         }
+        let value = |&value: &f64| if self.missing.contains(&value) { f64::NAN } else { value * scale + offset };
+        Some(Column::Number(rows.numbers(cells.numbers().iter().map(value).collect())))
     }
 }
 
@@ -215,7 +251,7 @@ mod tests {
     #[test]
     fn time_must_come_first_and_increase() {
         assert_eq!(read("time_s\n0\n2\n1\n", &[]).unwrap_err(), "dir/a.csv:4: column `time_s`: time goes backwards: 1 s after 2 s");
-        assert_eq!(read("time_s\n0\n0\n", &[]).unwrap_err(), "dir/a.csv:3: column `time_s`: time stands still: 0 s after 0 s");
+        assert!(read("time_s\n0\n0\n", &[]).unwrap_err().contains("1 rows of different time; a log needs at least 2"));
         assert!(read("time_s,a\n0,1\n,1\n", &[]).unwrap_err().contains("every row needs a time"));
         assert!(read("time,a\n0,1\n1,1\n", &[]).unwrap_err().contains("--column time_s=time"));
         assert!(read("a,time_s\n0,1\n1,2\n", &[]).unwrap_err().contains("must be the first column"));

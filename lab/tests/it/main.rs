@@ -3,8 +3,12 @@
 
 mod cli;
 mod commands;
+mod inputs;
 mod measured;
+mod recordings;
 mod recovery;
 mod regimes;
 mod report;
 mod sets;
+mod stored;
+mod thinning;

@@ -1,0 +1,88 @@
+//! Facts about logs given as flags, and reading a log with them.
+
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::Path;
+
+use anyhow::{Context as _, ensure};
+use lab::measurement::{LOG_BYTES_MAX, Log, LogFacts, Mapping, Overrides, read_log_from};
+
+use super::say;
+
+#[derive(Debug, clap::Args)]
+pub(in crate::cmd) struct FactArgs {
+    /// Takes a channel from a column of another name or unit, e.g.
+    /// temperature_degc=temp_K*1-273.15; a number alone stands for every row.
+    #[arg(long = "column", value_name = "CANONICAL=SOURCE[*SCALE][+/-OFFSET]")]
+    columns: Vec<Mapping>,
+    /// State of charge at the first row, 0 to 1.
+    #[arg(long, allow_negative_numbers = true)]
+    soc_initial: Option<f64>,
+    /// Standard deviation of it.
+    #[arg(long, allow_negative_numbers = true)]
+    soc_initial_sigma: Option<f64>,
+    /// Pack voltage after a long rest before the log, V.
+    #[arg(long, allow_negative_numbers = true, conflicts_with = "soc_initial")]
+    rest_voltage_v: Option<f64>,
+    /// Temperature of the surroundings, degC, where no column holds it.
+    #[arg(long, allow_negative_numbers = true)]
+    ambient_degc: Option<f64>,
+    /// A number that the logger writes when nothing was measured.
+    #[arg(long, allow_negative_numbers = true)]
+    missing: Vec<f64>,
+    /// Which topic of an MCAP recording with several batteries.
+    #[arg(long)]
+    topic: Option<String>,
+}
+
+impl FactArgs {
+    pub(super) fn overrides(&self) -> anyhow::Result<Overrides> {
+        let overrides = Overrides {
+            soc_initial: self.soc_initial,
+            soc_initial_sigma: self.soc_initial_sigma,
+            rest_voltage_v: self.rest_voltage_v,
+            ambient_degc: self.ambient_degc,
+            missing: self.missing.clone(),
+            topic: self.topic.clone(),
+            columns: self.columns.clone(),
+        };
+        overrides.check().map_err(anyhow::Error::msg)?;
+        Ok(overrides)
+    }
+
+    /// What is known about a log: from the file beside it, and from the flags, which win.
+    pub(super) fn of(&self, path: &Path) -> anyhow::Result<LogFacts> {
+        let beside = path.with_extension("toml");
+        let facts = if beside.is_file() {
+            let name = beside.display().to_string();
+            let text = fs::read_to_string(&beside).with_context(|| format!("cannot read {name}"))?;
+            LogFacts::parse(&name, &text)?
+        } else {
+            LogFacts::default()
+        };
+        Ok(self.overrides()?.over(facts))
+    }
+
+    /// Reads a log of which the facts are known, and says what is not as it should be.
+    pub(super) fn read_with(&self, path: &Path, facts: LogFacts) -> anyhow::Result<Log> {
+        let file = path.display().to_string();
+        let doing = || format!("cannot read the log {file}");
+        let opened = File::open(path).with_context(doing)?;
+        let about = opened.metadata().with_context(doing)?;
+        ensure!(!about.is_dir(), "cannot read the log {file}: it is a directory; name a file");
+        ensure!(
+            about.len() <= LOG_BYTES_MAX,
+            "{file} has {:.1} GiB; at most {} GiB are read as one log: cut it, or thin it out",
+            about.len() as f64 / f64::from(1 << 30),
+            LOG_BYTES_MAX >> 30
+        );
+        let log = read_log_from(&file, &mut BufReader::with_capacity(1 << 16, opened), facts)?;
+        say(&log.notes);
+        Ok(log)
+    }
+
+    /// Reads a log with the facts beside it.
+    pub(in crate::cmd) fn read(&self, path: &Path) -> anyhow::Result<Log> {
+        self.read_with(path, self.of(path)?)
+    }
+}

@@ -1,0 +1,250 @@
+//! MCAP recordings with `sensor_msgs/msg/BatteryState` of ROS 2. A place in such a log is the
+//! number of the message within its topic.
+//!
+//! ROS counts a current that leaves the battery negative, and writes NaN for what is not measured.
+
+mod battery_state;
+
+use std::collections::BTreeMap;
+use std::io::{self, BufRead};
+
+use energy::document::hint;
+use mcap::McapError;
+use mcap::records::Record;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use self::battery_state::{BatteryState, TYPE, check_definition, decode};
+use super::limits::{check_bytes, check_cells, read_error};
+use super::{Cells, Format, GaugeStart, LogError, LogFacts, Table};
+
+pub(super) const FORMAT: Format = Format { name: "MCAP", extensions: &["mcap"], parse };
+
+/// Bytes that one record may have: pictures are far smaller, and nothing here needs more.
+const RECORD_MAX: usize = 256 << 20;
+/// Cells of one pack that get a column.
+const CELLS_MAX: usize = 64;
+/// What a robot's own gauge is taken to know its charge to, when it does not say.
+const GAUGE_SIGMA: f64 = 0.05;
+
+/// A topic of the recording.
+struct Topic {
+    name: String,
+    kind: String,
+    encoding: String,
+    /// What is wrong with its definition.
+    wrong: Option<String>,
+    messages: u64,
+}
+
+/// What has been read so far.
+struct Reading<'a> {
+    file: &'a str,
+    wanted: Option<&'a str>,
+    schemas: BTreeMap<u16, (String, Vec<u8>)>,
+    topics: BTreeMap<u16, Topic>,
+    /// The topic that is read: the wanted one, or the first of batteries.
+    chosen: Option<String>,
+    rows: Rows,
+}
+
+fn parse(file: &str, input: &mut dyn BufRead, facts: &LogFacts) -> Result<Table, LogError> {
+    let wanted = facts.topic.as_deref();
+    let mut reading =
+        Reading { file, wanted, schemas: BTreeMap::new(), topics: BTreeMap::new(), chosen: wanted.map(str::to_owned), rows: Rows::new() };
+    let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
+    let mut reader = LinearReader::new_with_options(LinearReaderOptions::default().with_record_length_limit(RECORD_MAX));
+    let mut bytes = 0;
+    let mut cut_off = false;
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(LinearReadEvent::ReadRequest(need)) => {
+                let read = fill(input, reader.insert(need)).map_err(|error| read_error(file, &error))?;
+                bytes += read as u64;
+                check_bytes(file, bytes)?;
+                reader.notify_read(read);
+            }
+            Ok(LinearReadEvent::Record { data, opcode }) => reading.take(opcode, data)?,
+            // A recorder that was killed leaves what it had written.
+            Err(McapError::UnexpectedEof | McapError::UnexpectedEoc) if !reading.rows.time_ns.is_empty() => {
+                cut_off = true;
+                break;
+            }
+            Err(error) => return Err(whole(format!("not readable as MCAP: {error}"))),
+        }
+    }
+    reading.check_choice()?;
+    let mut table = reading.rows.table();
+    if cut_off {
+        table.notes.push(format!("the recording was not closed; read are the {} messages up to its end", table.lines.len()));
+    }
+    Ok(table)
+}
+
+/// Reads until the buffer is full or the input ends.
+fn fill(input: &mut dyn BufRead, buffer: &mut [u8]) -> io::Result<usize> {
+    let mut filled = 0;
+    while filled < buffer.len() {
+        match input.read(&mut buffer[filled..]) {
+            Ok(0) => break,
+            Ok(read) => filled += read,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(filled)
+}
+
+impl Reading<'_> {
+    fn whole(&self, message: String) -> LogError {
+        LogError::Whole { file: self.file.to_owned(), message }
+    }
+
+    fn take(&mut self, opcode: u8, data: &[u8]) -> Result<(), LogError> {
+        use mcap::records::op::{CHANNEL, MESSAGE, SCHEMA};
+        if ![SCHEMA, CHANNEL, MESSAGE].contains(&opcode) {
+            return Ok(());
+        }
+        match mcap::parse_record(opcode, data).map_err(|error| self.whole(format!("not readable as MCAP: {error}")))? {
+            Record::Schema { header, data } => {
+                let definition = if header.name == TYPE { data.into_owned() } else { Vec::new() };
+                self.schemas.insert(header.id, (header.name, definition));
+            }
+            Record::Channel(channel) => {
+                let (kind, definition) = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                let wrong = check_definition(&String::from_utf8_lossy(&definition)).err();
+                let new = Topic { name: channel.topic, kind, encoding: channel.message_encoding, wrong, messages: 0 };
+                self.topics.entry(channel.id).or_insert(new);
+            }
+            Record::Message { header, data } => {
+                let file = self.file;
+                let broken = |message: u64, what: String| LogError::Row { file: file.to_owned(), line: message, message: what };
+                let Some(topic) = self.topics.get_mut(&header.channel_id) else { return Ok(()) };
+                topic.messages += 1;
+                if topic.kind != TYPE || self.chosen.get_or_insert_with(|| topic.name.clone()) != &topic.name {
+                    return Ok(());
+                }
+                let number = self.rows.time_ns.len() as u64 + 1;
+                if topic.encoding != "cdr" {
+                    return Err(broken(number, format!("topic {} is encoded as `{}`, not `cdr` (ROS 2)", topic.name, topic.encoding)));
+                }
+                if let Some(wrong) = &topic.wrong {
+                    return Err(broken(number, format!("topic {}: {wrong}", topic.name)));
+                }
+                let message = decode(&data).map_err(|error| broken(number, format!("topic {}: {error}", topic.name)))?;
+                self.rows.push(&message, header.log_time);
+                check_cells(file, &self.rows.cells)?;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Whether it is clear which topic was meant.
+    fn check_choice(&self) -> Result<(), LogError> {
+        let mut batteries: Vec<&str> = self.topics.values().filter(|topic| topic.kind == TYPE).map(|topic| topic.name.as_str()).collect();
+        batteries.sort_unstable();
+        batteries.dedup();
+        let all = || {
+            let one = |topic: &Topic| format!("{} ({}, {} messages)", topic.name, topic.kind, topic.messages);
+            self.topics.values().map(one).collect::<Vec<_>>().join(", ")
+        };
+        match (self.wanted, batteries.as_slice()) {
+            (_, []) => Err(self
+                .whole(format!("no topic of type {TYPE}. Its topics: {}", if self.topics.is_empty() { "none".to_owned() } else { all() }))),
+            (Some(wanted), known) if !known.contains(&wanted) => {
+                let near = hint(wanted, known.iter().copied());
+                Err(self.whole(format!("--topic {wanted}: no such topic of type {TYPE}{near} Its topics: {}", all())))
+            }
+            (None, [_, _, ..]) => {
+                Err(self.whole(format!("several topics of type {TYPE}; choose one with --topic: {}", batteries.join(", "))))
+            }
+            _ if self.rows.time_ns.is_empty() => Err(self.whole("its battery topic holds no message".to_owned())),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Messages on their way to a table.
+struct Rows {
+    /// By the sender's clock; 0 where it said nothing.
+    stamp_ns: Vec<i64>,
+    /// By the recorder's clock.
+    time_ns: Vec<u64>,
+    cells: Table,
+    absent: Vec<u64>,
+}
+
+/// Columns, in the order of [`Rows::push`]; those of the cells follow.
+const COLUMNS: [&str; 7] = ["time_s", "current_a", "voltage_v", "temperature_degc", "soc", "charge_ah", "power_supply_status"];
+
+impl Rows {
+    fn new() -> Rows {
+        let names = COLUMNS.iter().map(|&name| name.to_owned()).collect();
+        Rows { stamp_ns: Vec::new(), time_ns: Vec::new(), cells: Table::of(names, "messages"), absent: Vec::new() }
+    }
+
+    fn push(&mut self, message: &BatteryState, log_time_ns: u64) {
+        self.stamp_ns.push(message.header.stamp.unix_ns().unwrap_or(0));
+        self.time_ns.push(log_time_ns);
+        let number = self.time_ns.len() as u64;
+        if number == 1 {
+            for cell in 1..=message.cell_voltage.len().min(CELLS_MAX) {
+                self.cells.names.push(format!("cell_{cell}_v"));
+                self.cells.columns.push(Cells::default());
+            }
+        }
+        self.cells.lines.push(number);
+        if !message.present {
+            self.absent.push(number);
+        }
+        let own = [
+            f64::NAN,
+            0.0 - decimal(message.current),
+            decimal(message.voltage),
+            decimal(message.temperature),
+            decimal(message.percentage),
+            decimal(message.charge),
+            f64::from(message.power_supply_status),
+        ];
+        let cells = message.cell_voltage.iter().map(|&volts| decimal(volts)).chain(std::iter::repeat(f64::NAN));
+        for (column, value) in self.cells.columns.iter_mut().zip(own.into_iter().chain(cells)) {
+            column.push(if message.present { value } else { f64::NAN });
+        }
+    }
+
+    /// The table: times from the first message on, without columns that were never measured.
+    fn table(self) -> Table {
+        let Rows { stamp_ns, time_ns, mut cells, absent } = self;
+        let stamped = stamp_ns.iter().all(|&ns| ns != 0);
+        let since = |row: usize| {
+            if stamped {
+                stamp_ns[row].saturating_sub(stamp_ns[0]) as f64
+            } else {
+                (i128::from(time_ns[row]) - i128::from(time_ns[0])) as f64
+            }
+        };
+        let mut time_s = Cells::default();
+        (0..time_ns.len()).for_each(|row| time_s.push(since(row) / 1e9));
+        cells.columns[0] = time_s;
+        if !stamped {
+            cells.notes.push("the sender did not stamp its messages; times are those of the recorder".to_owned());
+        }
+        if !absent.is_empty() {
+            cells.notes.push(format!("no battery was present: taken as missing ({})", super::some_places("messages", &absent)));
+        }
+        let first = cells.columns[4].numbers().iter().copied().find(|soc| !soc.is_nan());
+        cells.start = first.map(|soc| GaugeStart { soc, sigma: GAUGE_SIGMA });
+        let measured = |column: &Cells| column.numbers().iter().any(|value| value.is_finite());
+        let keep: Vec<bool> = cells.columns.iter().map(measured).collect();
+        let mut kept = keep.iter();
+        cells.names.retain(|_| *kept.next().unwrap_or(&true));
+        let mut kept = keep.iter();
+        cells.columns.retain(|_| *kept.next().unwrap_or(&true));
+        cells
+    }
+}
+
+/// The shortest decimal number that a single-precision one stands for: 12.3, not 12.300000190734863.
+fn decimal(value: f32) -> f64 {
+    if value.is_finite() { value.to_string().parse().unwrap_or(f64::NAN) } else { f64::NAN }
+}

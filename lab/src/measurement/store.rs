@@ -1,0 +1,176 @@
+//! The coordinator's store as a source of logs: what the gauges of a robot's battery, of a
+//! station's pack, or a station itself told it. The store is only read, page by page, so that a
+//! coordinator that works with it is neither stopped nor slowed. A place in such a log is the
+//! number of the row.
+
+mod gauge;
+mod station;
+
+use std::path::{Path, PathBuf};
+
+use energy::document::hint;
+use proto::Timestamp;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions as _, Connection as _, SqliteConnection, query_as, query_scalar};
+
+use super::limits::check_cells;
+use super::{Log, LogError, LogFacts, Table};
+
+/// Rows that are fetched at once.
+const PAGE: i64 = 10_000;
+
+/// Whose log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Subject {
+    /// The battery of a robot.
+    Robot(String),
+    /// A pack of a station.
+    Pack {
+        /// The station.
+        station: String,
+        /// The pack.
+        pack: String,
+    },
+    /// A station as a load on its active pack.
+    Station(String),
+}
+
+/// Which part of which log of a store.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StoreQuery {
+    /// Whose log.
+    pub subject: Subject,
+    /// Not before.
+    pub from: Option<Timestamp>,
+    /// Not after.
+    pub to: Option<Timestamp>,
+}
+
+/// Reads an instant: RFC 3339, or seconds since 1970.
+///
+/// # Errors
+/// Says how to write it.
+pub fn instant(text: &str) -> Result<Timestamp, String> {
+    if let Some(seconds) = text.parse::<f64>().ok().filter(|seconds| seconds.is_finite()) {
+        return Ok(Timestamp::default().plus_s(seconds));
+    }
+    text.parse().map_err(|_| format!("`{text}` is neither an instant like 2026-01-01T00:00:00Z nor seconds since 1970"))
+}
+
+/// Reads a log from a coordinator's store.
+///
+/// # Errors
+/// When it is no store, and for an unknown robot, station or pack, with the nearest known one.
+pub fn read_store(path: &Path, query: &StoreQuery, mut facts: LogFacts) -> Result<Log, LogError> {
+    let file = path.display().to_string();
+    let whole = |message: String| LogError::Whole { file: file.clone(), message };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| whole(format!("cannot be opened: {error}")))?;
+    let (table, begin) = runtime.block_on(async {
+        let mut source = Source::open(path).await?;
+        let answer = source.table(query).await;
+        // Nothing was written, so closing has nothing to lose.
+        let _ = source.connection.close().await;
+        answer
+    })?;
+    let name = match &query.subject {
+        Subject::Robot(robot) => robot.clone(),
+        Subject::Pack { station, pack } => format!("{station}-{pack}"),
+        Subject::Station(station) => station.clone(),
+    };
+    facts.id = facts.id.or(Some(name.clone()));
+    let mut log = Log::from_table(&format!("{file} ({name})"), table, facts)?;
+    log.notes.push(format!("{}: time 0 is {begin}", log.file));
+    log.name = name;
+    Ok(log)
+}
+
+/// An open store.
+struct Source {
+    file: String,
+    connection: SqliteConnection,
+}
+
+impl Source {
+    async fn open(path: &Path) -> Result<Source, LogError> {
+        let file = path.display().to_string();
+        let whole = |message: String| LogError::Whole { file: file.clone(), message };
+        // An absolute path, since SQLite gives some names a meaning of their own.
+        let place = path.canonicalize().map_err(|error| whole(format!("there is no store: {error}")))?;
+        if place.is_dir() {
+            return Err(whole("is a directory; name the store's file".to_owned()));
+        }
+        let options = SqliteConnectOptions::new().filename(&place).read_only(true).disable_statement_logging();
+        let mut connection = match options.clone().connect().await {
+            Ok(connection) => connection,
+            // On a read-only disk there is no room for what readers share; nobody writes there either.
+            Err(_) if !beside(&place, "-wal").exists() => {
+                options.immutable(true).connect().await.map_err(|error| whole(format!("cannot be opened: {error}")))?
+            }
+            Err(error) => return Err(whole(format!("cannot be opened: {error}"))),
+        };
+        let tables =
+            "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('robot_gauges', 'pack_gauges', 'station_states')";
+        match query_scalar::<_, i64>(tables).fetch_one(&mut connection).await {
+            Ok(3) => Ok(Source { file, connection }),
+            Ok(_) => Err(whole("is not a coordinator's store: it has other tables".to_owned())),
+            Err(error) => Err(whole(format!("is not a coordinator's store: {error}"))),
+        }
+    }
+
+    fn whole(&self, message: String) -> LogError {
+        LogError::Whole { file: self.file.clone(), message }
+    }
+
+    fn failed(&self, error: &sqlx::Error) -> LogError {
+        self.whole(format!("cannot be read: {error}; is it the store of another version?"))
+    }
+
+    async fn table(&mut self, query: &StoreQuery) -> Result<(Table, Timestamp), LogError> {
+        let between = (query.from.map_or(i64::MIN, Timestamp::unix_ms), query.to.map_or(i64::MAX, Timestamp::unix_ms));
+        match &query.subject {
+            Subject::Robot(robot) => self.gauges(gauge::OF_ROBOT, ("", robot), between).await,
+            Subject::Pack { station, pack } => self.gauges(gauge::OF_PACK, (station, pack), between).await,
+            Subject::Station(station) => self.station(station, between).await,
+        }
+    }
+
+    /// Why there is no row: the name is unknown, or nothing happened then.
+    async fn no_rows(&mut self, what: &str, name: &str, names: &'static str, ends: &'static str) -> LogError {
+        let known: Vec<String> = match query_scalar(names).fetch_all(&mut self.connection).await {
+            Ok(known) => known,
+            Err(error) => return self.failed(&error),
+        };
+        if known.is_empty() {
+            return self.whole(format!("holds no {what} yet"));
+        }
+        if !known.iter().any(|known| known == name) {
+            let near = hint(name, known.iter().map(String::as_str));
+            return self.whole(format!("no {what} `{name}`{near} It holds: {}", known.join(", ")));
+        }
+        match query_as::<_, (i64, i64)>(ends).bind(name).fetch_one(&mut self.connection).await {
+            Ok((first, last)) => {
+                let [first, last] = [first, last].map(Timestamp::from_unix_ms);
+                self.whole(format!("no row of {what} `{name}` lies between --from and --to; its rows reach from {first} to {last}"))
+            }
+            Err(error) => self.failed(&error),
+        }
+    }
+}
+
+fn beside(place: &Path, ending: &str) -> PathBuf {
+    let mut name = place.as_os_str().to_owned();
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+/// Seconds between two instants in milliseconds.
+fn seconds(from_ms: i64, to_ms: i64) -> f64 {
+    Timestamp::from_unix_ms(to_ms).seconds_since(Timestamp::from_unix_ms(from_ms))
+}
+
+/// Numbers the next row of a table.
+fn count_row(file: &str, table: &mut Table) -> Result<(), LogError> {
+    table.lines.push(table.lines.len() as u64 + 1);
+    check_cells(file, table)
+}

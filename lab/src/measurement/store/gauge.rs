@@ -1,0 +1,96 @@
+//! What the gauge of one battery told.
+
+use proto::Timestamp;
+use sqlx::{FromRow, query_as};
+
+use super::{PAGE, Source, count_row, seconds};
+use crate::measurement::{GaugeStart, LogError, Table};
+
+/// How the gauges of one kind of battery are asked for. The battery is named by two parts, of
+/// which a robot needs only the second.
+pub(super) struct Gauges {
+    what: &'static str,
+    page: &'static str,
+    names: &'static str,
+    ends: &'static str,
+}
+
+pub(super) const OF_ROBOT: Gauges = Gauges {
+    what: "robot",
+    page: "SELECT g.at_ms, g.seq, g.current_a, g.voltage_v, g.temperature_degc, g.soc, g.soc_sigma, g.power_w, \
+           (SELECT s.phase FROM robot_states s WHERE s.robot = g.robot AND s.at_ms <= g.at_ms ORDER BY s.at_ms DESC, s.seq DESC LIMIT 1) AS phase \
+           FROM robot_gauges g WHERE $1 = $1 AND g.robot = $2 AND g.at_ms BETWEEN $3 AND $4 AND (g.at_ms, g.seq) > ($5, $6) \
+           ORDER BY g.at_ms, g.seq LIMIT $7",
+    names: "SELECT DISTINCT robot FROM robot_gauges ORDER BY robot",
+    ends: "SELECT min(at_ms), max(at_ms) FROM robot_gauges WHERE robot = $1",
+};
+
+pub(super) const OF_PACK: Gauges = Gauges {
+    what: "pack",
+    page: "SELECT at_ms, seq, current_a, voltage_v, temperature_degc, soc, soc_sigma, power_w, NULL AS phase \
+           FROM pack_gauges WHERE station = $1 AND pack = $2 AND at_ms BETWEEN $3 AND $4 AND (at_ms, seq) > ($5, $6) \
+           ORDER BY at_ms, seq LIMIT $7",
+    names: "SELECT DISTINCT pack FROM pack_gauges ORDER BY pack",
+    ends: "SELECT min(at_ms), max(at_ms) FROM pack_gauges WHERE pack = $1",
+};
+
+#[derive(FromRow)]
+struct Row {
+    at_ms: i64,
+    seq: i64,
+    current_a: f64,
+    voltage_v: f64,
+    temperature_degc: f64,
+    soc: f64,
+    soc_sigma: f64,
+    power_w: f64,
+    phase: Option<String>,
+}
+
+/// The power that a gauge tells is a mean over the recent past; that of the row is made of its
+/// own voltage and current.
+const COLUMNS: [&str; 8] = ["time_s", "current_a", "voltage_v", "temperature_degc", "power_w", "soc", "gauge_mean_power_w", "phase"];
+
+impl Source {
+    /// The log of one battery, and its first instant.
+    pub(super) async fn gauges(
+        &mut self,
+        gauges: Gauges,
+        (station, name): (&str, &str),
+        (from_ms, to_ms): (i64, i64),
+    ) -> Result<(Table, Timestamp), LogError> {
+        let with_phase = gauges.what == "robot";
+        let columns = COLUMNS.iter().take(if with_phase { COLUMNS.len() } else { COLUMNS.len() - 1 });
+        let mut table = Table::of(columns.map(|&name| name.to_owned()).collect(), "rows");
+        let mut begin_ms = None;
+        let mut after = (i64::MIN, i64::MIN);
+        loop {
+            let page = query_as::<_, Row>(gauges.page).bind(station).bind(name).bind(from_ms).bind(to_ms);
+            let page = page.bind(after.0).bind(after.1).bind(PAGE).fetch_all(&mut self.connection).await;
+            let page = page.map_err(|error| self.failed(&error))?;
+            let Some(last) = page.last() else { break };
+            after = (last.at_ms, last.seq);
+            for row in &page {
+                if begin_ms.is_none() {
+                    begin_ms = Some(row.at_ms);
+                    table.start = Some(GaugeStart { soc: row.soc, sigma: row.soc_sigma });
+                }
+                let time_s = seconds(begin_ms.unwrap_or(row.at_ms), row.at_ms);
+                let power_w = row.voltage_v * row.current_a;
+                let cells = [time_s, row.current_a, row.voltage_v, row.temperature_degc, power_w, row.soc, row.power_w];
+                table.columns.iter_mut().zip(cells).for_each(|(column, value)| column.push(value));
+                if with_phase {
+                    match &row.phase {
+                        Some(phase) => table.columns[COLUMNS.len() - 1].push_text(phase),
+                        None => table.columns[COLUMNS.len() - 1].push(f64::NAN),
+                    }
+                }
+                count_row(&self.file, &mut table)?;
+            }
+        }
+        match begin_ms {
+            Some(begin_ms) => Ok((table, Timestamp::from_unix_ms(begin_ms))),
+            None => Err(self.no_rows(gauges.what, name, gauges.names, gauges.ends).await),
+        }
+    }
+}

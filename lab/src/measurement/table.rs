@@ -1,0 +1,122 @@
+//! What a format delivers: named columns of equal length, and the place of every row.
+
+use std::collections::BTreeMap;
+
+/// More different texts than this in one column are no categories but times or messages, which
+/// nothing here can use; they would only fill the memory.
+const TEXTS_MAX: usize = 10_000;
+
+/// Columns as a format found them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    /// Column names, in the order of the source.
+    pub names: Vec<String>,
+    /// Cells by column, as many per column as there are lines.
+    pub columns: Vec<Cells>,
+    /// Place of each row in the source, counted from 1: a line, a message or a database row.
+    pub lines: Vec<u64>,
+    /// What a place is called, in the plural; `lines` when empty.
+    pub places: &'static str,
+    /// What the reader should know but that stops nothing.
+    pub notes: Vec<String>,
+    /// What a fuel gauge that speaks in the log knows of the start.
+    pub start: Option<GaugeStart>,
+}
+
+/// State of charge at the first row, by a fuel gauge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GaugeStart {
+    /// State of charge, 0..1.
+    pub soc: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+impl Table {
+    /// A table of these columns without rows.
+    #[must_use]
+    pub fn of(names: Vec<String>, places: &'static str) -> Table {
+        Table { columns: vec![Cells::default(); names.len()], names, lines: Vec::new(), places, notes: Vec::new(), start: None }
+    }
+}
+
+/// The cells of one column: numbers with NaN where nothing was measured, and beside them the few
+/// texts, each kept once.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Cells {
+    numbers: Vec<f64>,
+    /// Row and index into `texts`, in the order of rows.
+    at: Vec<(u32, u32)>,
+    texts: Vec<String>,
+    known: BTreeMap<String, u32>,
+    /// Texts that were not kept, since there were too many different ones.
+    dropped: usize,
+}
+
+impl Cells {
+    /// Appends a number, or NaN where nothing was measured.
+    pub fn push(&mut self, number: f64) {
+        self.numbers.push(number);
+    }
+
+    /// Appends a text.
+    pub fn push_text(&mut self, text: &str) {
+        let row = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
+        self.numbers.push(f64::NAN);
+        let id = match self.known.get(text) {
+            Some(&id) => id,
+            None if self.texts.len() >= TEXTS_MAX => {
+                self.dropped += 1;
+                return;
+            }
+            None => {
+                let id = self.texts.len() as u32;
+                self.texts.push(text.to_owned());
+                self.known.insert(text.to_owned(), id);
+                id
+            }
+        };
+        self.at.push((row, id));
+    }
+
+    /// How many cells there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.numbers.len()
+    }
+
+    /// Whether there is no cell.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.numbers.is_empty()
+    }
+
+    /// The numbers; NaN where there is none.
+    #[must_use]
+    pub fn numbers(&self) -> &[f64] {
+        &self.numbers
+    }
+
+    /// The first cell that holds a text, with its row.
+    #[must_use]
+    pub fn first_text(&self) -> Option<(usize, &str)> {
+        self.at.first().map(|&(row, id)| (row as usize, self.texts[id as usize].as_str()))
+    }
+
+    /// Whether so many different texts came that they were not all kept.
+    #[must_use]
+    pub fn overflowed(&self) -> bool {
+        self.dropped > 0
+    }
+
+    /// Every cell as text; missing ones are empty.
+    #[must_use]
+    pub fn as_texts(&self) -> Vec<String> {
+        let number = |number: &f64| if number.is_nan() { String::new() } else { number.to_string() };
+        let mut all: Vec<String> = self.numbers.iter().map(number).collect();
+        for &(row, id) in &self.at {
+            all[row as usize].clone_from(&self.texts[id as usize]);
+        }
+        all
+    }
+}

@@ -1,0 +1,98 @@
+//! What is said about logs that are not as they should be, and which logs are kept from fits.
+
+use std::fs;
+use std::path::Path;
+
+use lab::measurement::{LogFacts, read_log};
+
+use crate::commands::{Outcome, lab_in};
+
+const CELL: &str = "enertech-lco-2280mah";
+
+fn refuses(outcome: &Outcome, words: &str) {
+    assert_eq!(outcome.code, 2, "{}{}", outcome.stdout, outcome.stderr);
+    assert_eq!(outcome.stdout, "");
+    assert!(outcome.stderr.contains(words), "`{words}` is not in: {}", outcome.stderr);
+}
+
+/// Falls by a millivolt per second; row 20 repeats its time, 30 is a fill value, 40 cannot be, 50
+/// is missing, 60 a spike, and after 70 half an hour is missing.
+fn dirty() -> String {
+    let mut text = "time_s,current_a,voltage_v\n".to_owned();
+    for row in 0..100 {
+        let time_s = if row > 70 { 1800 + row } else { row };
+        let volts = |row: i32| format!("{:.3}", 4.1 - 0.001 * f64::from(row));
+        let (current_a, voltage_v) = match row {
+            30 => ("-3.4028235e38".to_owned(), volts(row)),
+            40 => ("1".to_owned(), "-0.001".to_owned()),
+            50 => ("1".to_owned(), String::new()),
+            60 => ("1".to_owned(), "3.2".to_owned()),
+            _ => ("1".to_owned(), volts(row)),
+        };
+        text += &format!("{time_s},{current_a},{voltage_v}\n");
+        if row == 20 {
+            text += "20,9,3.9\n";
+        }
+    }
+    text
+}
+
+#[test]
+fn everything_that_is_wrong_with_a_log_is_said() {
+    let log = read_log("run.csv", dirty().as_bytes(), LogFacts::default()).unwrap();
+    insta::assert_snapshot!(log.notes.join("\n"), @r#"
+run.csv: 1 of 101 rows repeat the time before them (line 23); the first of each is kept, whose current held until then
+run.csv: 1 gap longer than 10 usual steps of 1 s, the longest 1801 s; inputs of the row after a gap stand for all of it (before line 74)
+run.csv: `current_a`: 1 value such as -3.4028235e38 is no measurement but a logger's sign for none: taken as missing (line 33)
+run.csv: `voltage_v`: 1 of 101 values are missing (line 53)
+run.csv: `voltage_v`: 1 value outside 0 to 2000, such as -0.001: taken as missing (line 43)
+run.csv: `voltage_v`: 1 single value far from both neighbours (by more than 20 usual differences), such as 3.2 after 4.041; not removed (line 63)
+"#);
+}
+
+fn write(folder: &Path, name: &str, text: &str) {
+    fs::write(folder.join(name), text).unwrap();
+}
+
+const RUN: &str = "time_s,current_a,voltage_v\n0,1,4.1\n10,1,4.0\n20,1,3.99\n30,1,3.98\n";
+
+#[test]
+fn a_log_for_judging_is_compared_but_never_fitted() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "train.csv", RUN);
+    write(folder.path(), "judge.csv", RUN);
+    write(folder.path(), "judge.toml", "schema = 1\nrole = \"holdout\"\n");
+    let run = |verb: &str, more: &[&str]| lab_in(folder.path(), &[&[verb, "--model", CELL, "--soc-initial", "1"], more].concat());
+    let compared = run("compare", &["--log", "train.csv", "judge.csv"]);
+    assert!(compared.stdout.contains("train") && compared.stdout.contains("judge"), "{}", compared.stdout);
+    let fitted = run("fit", &["--free", "ohmic", "--log", "train.csv", "judge.csv"]);
+    assert!(fitted.stdout.contains("train") && !fitted.stdout.contains("judge"), "{}{}", fitted.stdout, fitted.stderr);
+    refuses(&run("fit", &["--free", "ohmic", "--log", "judge.csv"]), "no log to fit to: the facts of each say role = \"holdout\"");
+    refuses(&run("compare", &["--log", "train.csv", "./train.csv"]), "the log ./train.csv is given twice");
+}
+
+#[test]
+fn what_is_no_log_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("dir.csv")).unwrap();
+    let run = |log: &str, more: &[&str]| lab_in(folder.path(), &[&["compare", "--model", CELL, "--log", log], more].concat());
+    refuses(&run("dir.csv", &[]), "it is a directory");
+    refuses(&run("none.csv", &[]), "cannot read the log none.csv");
+    write(folder.path(), "run.xlsx", "PK");
+    refuses(&run("run.xlsx", &[]), "no log format for `.xlsx`; known: .csv, .mcap");
+    write(folder.path(), "run.csv", RUN);
+    refuses(&run("run.csv", &["--every", "0"]), "must be a number of seconds above 0");
+    refuses(&run("run.csv", &["--every", "1", "--no-decimation"]), "cannot be used with");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn an_endless_input_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink("/dev/zero", folder.path().join("endless.csv")).unwrap();
+    let outcome = lab_in(folder.path(), &["compare", "--model", CELL, "--log", "endless.csv"]);
+    refuses(&outcome, "the line is longer than 1048576 bytes");
+    std::os::unix::fs::symlink("/dev/zero", folder.path().join("endless.mcap")).unwrap();
+    let outcome = lab_in(folder.path(), &["compare", "--model", CELL, "--log", "endless.mcap"]);
+    refuses(&outcome, "not readable as MCAP");
+}
