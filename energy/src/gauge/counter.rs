@@ -54,9 +54,13 @@ impl Counter {
     pub(crate) fn count(&mut self, sample: &Sample, asleep: bool) -> (Followed, f64) {
         let shown_a = (!asleep).then_some(sample.current_a);
         let current_a = shown_a.map_or(0.0, |shown_a| self.ledger.current_a(shown_a));
-        let scaled_a = current_a / (1.0 + self.ledger.state(CAPACITY).value);
-        let followed = self.follower.step(sample, scaled_a, self.ledger.state(SOC).value, self.watch.cycles.full());
+        let capacity = 1.0 + self.ledger.state(CAPACITY).value;
+        let scaled_a = current_a / capacity;
+        let mut followed = self.follower.step(sample, scaled_a, self.ledger.state(SOC).value, self.watch.cycles.full());
         self.ledger.count(sample.dt_s, followed.moved, shown_a, followed.capacity_ah);
+        // The run has the current per capacity of the model, its resistances have the pack's own.
+        followed.drop_v *= capacity;
+        followed.cell_a *= capacity;
         let drawn = current_a * sample.dt_s / S_PER_H / followed.capacity_ah;
         self.watch.update(sample, self.soc().value, drawn);
         (followed, drawn)
