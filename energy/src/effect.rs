@@ -1,8 +1,14 @@
 //! Physical effects: what each one adds to which channel.
 //!
 //! One file describes one effect: its equation, symbols, source, range of validity and what its
-//! absence looks like in residuals. The [`catalogue!`] line registers it and fixes its place in
-//! the order of evaluation. Nothing outside the file knows the effect by name.
+//! absence looks like in residuals. Its line in `effect/catalogue.rs` registers it and fixes its place
+//! in the order of evaluation. Nothing outside the file knows the effect by name.
+
+// By its path, so that the effects' files lie beside the catalogue and not in a folder below it.
+#[path = "effect/catalogue.rs"]
+mod catalogue;
+
+pub use catalogue::{catalogue, find};
 
 use std::ops::Range;
 
@@ -223,110 +229,6 @@ impl Lane for Dual {
     }
 }
 
-macro_rules! catalogue {
-    ($($folder:ident { $($file:ident :: $effect:ident,)* })*) => {
-        $(mod $folder { $(pub(crate) mod $file;)* })*
-
-        static CATALOGUE: &[&dyn Effect] = &[$($(&$folder::$file::$effect,)*)*];
-    };
-}
-
-// One line per effect. Within a phase, effects act in this order.
-catalogue! {
-    battery {
-        capacity_fade::CapacityFade,
-        calendar_fade::CalendarFade,
-        rate_capacity::RateCapacity,
-        self_discharge::SelfDischarge,
-        parasitic_load::ParasiticLoad,
-        coulombic_loss::CoulombicLoss,
-        electrode_balance::ElectrodeBalance,
-        entropic::Entropic,
-        ohmic::Ohmic,
-        ohmic_soc::OhmicSoc,
-        charge_asymmetry::ChargeAsymmetry,
-        resistance_growth::ResistanceGrowth,
-        calendar_resistance::CalendarResistance,
-        arrhenius::Arrhenius,
-        butler_volmer::ButlerVolmer,
-        rc::FIRST,
-        rc2::SECOND,
-        rc_ladder::RcLadder,
-        warburg::Warburg,
-        surface_diffusion::SurfaceDiffusion,
-        polarisation_arrhenius::PolarisationArrhenius,
-        hysteresis::Hysteresis,
-        thermal::LumpedThermal,
-        weak_cell::WeakCell,
-        contact_resistance::ContactResistance,
-        core_lag::CoreLag,
-    }
-    sensor {
-        current_dead_band::CurrentDeadBand,
-        current_offset::CurrentOffset,
-        current_gain::CurrentGain,
-        current_skew::CurrentSkew,
-        voltage_gain::VoltageGain,
-        voltage_offset::VoltageOffset,
-        temperature_bias::TemperatureBias,
-    }
-    robot {
-        idle::Idle,
-        cpu::Cpu,
-        radio::Radio,
-        gps::Gps,
-        camera::Camera,
-        sensors::Sensors,
-        encoders::Encoders,
-        ldo::LinearRegulator,
-        converter::Converter,
-        converter_quadratic::ConverterQuadratic,
-        input_voltage_loss::InputVoltageLoss,
-        motion::Motion,
-        rolling::Rolling,
-        dry_friction::DryFriction,
-        viscous_friction::ViscousFriction,
-        floor::Floor,
-        slope::Slope,
-        acceleration::Acceleration,
-        payload::Payload,
-        regeneration::Regeneration,
-        gear_loss::GearLoss,
-        slip::Slip,
-        motor_copper::MotorCopper,
-        copper_temperature::CopperTemperature,
-        h_bridge::HBridge,
-        scrub::Scrub,
-        no_load_current::NoLoadCurrent,
-        caster_hold::CasterHold,
-    }
-    station {
-        own_load::RobotOwnLoad,
-        charger::Charger,
-        charger_curve::ChargerCurve,
-        path_selection::PathSelection,
-        bay_contact::BayContact,
-        converter::Converter,
-        converter_curve::ConverterCurve,
-        hotel::Hotel,
-        lift::Lift,
-        selector_switch::SelectorSwitch,
-        pack_wiring::PackWiring,
-    }
-}
-
-/// Every known effect, in order of evaluation within a phase.
-#[must_use]
-pub fn catalogue() -> &'static [&'static dyn Effect] {
-    CATALOGUE
-}
-
-/// The effect of that id in that system, with its place in the catalogue.
-#[must_use]
-pub fn find(system: System, id: &str) -> Option<(usize, &'static dyn Effect)> {
-    CATALOGUE.iter().copied().enumerate().find(|(_, effect)| effect.spec().system == system && effect.spec().id == id)
-}
-
 /// Steps a lone effect once, as a run would: for the tests of effects.
 #[cfg(test)]
 pub(crate) fn step_once(
@@ -370,29 +272,4 @@ pub(crate) fn robot_power_w(effect: &impl Physics, parameters: &[f64], inputs: &
     }
     step_once(effect, &Facts::robot(), 1.0, parameters, &mut [], &mut channels);
     channels[Channel::PowerW]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::collections::BTreeSet;
-
-    #[test]
-    fn the_catalogue_is_consistent() {
-        let mut ids = BTreeSet::new();
-        for effect in catalogue() {
-            let spec = effect.spec();
-            assert!(ids.insert((spec.system, spec.id)), "{} appears twice", spec.id);
-            assert!(!spec.parameters.is_empty(), "{} has no parameter", spec.id);
-            assert!(spec.parameters.iter().any(|p| p.null.is_some()), "{} cannot vanish", spec.id);
-            for p in spec.parameters {
-                assert!(p.min < p.max && (p.min..=p.max).contains(&p.default), "{}.{}", spec.id, p.name);
-                assert!(p.null.is_none_or(|null| (p.min..=p.max).contains(&null)), "{}.{}", spec.id, p.name);
-            }
-            assert!(spec.system.phases().contains(&spec.phase), "{} acts in a phase that its system lacks", spec.id);
-            for (other, _) in spec.confused_with {
-                assert!(find(spec.system, other).is_some(), "{} names the unknown effect {other}", spec.id);
-            }
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! Estimators that turn raw samples into state of charge and energy.
 //!
 //! ```text
-//!   coulomb.rs       counts charge, corrected at rest          |  ledger.rs      a charge count and its errors
+//!   coulomb.rs       counts charge, corrected at rest          |  counter.rs, ledger.rs  a charge count and its errors
 //!   impedance.rs     and learns resistance and capacity        |  follow.rs, rest.rs, ocv_error.rs, power.rs, cycles.rs
 //!   sigma_point.rs   a filter over all that the model is       |  prediction.rs  energy and times from what is believed
 //!                    unsure of                                 |
@@ -11,6 +11,7 @@
 //! them knows comes with a deviation that means what it says: see `tests/it/coverage.rs`.
 
 mod coulomb;
+mod counter;
 mod cycles;
 mod follow;
 mod impedance;

@@ -90,21 +90,32 @@ impl Sensor {
 }
 
 /// What is only roughly known and must be marginalised instead of being named as an effect.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Default)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Uncertainty {
     /// Standard deviation of the OCV table, V per cell.
-    #[serde(default)]
     pub ocv_sigma_v: f64,
     /// Standard deviation of the SoC at the start of a log.
-    #[serde(default)]
     pub soc_initial_sigma: f64,
     /// Standard deviation of the capacity, as a share of it.
-    #[serde(default)]
     pub capacity_relative_sigma: f64,
+    /// Standard deviation of what the shapes of the effects leave out of a cell's resistance, as a
+    /// share of it; 0.02 when not stated (guess: a fitted shape leaves 1 % to 5 % out).
+    pub resistance_relative_sigma: f64,
     /// Standard deviation of bay currents, as a share of them.
-    #[serde(default)]
     pub bay_current_relative_sigma: f64,
+}
+
+impl Default for Uncertainty {
+    fn default() -> Self {
+        Self {
+            ocv_sigma_v: 0.0,
+            soc_initial_sigma: 0.0,
+            capacity_relative_sigma: 0.0,
+            resistance_relative_sigma: 0.02,
+            bay_current_relative_sigma: 0.0,
+        }
+    }
 }
 
 /// An effect at its place in a model. Opaque outside this crate.

@@ -9,31 +9,21 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::follow::{Follower, leak_per_s};
+use super::counter::Counter;
 use super::ledger::{CAPACITY, Ledger, SOC, Seen};
-use super::prediction::{Believed, Watch};
-use super::rest::RestDetector;
+use super::prediction::Believed;
 use super::{Gauge, Reading, Sample, soc_at_rest};
-use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model, Run, Start, forecast};
+use crate::{Estimate, Model, Run, Start, forecast};
 
 /// Counts charge; see the module's text.
 #[derive(Debug, Clone)]
-pub struct CoulombCounter {
-    model: Arc<Model>,
-    ledger: Ledger,
-    follower: Follower,
-    rest: RestDetector,
-    watch: Watch,
-}
+pub struct CoulombCounter(Counter);
 
 impl CoulombCounter {
     /// Starts at a known state of charge.
     #[must_use]
     pub fn new(model: Arc<Model>, soc: Estimate, temperature_degc: f64) -> Self {
-        let ledger = Ledger::new(&model, soc, leak_per_s(&model, temperature_degc).sigma, None);
-        let follower = Follower::new(&model, soc.value, temperature_degc);
-        Self { model, ledger, follower, rest: RestDetector::default(), watch: Watch::new(temperature_degc) }
+        Self(Counter::new(model, soc, temperature_degc, None))
     }
 
     /// Starts from the voltage of a rested pack, by the OCV table.
@@ -91,15 +81,12 @@ impl Believed for Pack<'_> {
 
 impl Gauge for CoulombCounter {
     fn model(&self) -> &Arc<Model> {
-        &self.model
+        &self.0.model
     }
 
     fn update(&mut self, sample: &Sample) {
-        let facts = self.model.battery();
-        let followed = self.follower.step(sample, sample.current_a, self.ledger.state(SOC).value, self.watch.cycles.full());
-        self.ledger.count(sample.dt_s, followed.moved, Some(sample.current_a), followed.capacity_ah);
-        let sensor = self.model.sensor(Channel::VoltageV);
-        if let Some(rested) = self.rest.update(facts, &sensor, sample) {
+        let (followed, _) = self.0.count(sample, false);
+        if let Some(rested) = self.0.rested(sample) {
             let seen = Seen {
                 cell_v: rested.cell_v,
                 noise_v2: rested.noise_v2,
@@ -107,28 +94,24 @@ impl Gauge for CoulombCounter {
                 load: None,
                 teaches_capacity: false,
             };
-            self.ledger.see(&facts.ocv, &seen);
+            self.0.ledger.see(&self.0.model.battery().ocv, &seen);
         }
-        let drawn = sample.current_a * sample.dt_s / S_PER_H / followed.capacity_ah;
-        self.watch.update(sample, self.soc().value, drawn);
     }
 
     fn exchange(&mut self, soc: Estimate) {
-        let fresh = Self::new(Arc::clone(&self.model), soc, self.watch.temperature_degc);
-        let (mut ledger, watch) = (self.ledger.clone(), self.watch.exchanged());
-        ledger.exchange(&fresh.ledger);
-        *self = Self { ledger, watch, ..fresh };
+        let fresh = Self::new(Arc::clone(&self.0.model), soc, self.0.watch.temperature_degc);
+        self.0 = self.0.exchanged(fresh.0);
     }
 
     fn soc(&self) -> Estimate {
-        let soc = self.ledger.state(SOC);
-        Estimate::new(soc.value.clamp(0.0, 1.0), soc.sigma)
+        self.0.soc()
     }
 
     fn reading(&mut self) -> Reading {
-        let pack = Pack { model: &self.model, ledger: &self.ledger, temperature_degc: self.watch.temperature_degc };
-        let soh = Estimate::new(1.0, self.ledger.state(CAPACITY).sigma);
-        self.watch.reading(&self.model, &pack, self.soc(), soh)
+        let (soc, Counter { model, ledger, watch, .. }) = (self.0.soc(), &mut self.0);
+        let pack = Pack { model, ledger, temperature_degc: watch.temperature_degc };
+        let soh = Estimate::new(1.0, ledger.state(CAPACITY).sigma);
+        watch.reading(model, &pack, soc, soh)
     }
 }
 
@@ -136,7 +119,8 @@ impl Gauge for CoulombCounter {
 mod tests {
     use super::*;
     use crate::load::Terminals as _;
-    use crate::load_model;
+    use crate::units::S_PER_H;
+    use crate::{Channel, load_model};
 
     fn model() -> Arc<Model> {
         Arc::new(load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap())

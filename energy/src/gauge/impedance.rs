@@ -20,13 +20,12 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::follow::{Followed, Follower, leak_per_s};
+use super::counter::Counter;
+use super::follow::Followed;
 use super::ledger::{CAPACITY, Ledger, RESISTANCE, SOC, SURPRISE, Seen};
-use super::prediction::{Believed, Watch};
+use super::prediction::Believed;
 use super::resistance::{self, GRID, Prior};
-use super::rest::RestDetector;
 use super::{Gauge, Reading, Sample};
-use crate::units::S_PER_H;
 use crate::{Channel, Estimate, Model, Run, Start, forecast};
 
 /// Least difference of state of charge between two rests that teach the capacity.
@@ -57,11 +56,8 @@ const SMOOTHING_V: f64 = 0.02;
 /// See the module's text.
 #[derive(Debug, Clone)]
 pub struct ImpedanceTrack {
-    model: Arc<Model>,
-    ledger: Ledger,
+    counter: Counter,
     prior: Prior,
-    follower: Follower,
-    rest: RestDetector,
     load: Load,
     quiet_s: f64,
     /// State of charge at the last rest that taught the capacity.
@@ -71,7 +67,6 @@ pub struct ImpedanceTrack {
     drawn_since_read: f64,
     since_read_s: f64,
     factor: (f64, f64),
-    watch: Watch,
 }
 
 /// Means of the last half minute under load.
@@ -110,22 +105,16 @@ impl ImpedanceTrack {
     #[must_use]
     pub fn new(model: Arc<Model>, soc: Estimate, temperature_degc: f64) -> Self {
         let prior = Prior::of(&model);
-        let leak_sigma = leak_per_s(&model, temperature_degc).sigma;
-        let ledger = Ledger::new(&model, soc, leak_sigma, Some(&prior.covariance));
         Self {
-            follower: Follower::new(&model, soc.value, temperature_degc),
             factor: (temperature_degc, resistance::temperature_factor(&model, temperature_degc)),
-            model,
-            ledger,
+            counter: Counter::new(model, soc, temperature_degc, Some(&prior.covariance)),
             prior,
-            rest: RestDetector::default(),
             load: Load::default(),
             quiet_s: 0.0,
             anchor: None,
             mark: None,
             drawn_since_read: 0.0,
             since_read_s: 0.0,
-            watch: Watch::new(temperature_degc),
         }
     }
 
@@ -134,7 +123,7 @@ impl ImpedanceTrack {
     #[must_use]
     pub fn resistance(&self) -> Vec<(f64, Estimate)> {
         let point = |(index, soc): (usize, &f64)| {
-            let more = self.ledger.state(RESISTANCE + index);
+            let more = self.counter.ledger.state(RESISTANCE + index);
             (1.0 - soc, Estimate::new(self.prior.modelled_ohm[index] + more.value, more.sigma))
         };
         GRID.iter().enumerate().map(point).collect()
@@ -143,54 +132,46 @@ impl ImpedanceTrack {
     /// Capacity of the pack, Ah: Q_max as learned.
     #[must_use]
     pub fn capacity_ah(&self) -> Estimate {
-        let (design_ah, learned) = (self.model.battery().capacity_ah, self.ledger.state(CAPACITY));
+        let (design_ah, learned) = (self.counter.model.battery().capacity_ah, self.counter.ledger.state(CAPACITY));
         Estimate::new(design_ah * (1.0 + learned.value), design_ah * learned.sigma)
     }
 
     /// The on/off line says that nothing is connected: time passes, and only self-discharge acts.
     pub fn sleep(&mut self, dt_s: f64) {
         self.quiet_s = SLEEP_AFTER_S;
-        let sample = Sample { dt_s, current_a: 0.0, voltage_v: 0.0, temperature_degc: self.watch.temperature_degc };
+        let sample = Sample { dt_s, current_a: 0.0, voltage_v: 0.0, temperature_degc: self.counter.watch.temperature_degc };
         self.count(&sample, true);
     }
 
     fn count(&mut self, sample: &Sample, asleep: bool) -> Followed {
-        let soc = self.ledger.state(SOC).value;
-        let shown_a = (!asleep).then_some(sample.current_a);
-        let current_a = shown_a.map_or(0.0, |shown_a| self.ledger.current_a(shown_a));
-        let scaled_a = current_a / (1.0 + self.ledger.state(CAPACITY).value);
-        let followed = self.follower.step(sample, scaled_a, soc, self.watch.cycles.full());
-        self.ledger.count(sample.dt_s, followed.moved, shown_a, followed.capacity_ah);
-        let drawn = current_a * sample.dt_s / S_PER_H / followed.capacity_ah;
+        let (followed, drawn) = self.counter.count(sample, asleep);
         self.drawn_since_read += drawn.max(0.0);
-        self.watch.update(sample, self.soc().value, drawn);
         followed
     }
 
     /// Whether the current has been none, for all that the sensor can tell, for long enough.
     fn asleep(&mut self, sample: &Sample) -> bool {
-        let sensor = self.model.sensor(Channel::CurrentA);
-        let none_a = 3.0 * (sensor.offset_sigma + sensor.floor()) + 1e-6 * self.model.battery().capacity_ah;
+        let sensor = self.counter.model.sensor(Channel::CurrentA);
+        let none_a = 3.0 * (sensor.offset_sigma + sensor.floor()) + 1e-6 * self.counter.model.battery().capacity_ah;
         self.quiet_s = if sample.current_a.abs() < none_a { self.quiet_s + sample.dt_s } else { 0.0 };
         self.quiet_s >= SLEEP_AFTER_S
     }
 
     fn learn_at_rest(&mut self, sample: &Sample, drop_v: f64) {
-        let facts = self.model.battery();
-        let Some(rested) = self.rest.update(facts, &self.model.sensor(Channel::VoltageV), sample) else { return };
-        let soc = self.ledger.state(SOC).value;
+        let Some(rested) = self.counter.rested(sample) else { return };
+        let soc = self.counter.ledger.state(SOC).value;
         let teaches_capacity = self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC);
         let (cell_v, noise_v2) = (rested.cell_v, rested.noise_v2);
         let seen = Seen { cell_v, noise_v2, overpotential_v: drop_v, load: None, teaches_capacity };
-        self.ledger.see(&facts.ocv, &seen);
+        self.counter.ledger.see(&self.counter.model.battery().ocv, &seen);
         if teaches_capacity || self.anchor.is_none() {
-            self.anchor = Some(self.ledger.state(SOC).value);
+            self.anchor = Some(self.counter.ledger.state(SOC).value);
         }
     }
 
     fn learn_under_load(&mut self, sample: &Sample, followed: &Followed) {
-        let facts = self.model.battery();
-        let soc = self.ledger.state(SOC).value;
+        let facts = self.counter.model.battery();
+        let soc = self.counter.ledger.state(SOC).value;
         let cell_v = sample.voltage_v / f64::from(facts.series);
         let modelled_v = facts.ocv.voltage_v(soc) - followed.drop_v;
         let none_a = LOAD_SHARE * facts.capacity_ah / f64::from(facts.parallel);
@@ -213,10 +194,10 @@ impl ImpedanceTrack {
             return;
         }
         for (point, ohm) in self.prior.modelled_ohm.iter().enumerate() {
-            self.ledger.widen(RESISTANCE + point, DRIFT_PER_CYCLE * ohm * self.drawn_since_read.sqrt());
+            self.counter.ledger.widen(RESISTANCE + point, DRIFT_PER_CYCLE * ohm * self.drawn_since_read.sqrt());
         }
         (self.drawn_since_read, self.since_read_s) = (0.0, 0.0);
-        let floor_v = self.model.sensor(Channel::VoltageV).floor() / f64::from(facts.series);
+        let floor_v = self.counter.model.sensor(Channel::VoltageV).floor() / f64::from(facts.series);
         let shares = resistance::shares(soc);
         let seen = Seen {
             cell_v: seen_v,
@@ -225,12 +206,12 @@ impl ImpedanceTrack {
             load: Some((self.load.cell_a * self.factor.1, &shares)),
             teaches_capacity: self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC),
         };
-        if self.ledger.see(&facts.ocv, &seen).abs() > SURPRISE {
+        if self.counter.ledger.see(&facts.ocv, &seen).abs() > SURPRISE {
             // Not the pack that was thought of: read again as soon as there is a new mean.
             self.mark = Some(-1);
         }
         // The means are of what was measured: they stay where the state of charge is moved.
-        let moved_v = facts.ocv.voltage_v(self.ledger.state(SOC).value) - facts.ocv.voltage_v(soc);
+        let moved_v = facts.ocv.voltage_v(self.counter.ledger.state(SOC).value) - facts.ocv.voltage_v(soc);
         self.load.modelled_v += moved_v;
         self.load.residual_v -= moved_v;
     }
@@ -280,13 +261,13 @@ impl Believed for Pack<'_> {
 
 impl Gauge for ImpedanceTrack {
     fn model(&self) -> &Arc<Model> {
-        &self.model
+        &self.counter.model
     }
 
     fn update(&mut self, sample: &Sample) {
         if (sample.temperature_degc - self.factor.0).abs() > 1.0 {
             let degc = sample.temperature_degc;
-            self.factor = (degc, resistance::temperature_factor(&self.model, degc));
+            self.factor = (degc, resistance::temperature_factor(&self.counter.model, degc));
         }
         let asleep = self.asleep(sample);
         let followed = self.count(sample, asleep);
@@ -295,30 +276,23 @@ impl Gauge for ImpedanceTrack {
     }
 
     fn exchange(&mut self, soc: Estimate) {
-        let fresh = Self::new(Arc::clone(&self.model), soc, self.watch.temperature_degc);
-        let (mut ledger, watch) = (self.ledger.clone(), self.watch.exchanged());
-        ledger.exchange(&fresh.ledger);
-        *self = Self { ledger, watch, ..fresh };
+        let fresh = Self::new(Arc::clone(&self.counter.model), soc, self.counter.watch.temperature_degc);
+        *self = Self { counter: self.counter.exchanged(fresh.counter), ..fresh };
     }
 
     fn soc(&self) -> Estimate {
-        let soc = self.ledger.state(SOC);
-        Estimate::new(soc.value.clamp(0.0, 1.0), soc.sigma)
+        self.counter.soc()
     }
 
     fn reading(&mut self) -> Reading {
-        let pack = Pack {
-            model: &self.model,
-            ledger: &self.ledger,
-            temperature_degc: self.watch.temperature_degc,
-            cycles: self.watch.cycles.full(),
-            factor: self.factor.1,
-        };
-        let learned = self.ledger.state(CAPACITY);
+        let (soc, Counter { model, ledger, watch, .. }) = (self.counter.soc(), &mut self.counter);
+        let (temperature_degc, cycles) = (watch.temperature_degc, watch.cycles.full());
+        let pack = Pack { model, ledger, temperature_degc, cycles, factor: self.factor.1 };
+        let learned = ledger.state(CAPACITY);
         let soh = Estimate::new(1.0 + learned.value, learned.sigma);
-        let mut reading = self.watch.reading(&self.model, &pack, self.soc(), soh);
+        let mut reading = watch.reading(model, &pack, soc, soh);
         if let Some(cell_v) = self.load.cell_v() {
-            let above_v = cell_v - self.model.battery().eod_v_per_cell;
+            let above_v = cell_v - model.battery().eod_v_per_cell;
             let left = (above_v / SMOOTHING_V).clamp(0.0, 1.0);
             reading.remaining_wh.value *= left;
             reading.time_to_empty_s.iter_mut().for_each(|time_s| time_s.value *= left);

@@ -7,8 +7,8 @@
 //! model has one).
 //!
 //! How far `r` may be from zero at the start follows from the model: the covariance that its
-//! parameters' deviations give its resistance at the grid points. To this comes 2 % of the
-//! resistance at each point (guess: what a fitted shape leaves out, 1 % to 5 %). A model without
+//! parameters' deviations give its resistance at the grid points. To this comes the
+//! model's `resistance_relative_sigma` of it at each point: what its shape leaves out. A model without
 //! any resistance is taken for one that leaves it out: 0.1 ohm Ah (guess; cells of phones and
 //! drones have 0.05 to 0.3).
 
@@ -21,8 +21,6 @@ use crate::{Channel, Model, Run, Start};
 
 /// State of charge of the grid points.
 pub(crate) const GRID: [f64; 13] = [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
-/// What a model's shape leaves out, as a share of its resistance.
-const SHAPE_SHARE: f64 = 0.02;
 /// Deviation of a resistance that the model leaves out, times the cell's capacity, ohm Ah.
 const LEFT_OUT_OHM_AH: f64 = 0.1;
 /// Below this, times the cell's capacity, a model has no resistance, ohm Ah.
@@ -101,9 +99,9 @@ impl Prior {
             }
         }
         for point in 0..n {
-            covariance[(point, point)] += (SHAPE_SHARE * modelled_ohm[point]).powi(2);
+            covariance[(point, point)] += (model.uncertainty.resistance_relative_sigma * modelled_ohm[point]).powi(2);
         }
-        let mut left_out_ohm = SHAPE_SHARE * modelled_ohm[n / 2].abs();
+        let mut left_out_ohm = model.uncertainty.resistance_relative_sigma * modelled_ohm[n / 2].abs();
         if modelled_ohm[n / 2] * cell_ah < NONE_OHM_AH {
             left_out_ohm = left_out_ohm.hypot(LEFT_OUT_OHM_AH / cell_ah);
             covariance.add_scalar_mut((LEFT_OUT_OHM_AH / cell_ah).powi(2));

@@ -185,7 +185,8 @@ impl SigmaPoint {
             let true_a = (sample.current_a - state[layout.current_offset]) * (1.0 - state[layout.current_gain]);
             let soc = point.run.states()[0];
             let followed = follow(&mut point.run, sample, true_a / (1.0 + state[layout.capacity]), soc, cycles);
-            let left_out_v = state[layout.resistance] * self.warmth.1 * followed.cell_a;
+            // The run has the current per capacity of the model, its resistances have the pack's own.
+            let left_out_v = state[layout.resistance] * self.warmth.1 * followed.cell_a + state[layout.capacity] * followed.drop_v;
             point.shown_v += point.run.channels[Channel::VoltageV] / series - left_out_v;
             if index == 0 {
                 self.gathered.moved += followed.moved.abs();

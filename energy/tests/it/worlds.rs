@@ -1,8 +1,9 @@
 //! Worlds to try gauges in: packs and sensors drawn from what their models say they do not know.
 //!
-//! A world draws every parameter within its sigma, the capacity, a smooth error of the OCV table,
-//! a specimen of each sensor, a mission of drives, rests and recharges, and what the gauge is
-//! told of the state of charge at the start. The gauges are given the model as it stands.
+//! A world draws every parameter within its sigma, the capacity, smooth errors of the OCV table and
+//! of the resistance's shape, a specimen of each sensor, a mission of drives, rests and recharges,
+//! and what the gauge is told of the state of charge at the start. The gauges are given the model as
+//! it stands.
 
 use std::sync::Arc;
 
@@ -17,8 +18,9 @@ use rand_pcg::Pcg64Mcg;
 const DT_S: f64 = 5.0;
 /// Time constant of the mean power that energy is asked at, as gauges take it, s.
 const POWER_TAU_S: f64 = 60.0;
-/// Correlation lengths over SoC from which a world draws that of its OCV table's error.
-const OCV_LENGTHS: [f64; 3] = [0.1, 0.2, 0.4];
+/// Correlation lengths over SoC from which a world draws those of its OCV table's error and of the
+/// resistance that the model's shape leaves out.
+const LENGTHS: [f64; 3] = [0.1, 0.2, 0.4];
 
 /// What the gauges are told about the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +65,7 @@ pub struct World {
     stored_wh: f64,
     offset: [f64; 3],
     gain: [f64; 3],
+    left_out: LeftOut,
     believed: Arc<Model>,
     task: Task,
     left_s: f64,
@@ -79,6 +82,28 @@ enum Task {
     Charge { to: f64 },
 }
 
+/// Resistance that the model's shape leaves out, of the whole pack, over state of charge.
+struct LeftOut {
+    sigma_ohm: f64,
+    length: f64,
+    waves: Vec<(f64, f64, f64)>,
+}
+
+impl LeftOut {
+    fn ohm(&self, soc: f64) -> f64 {
+        smooth(&self.waves, self.length, soc) * self.sigma_ohm
+    }
+}
+
+/// Resistance of a pack by its model in the middle of its charge, ohm: a minute at 0.3C.
+fn resistance_ohm(model: &Arc<Model>) -> f64 {
+    let mut run = Run::new(Arc::clone(model), Start::at_soc(0.3));
+    let current_a = 0.3 * model.battery().capacity_ah;
+    run.channels[Channel::CurrentA] = current_a;
+    run.step(60.0);
+    (run.channels[Channel::OcvV] * f64::from(model.battery().series) - run.channels[Channel::VoltageV]) / current_a
+}
+
 impl World {
     pub fn new(believed: &Arc<Model>, name: &str, seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -89,7 +114,12 @@ impl World {
         let stored_wh = true_model.battery().stored_wh();
         let waves: Vec<(f64, f64, f64)> = (0..60).map(|_| (normal(), normal(), normal())).collect();
         let (offset, gain) = ([normal(), normal(), normal()], [normal(), normal(), normal()]);
-        let length = OCV_LENGTHS[rng.random_range(0..OCV_LENGTHS.len())];
+        let length = LENGTHS[rng.random_range(0..LENGTHS.len())];
+        let left_out = LeftOut {
+            sigma_ohm: believed.uncertainty.resistance_relative_sigma * resistance_ohm(believed),
+            length: LENGTHS[rng.random_range(0..LENGTHS.len())],
+            waves: (0..60).map(|_| [(); 3].map(|()| StandardNormal.sample(&mut rng))).map(|[k, a, b]| (k, a, b)).collect(),
+        };
         if let Facts::Battery(facts) = &mut true_model.facts {
             facts.capacity_ah *= capacity;
             facts.ocv = perturbed(&facts.ocv, believed.uncertainty.ocv_sigma_v, length, &waves);
@@ -104,6 +134,7 @@ impl World {
             stored_wh,
             offset,
             gain,
+            left_out,
             believed: Arc::clone(believed),
             task: Task::Rest,
             left_s: 0.0,
@@ -166,9 +197,12 @@ impl World {
                 }
             }
         }
+        // What the model's shape leaves out of the resistance lies between its cells and the terminals.
+        let current_a = self.truth.channels[Channel::CurrentA];
+        let more_v = self.left_out.ohm(self.truth.channels[Channel::Soc]) * current_a;
         let keep = (-DT_S / POWER_TAU_S).exp();
         let all = |seen_s: f64| 1.0 - (-seen_s / POWER_TAU_S).exp();
-        let now_w = self.truth.channels[Channel::PowerW];
+        let now_w = self.truth.channels[Channel::PowerW] - more_v * current_a;
         self.power_w = (keep * all(self.seen_s) * self.power_w + (1.0 - keep) * now_w) / all(self.seen_s + DT_S);
         self.seen_s += DT_S;
         self.rested_s = if self.truth.channels[Channel::CurrentA].abs() < 1e-9 { self.rested_s + DT_S } else { 0.0 };
@@ -180,7 +214,8 @@ impl World {
         let mut shown = [0.0; 3];
         for (index, channel) in [Channel::CurrentA, Channel::VoltageV, Channel::TemperatureDegc].into_iter().enumerate() {
             let noise = StandardNormal.sample(&mut self.rng);
-            shown[index] = self.believed.sensor(channel).shows(self.truth.channels[channel], noise, self.offset[index], self.gain[index]);
+            let value = self.truth.channels[channel] - if channel == Channel::VoltageV { more_v } else { 0.0 };
+            shown[index] = self.believed.sensor(channel).shows(value, noise, self.offset[index], self.gain[index]);
         }
         Sample { dt_s: DT_S, current_a: shown[0], voltage_v: shown[1], temperature_degc: shown[2] }
     }
@@ -191,7 +226,7 @@ impl World {
         let from = |soc: f64| {
             let start = Start { temperature_degc: self.truth.channels[Channel::TemperatureDegc], ..Start::at_soc(soc) };
             let mut run = Run::with_parameters(Arc::clone(self.truth.model()), self.values.clone(), start);
-            forecast::discharge(&mut run, drawn_w).energy_wh
+            forecast::discharge_behind(&mut run, drawn_w, |soc| self.left_out.ohm(soc)).energy_wh
         };
         let remaining_wh = from(soc);
         Truth {
@@ -205,15 +240,19 @@ impl World {
     }
 }
 
-/// The table with a smooth random error: a sum of waves whose wave numbers are normal with 1 /
-/// length, which is a Gaussian process of that length.
+/// A smooth random function of state of charge with a deviation of 1: a sum of waves whose wave
+/// numbers are normal with 1 / length, which is a Gaussian process of that length.
+fn smooth(waves: &[(f64, f64, f64)], length: f64, soc: f64) -> f64 {
+    let share = 1.0 / (waves.len() as f64).sqrt();
+    waves.iter().map(|(k, a, b)| share * (a * (k * soc / length).cos() + b * (k * soc / length).sin())).sum()
+}
+
+/// The table with a smooth random error.
 fn perturbed(table: &OcvTable, sigma_v: f64, length: f64, waves: &[(f64, f64, f64)]) -> OcvTable {
     let (soc, voltage_v) = table.points();
-    let share = sigma_v / (waves.len() as f64).sqrt();
-    let error_v = |s: f64| -> f64 { waves.iter().map(|(k, a, b)| share * (a * (k * s / length).cos() + b * (k * s / length).sin())).sum() };
     let mut least_v = 0.0_f64;
     let moved = soc.iter().zip(voltage_v).map(|(&s, &v)| {
-        least_v = least_v.max(v + error_v(s));
+        least_v = least_v.max(v + sigma_v * smooth(waves, length, s));
         least_v
     });
     OcvTable::new(soc.to_vec(), moved.collect()).unwrap()

@@ -1,16 +1,15 @@
 //! Motor encoders: a constant current at 5 V.
 //!
-//! `P += I V` in W with V = 5 V. Magnetic encoders run from 4.5 to 13.8 V; at 5 V their output has
+//! `P += I V` in W with V = 5 V, the physics of the receiver ([`super::gps`]). Magnetic encoders run from 4.5 to 13.8 V; at 5 V their output has
 //! logic level (Kottas, section 4.5).
 //!
 //! Absence: a constant power is missing whatever the robot does.
 
-use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
+use super::gps::ConstantCurrent;
+use crate::{Channel, EffectSpec, ParameterSpec, Phase, System};
 
-pub(crate) struct Encoders;
-
-/// Supply voltage, V (Kottas, section 4.5).
-const SUPPLY_V: f64 = 5.0;
+/// All encoders at 5 V (Kottas, section 4.5).
+pub(crate) static ENCODERS: ConstantCurrent = ConstantCurrent(&SPEC, 5.0);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "encoders",
@@ -37,34 +36,24 @@ static SPEC: EffectSpec = EffectSpec {
     states: &[],
 };
 
-impl Physics for Encoders {
-    fn spec(&self) -> &'static EffectSpec {
-        &SPEC
-    }
-
-    #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        channels.add(Channel::PowerW, own.parameters[0] * SUPPLY_V);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::effect::step_once;
+    use crate::{Channels, Facts};
 
     /// Two of Faulhaber's IE2 magnetic encoders: 6 mA typical each at 5 V (their datasheet), 60 mW together.
     #[test]
     fn two_magnetic_encoders_take_60_milliwatts() {
         let mut channels = Channels::filled(0.0_f64);
-        step_once(&Encoders, &Facts::robot(), 1.0, &[2.0 * 0.006], &mut [], &mut channels);
+        step_once(&ENCODERS, &Facts::robot(), 1.0, &[2.0 * 0.006], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - 0.06).abs() < 1e-12);
     }
 
     #[test]
     fn no_current_is_no_power() {
         let mut channels = Channels::filled(0.0_f64);
-        step_once(&Encoders, &Facts::robot(), 1.0, &[0.0], &mut [], &mut channels);
+        step_once(&ENCODERS, &Facts::robot(), 1.0, &[0.0], &mut [], &mut channels);
         assert_eq!(channels[Channel::PowerW], 0.0);
     }
 }

@@ -7,10 +7,11 @@
 
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
-pub(crate) struct Gps;
+/// A device that takes a constant current at its supply voltage, V; the current is its parameter.
+pub(crate) struct ConstantCurrent(pub(crate) &'static EffectSpec, pub(crate) f64);
 
-/// Supply voltage, V (Kottas, section 4.4).
-const SUPPLY_V: f64 = 3.3;
+/// The receiver at 3.3 V (Kottas, section 4.4).
+pub(crate) static RECEIVER: ConstantCurrent = ConstantCurrent(&SPEC, 3.3);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "gps",
@@ -37,14 +38,14 @@ static SPEC: EffectSpec = EffectSpec {
     states: &[],
 };
 
-impl Physics for Gps {
+impl Physics for ConstantCurrent {
     fn spec(&self) -> &'static EffectSpec {
-        &SPEC
+        self.0
     }
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        channels.add(Channel::PowerW, own.parameters[0] * SUPPLY_V);
+        channels.add(Channel::PowerW, own.parameters[0] * self.1);
     }
 }
 
@@ -57,14 +58,14 @@ mod tests {
     #[test]
     fn the_measured_receiver_takes_117_milliwatts() {
         let mut channels = Channels::filled(0.0_f64);
-        step_once(&Gps, &Facts::robot(), 1.0, &[SPEC.parameters[0].default], &mut [], &mut channels);
+        step_once(&RECEIVER, &Facts::robot(), 1.0, &[SPEC.parameters[0].default], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - 0.117_15).abs() < 1e-12);
     }
 
     #[test]
     fn no_current_is_no_power() {
         let mut channels = Channels::filled(0.0_f64);
-        step_once(&Gps, &Facts::robot(), 1.0, &[0.0], &mut [], &mut channels);
+        step_once(&RECEIVER, &Facts::robot(), 1.0, &[0.0], &mut [], &mut channels);
         assert_eq!(channels[Channel::PowerW], 0.0);
     }
 }

@@ -8,7 +8,11 @@
 
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
-pub(crate) struct RobotOwnLoad;
+/// The own load of docked robots, in the phase of its spec; `own_load_w` is its parameter.
+pub(crate) struct OwnLoad(pub(crate) &'static EffectSpec);
+
+/// Through the robots' chargers.
+pub(crate) static DIRECT: OwnLoad = OwnLoad(&SPEC);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "robot_own_load",
@@ -35,9 +39,9 @@ static SPEC: EffectSpec = EffectSpec {
     states: &[],
 };
 
-impl Physics for RobotOwnLoad {
+impl Physics for OwnLoad {
     fn spec(&self) -> &'static EffectSpec {
-        &SPEC
+        self.0
     }
 
     #[inline]
@@ -54,7 +58,7 @@ mod tests {
     fn pack_w(own_load_w: f64, docked: f64) -> f64 {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::RobotsDocked] = docked;
-        step_once(&RobotOwnLoad, &Facts::Station, 1.0, &[own_load_w], &mut [], &mut channels);
+        step_once(&DIRECT, &Facts::Station, 1.0, &[own_load_w], &mut [], &mut channels);
         channels[Channel::PackPowerW]
     }
 

@@ -10,9 +10,11 @@
 //!
 //! Absence: every docked robot takes a constant power that neither battery nor charger knows of.
 
-use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
+use super::own_load::OwnLoad;
+use crate::{Channel, EffectSpec, ParameterSpec, Phase, System};
 
-pub(crate) struct PathSelection;
+/// Past the robots' chargers.
+pub(crate) static PATH_SELECTION: OwnLoad = OwnLoad(&SPEC);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "path_selection",
@@ -41,17 +43,6 @@ static SPEC: EffectSpec = EffectSpec {
     }],
     states: &[],
 };
-
-impl Physics for PathSelection {
-    fn spec(&self) -> &'static EffectSpec {
-        &SPEC
-    }
-
-    #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        channels.add(Channel::PackPowerW, own.parameters[0] * channels[Channel::RobotsDocked]);
-    }
-}
 
 #[cfg(test)]
 mod tests {
