@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use energy::{Channel, System};
-use lab::measurement::{Log, LogFacts, read_log};
+use lab::measurement::{History, Log, LogFacts, Role, read_log};
 
 /// What a case is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -75,6 +75,22 @@ impl CaseLog {
             }
         }
         text + "\n"
+    }
+
+    /// What stands in the file beside the log.
+    #[must_use]
+    pub fn facts_toml(&self) -> String {
+        let mut text = "schema = 1\n".to_owned();
+        if let (Some(soc), Some(sigma)) = (self.facts.soc_initial, self.facts.soc_initial_sigma) {
+            let _ = writeln!(text, "soc_initial = {soc:.5}\nsoc_initial_sigma = {sigma}");
+        }
+        if let Some(history) = self.facts.history {
+            let name = if history == History::Charged { "charged" } else { "discharged" };
+            let _ = writeln!(text, "history = \"{name}\"");
+        }
+        let role = if self.facts.role == Some(Role::Holdout) { "holdout" } else { "train" };
+        let _ = writeln!(text, "role = \"{role}\"");
+        text
     }
 
     /// The log as the lab reads it.

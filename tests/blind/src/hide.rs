@@ -5,7 +5,7 @@ use energy::{EffectSpec, ParameterSpec, System, find};
 use crate::case::{Hidden, Leaves};
 use crate::draft::Draft;
 use crate::random::Stream;
-use crate::refit::leaves;
+use crate::refit::{ROUNDS as ROUNDS_OF_REFIT, leaves};
 use crate::world::{Script, World, courses};
 
 /// How an effect's parameters go together when more than one of them vanishes with it, or its
@@ -31,7 +31,7 @@ const RANGES: &[(System, &str, &str, f64, f64)] = &[
 ];
 
 /// Rounds of the search for a size, and how near it comes.
-const ROUNDS: usize = 7;
+const ROUNDS: usize = 14;
 const NEAR: f64 = 1.1;
 
 /// An effect with a shape, before it has a size.
@@ -81,7 +81,7 @@ impl Shape {
         let logs: Vec<Script> = scripts.iter().filter(|script| !script.holdout).cloned().collect();
         let trial = |size: f64| {
             let draft = base.with(self.spec.id, &self.at(size));
-            leaves(base, &courses(&World { draft, foreign: None }, &logs), 1).strength
+            leaves(base, &courses(&World { draft, foreign: None }, &logs), ROUNDS_OF_REFIT).strength
         };
         let size = size_for(strength, trial, |size, next| self.at(next) == self.at(size));
         Hidden { id: self.spec.id, parameters: self.at(size), leaves: Leaves::nothing() }
@@ -93,14 +93,30 @@ impl Shape {
 pub fn size_for(strength: f64, trial: impl Fn(f64) -> f64, stuck: impl Fn(f64, f64) -> bool) -> f64 {
     let mut size = 1.0;
     let mut best = (f64::INFINITY, size);
+    // What is tried and found, as logarithms: a straight line through the last two leads on, and
+    // once the size lies between two, it stays there. Tolerances make some effects rise like a wall.
+    let mut last: Option<(f64, f64)> = None;
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
     for round in 0..ROUNDS {
         let found = trial(size);
         let off = if found > 0.0 { (strength / found).ln().abs() } else { f64::INFINITY };
         if round == 0 || off < best.0 {
             best = (off, size);
         }
-        let next = size * if found > 1e-9 { (strength / found).clamp(0.02, 30.0) } else { 30.0 };
-        if off < NEAR.ln() || stuck(size, next) || next > 1e6 {
+        let here = (f64::ln(size), found.max(1e-9).ln());
+        if found < strength {
+            low = low.max(here.0)
+        } else {
+            high = high.min(here.0)
+        }
+        let slope = last.map_or(1.0, |last| ((here.1 - last.1) / (here.0 - last.0)).clamp(0.3, 4.0));
+        last = Some(here);
+        let mut next = here.0 + ((strength.ln() - here.1) / slope).clamp(-4.0, 3.4);
+        if (high - low).is_finite() && (round % 2 == 1 || !(low..high).contains(&next)) {
+            next = f64::midpoint(low, high);
+        }
+        let next = next.exp();
+        if off < NEAR.ln() || stuck(size, next) || next > 1e6 || (next / size).ln().abs() < 1e-6 {
             break;
         }
         size = next;

@@ -10,6 +10,7 @@
 //!     v
 //!   make ──> Case: base model + logs for the lab, Truth for the scorer
 //!
+//!   ask           the one call of the lab          run     many cases, with their times
 //!   answer        the lab's JSON contract      score   one answer against the truth
 //!   tally, table  rates with their Wilson intervals, as Markdown and JSON
 //! ```
@@ -24,6 +25,7 @@
 //! [`plan::PUBLISHED_SEED`] on. Never tune on the published seeds, and never look into their cases.
 
 pub mod answer;
+pub mod ask;
 pub mod case;
 pub mod class;
 pub mod draft;
@@ -35,6 +37,7 @@ pub mod make;
 pub mod plan;
 pub mod random;
 pub mod refit;
+pub mod run;
 pub mod score;
 pub mod setting;
 pub mod table;
@@ -42,8 +45,10 @@ pub mod tally;
 pub mod world;
 
 pub use answer::Answer;
+pub use ask::{Ask, Question, ask};
 pub use case::{Bin, Case, CaseLog, Hidden, Kind, Leaves, Right, Truth};
 pub use make::make;
 pub use plan::{Entry, plan};
+pub use run::{Choice, Outcome, run};
 pub use score::{Mark, judge};
 pub use tally::tally;

@@ -11,12 +11,10 @@ use crate::gauge::Gauge;
 use crate::hide::{Shape, size_for};
 use crate::plan::{Ambiguity, Entry, Subject};
 use crate::random::Stream;
-use crate::refit::leaves;
+use crate::refit::{ROUNDS, leaves};
 use crate::setting::{Setting, Wish, battery, robot, station};
 use crate::world::{Course, World, courses};
 
-/// Rounds of least squares for the published size of a case.
-const ROUNDS: usize = 3;
 /// RMS error of an electrochemical cell's table as its model states it: it has none.
 const CELL_OCV_SIGMA_V: f64 = 1e-3;
 /// Relaxation, in any form.
@@ -87,7 +85,7 @@ fn foreign(entry: &Entry, seed: u64, stranger: &Stranger) -> Case {
     let make = (stranger.make)(&mut random);
     let (low, high) = entry.strength;
     let world = |size: f64| World { draft: setting.truth.clone(), foreign: Some((make.clone(), size)) };
-    let trial = |size: f64| leaves(&setting.truth, &courses(&world(size), &setting.scripts), 1).strength;
+    let trial = |size: f64| leaves(&setting.truth, &courses(&world(size), &setting.scripts), ROUNDS).strength;
     let size = size_for(random.log_between(low, high), trial, |_, _| false);
     let courses = courses(&world(size), &setting.scripts);
     let leaves = leaves(&setting.truth, &courses, ROUNDS);

@@ -228,7 +228,7 @@ const UNLIKE: &[(System, &str, &str)] = &[
     (System::Station, "hotel", "lift"),
     (System::Station, "robot_own_load", "bay_contact"),
     (System::Station, "charger_efficiency", "selector_switch"),
-    (System::Station, "hotel", "converter_curve"),
+    (System::Station, "lift", "converter_curve"),
 ];
 
 /// Every case, in an order in which any stretch of it has many kinds.

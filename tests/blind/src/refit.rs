@@ -2,7 +2,7 @@
 //!
 //! Plain least squares on noise-free truth. Everything may move that the lab has to allow for as
 //! well: the base's free parameters, the state of charge at the start of each log, the OCV table
-//! within its deviation, and each sensor's offset and gain within theirs. Nothing of this is
+//! and each sensor's offset and gain within two deviations of what is stated. Nothing of this is
 //! shared with the lab's own fit, so that neither can hide a mistake of the other.
 
 use std::collections::BTreeMap;
@@ -16,10 +16,15 @@ use crate::case::Leaves;
 use crate::draft::Draft;
 use crate::world::Course;
 
+/// Rounds after which no case of the plan changes by a tenth.
+pub const ROUNDS: usize = 3;
 /// Points of the OCV table's correction.
 const KNOTS: usize = 21;
 /// Share of a parameter's range that a refit moves it by without effort.
 const PRIOR_SHARE: f64 = 1.0;
+/// Deviations that a tolerance reaches. A log of thousands of rows would push a sensor's offset
+/// any number of deviations away to win a microvolt; data sheets do not allow that.
+const TOLERANCE: f64 = 2.0;
 
 /// What may move.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,7 +57,7 @@ struct Refit<'a> {
     series: f64,
 }
 
-/// What is left after `rounds` of linear least squares; one round is enough to find a size.
+/// What is left after `rounds` of linear least squares.
 #[must_use]
 pub fn leaves(base: &Draft, courses: &[Course], rounds: usize) -> Leaves {
     let model = base.model();
@@ -67,7 +72,6 @@ pub fn leaves(base: &Draft, courses: &[Course], rounds: usize) -> Leaves {
     for round in 0..rounds.max(1) {
         let (step, after) = refit.round(&at);
         at += step;
-        refit.clamp(&mut at);
         if round + 1 == rounds.max(1) {
             left = after;
         }
@@ -117,7 +121,7 @@ impl Refit<'_> {
             square[(i, i)] += sigma.powi(-2);
             right[i] -= at[i] * sigma.powi(-2);
         }
-        let step = square.cholesky().map_or_else(|| DVector::zeros(count), |factor| factor.solve(&right));
+        let step = self.within_bounds(at, &square, &right);
         let mut sums: BTreeMap<Channel, (f64, f64)> = BTreeMap::new();
         for (target, residual, slopes) in kept {
             let left = residual - slopes.iter().map(|&(i, slope)| slope * step[i]).sum::<f64>();
@@ -126,6 +130,56 @@ impl Refit<'_> {
             *rows += 1.0;
         }
         (step, sums.into_iter().map(|(channel, (sum, rows))| (channel, (sum / rows).sqrt())).collect())
+    }
+
+    /// Solves for the step, and holds at its tolerance whatever would leave it, until nothing does.
+    fn within_bounds(&self, at: &DVector<f64>, square: &DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
+        let mut held: Vec<Option<f64>> = vec![None; at.len()];
+        loop {
+            let (mut matrix, mut vector) = (square.clone(), right.clone());
+            for (i, held) in held.iter().enumerate() {
+                let Some(step) = held else { continue };
+                for j in 0..at.len() {
+                    vector[j] -= matrix[(j, i)] * step;
+                }
+                matrix.fill_row(i, 0.0);
+                matrix.fill_column(i, 0.0);
+                matrix[(i, i)] = 1.0;
+                vector[i] = *step;
+            }
+            // A held unknown keeps its step; later ones must not have moved it.
+            for (i, held) in held.iter().enumerate() {
+                if let Some(step) = held {
+                    vector[i] = *step;
+                }
+            }
+            let step = matrix.cholesky().map_or_else(|| DVector::zeros(at.len()), |factor| factor.solve(&vector));
+            let beyond: Vec<usize> = (0..at.len()).filter(|&i| held[i].is_none() && !self.inside(i, at[i] + step[i])).collect();
+            if beyond.is_empty() {
+                return step;
+            }
+            for i in beyond {
+                let (low, high) = self.bounds(i);
+                held[i] = Some((at[i] + step[i]).clamp(low, high) - at[i]);
+            }
+        }
+    }
+
+    /// How far an unknown may lie from what is believed.
+    fn bounds(&self, i: usize) -> (f64, f64) {
+        match self.unknowns[i] {
+            (Unknown::Parameter(index), _) => {
+                let p = &self.model.parameters()[index];
+                (p.min - p.value, p.max - p.value)
+            }
+            (_, sigma) => (-TOLERANCE * sigma, TOLERANCE * sigma),
+        }
+    }
+
+    fn inside(&self, i: usize, value: f64) -> bool {
+        let (low, high) = self.bounds(i);
+        let slack = 1e-9 * (high - low);
+        (low - slack..=high + slack).contains(&value)
     }
 
     /// Walks a log and hands out, row by row, what is missing and how it changes with each unknown.
@@ -199,15 +253,6 @@ impl Refit<'_> {
             }
         }
         rows
-    }
-
-    fn clamp(&self, at: &mut DVector<f64>) {
-        for (i, (unknown, _)) in self.unknowns.iter().enumerate() {
-            if let Unknown::Parameter(index) = unknown {
-                let p = &self.model.parameters()[*index];
-                at[i] = at[i].clamp(p.min - p.value, p.max - p.value);
-            }
-        }
     }
 
     /// mV per cell for a voltage, sensor floors for everything else.

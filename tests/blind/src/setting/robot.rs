@@ -53,7 +53,12 @@ pub fn draw(seed: u64, wish: &Wish) -> Setting {
     let mut told = truth.clone();
     told.parts = believed(System::Robot, &truth.parts, &mut Stream::new(seed, "beliefs"));
     let mut moves = Stream::new(seed, "scripts");
-    let scripts = (0..6).map(|index| script(index, wish.poor.together, &mut moves)).collect();
+    let mut scripts: Vec<Script> = (0..6).map(|index| script(index, wish.poor.together, &mut moves)).collect();
+    if wish.hidden.contains(&"motion") {
+        // The effect carries a payload even when the robot itself weighs nothing.
+        let payloads = scripts.iter_mut().flat_map(|script| &mut script.inputs).filter(|(channel, _)| *channel == Channel::PayloadKg);
+        payloads.for_each(|(_, values)| values.fill(0.0));
+    }
     Setting { truth, believed: told, scripts, sensors }
 }
 

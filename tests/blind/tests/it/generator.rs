@@ -3,12 +3,11 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use blind::{Case, Entry, Kind, Right, make, plan};
+use blind::plan::{DEVELOPMENT_SEED as SEED, plan};
+use blind::{Case, Entry, Kind, Right, make};
 use energy::{Model, catalogue};
 use lab::prepare;
 use rayon::prelude::*;
-
-const SEED: u64 = blind::plan::DEVELOPMENT_SEED;
 
 /// One case in so many of the plan: all kinds and systems, quick to make.
 fn some(step: usize) -> Vec<(Entry, Case)> {
@@ -36,7 +35,7 @@ fn the_plan_has_every_kind_and_every_effect_at_three_sizes() {
 
 #[test]
 fn the_lab_accepts_every_base_model_with_every_log() {
-    for (entry, case) in some(5) {
+    for (entry, case) in some(29) {
         let refuse = |_: &str| Err("no files".to_owned());
         let model = Model::parse("base.toml", &case.base_model_toml, &refuse).unwrap_or_else(|error| panic!("{}: {error}", entry.name));
         let model = Arc::new(model);
@@ -62,19 +61,19 @@ fn a_seed_gives_the_same_case_and_another_seed_another() {
 #[test]
 fn hidden_effects_leave_what_was_asked_for_or_what_their_range_allows() {
     let mut small = 0;
-    for (entry, case) in some(9).iter().filter(|(entry, _)| entry.kind == Kind::Single) {
+    for (entry, case) in some(31).iter().filter(|(entry, _)| entry.kind == Kind::Single) {
         let (low, high) = entry.strength;
         let strength = case.truth.leaves().strength;
         assert!(strength < 1.6 * high, "{}: leaves {strength}", entry.name);
         small += usize::from(strength < 0.6 * low);
     }
     // A few effects cannot leave more: their ranges end, or a refit swallows them.
-    assert!(small <= 3, "{small} effects leave less than asked for");
+    assert!(small <= 2, "{small} effects leave less than asked for");
 }
 
 #[test]
 fn nothing_is_left_of_nothing() {
-    for (entry, case) in some(3).iter().filter(|(entry, _)| entry.kind == Kind::Null) {
+    for (entry, case) in some(11).iter().filter(|(entry, _)| entry.kind == Kind::Null) {
         assert!(matches!(case.truth.right, Right::Complete), "{}", entry.name);
         assert_eq!(case.truth.leaves().strength, 0.0);
     }
