@@ -49,6 +49,9 @@ impl Unknown {
     }
 }
 
+/// How a row changes: place of the unknown, derivative.
+type Slopes = Vec<(usize, f64)>;
+
 struct Refit<'a> {
     model: Arc<Model>,
     courses: Vec<&'a Course>,
@@ -104,7 +107,7 @@ impl Refit<'_> {
     fn round(&self, at: &DVector<f64>) -> (DVector<f64>, BTreeMap<Channel, f64>) {
         let count = self.unknowns.len();
         let (mut square, mut right) = (DMatrix::<f64>::zeros(count, count), DVector::<f64>::zeros(count));
-        let mut kept: Vec<(Channel, f64, Vec<(usize, f64)>)> = Vec::new();
+        let mut kept: Vec<(Channel, f64, Slopes)> = Vec::new();
         for log in 0..self.courses.len() {
             self.rows(log, at, |target, residual, slopes| {
                 let weight = self.model.sensor(target).floor().powi(-2);
@@ -183,7 +186,7 @@ impl Refit<'_> {
     }
 
     /// Walks a log and hands out, row by row, what is missing and how it changes with each unknown.
-    fn rows(&self, log: usize, at: &DVector<f64>, mut row: impl FnMut(Channel, f64, Vec<(usize, f64)>)) {
+    fn rows(&self, log: usize, at: &DVector<f64>, mut row: impl FnMut(Channel, f64, Slopes)) {
         let course = self.courses[log];
         let own: Vec<usize> = (0..self.unknowns.len()).filter(|&i| self.unknowns[i].0.walks_in(log)).collect();
         // One list of (row, target) per pass: the derivatives of its lanes.
@@ -196,7 +199,7 @@ impl Refit<'_> {
         for index in targets..walked[0].len() {
             let (target, soc) = (self.targets[index % targets], walked[0][index].2);
             let mut predicted = walked[0][index].0;
-            let mut slopes: Vec<(usize, f64)> = Vec::with_capacity(self.unknowns.len());
+            let mut slopes: Slopes = Vec::with_capacity(self.unknowns.len());
             for (lanes, pass) in own.chunks(LANES).zip(&walked) {
                 slopes.extend(lanes.iter().zip(&pass[index].1).map(|(&i, &slope)| (i, slope)));
             }
