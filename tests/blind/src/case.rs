@@ -196,6 +196,9 @@ pub struct Truth {
     pub confusable: bool,
     /// The lab's OCV table is wrong.
     pub wrong_ocv: bool,
+    /// Held-out RMS over floor of the truth itself, told what the lab is told; NaN where the truth
+    /// is no model of the catalogue.
+    pub told_over_floor: f64,
     /// True values of the base model's own free parameters: effect, parameter, value.
     pub base: Vec<(&'static str, &'static str, f64)>,
 }

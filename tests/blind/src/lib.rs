@@ -42,6 +42,7 @@ pub mod score;
 pub mod setting;
 pub mod table;
 pub mod tally;
+pub mod told;
 pub mod world;
 
 pub use answer::Answer;

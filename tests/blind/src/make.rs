@@ -13,6 +13,7 @@ use crate::plan::{Ambiguity, Entry, Subject};
 use crate::random::Stream;
 use crate::refit::{ROUNDS, leaves};
 use crate::setting::{Setting, Wish, battery, robot, station};
+use crate::told;
 use crate::world::{Course, World, courses};
 
 /// RMS error of an electrochemical cell's table as its model states it: it has none.
@@ -46,7 +47,14 @@ fn draw(system: System, seed: u64, wish: &Wish) -> Setting {
 fn effects(entry: &Entry, seed: u64, ids: &[&'static str], confusable: bool) -> Case {
     let setting = draw(entry.system, seed, &Wish { hidden: ids.to_vec(), ..Wish::default() });
     let (hidden, courses) = hide(entry, seed, &setting, ids);
-    let truth = Truth { story: tell(&hidden), right: Right::Effects(hidden), confusable, wrong_ocv: true, base: base(&setting.truth) };
+    let truth = Truth {
+        story: tell(&hidden),
+        right: Right::Effects(hidden),
+        confusable,
+        wrong_ocv: true,
+        told_over_floor: f64::NAN,
+        base: base(&setting.truth),
+    };
     finish(entry, seed, &setting, &courses, truth)
 }
 
@@ -74,8 +82,14 @@ fn hide(entry: &Entry, seed: u64, setting: &Setting, ids: &[&'static str]) -> (V
 fn nothing(entry: &Entry, seed: u64, wrong_ocv: bool) -> Case {
     let setting = draw(entry.system, seed, &Wish { exact_ocv: !wrong_ocv, ..Wish::default() });
     let courses = courses(&World { draft: setting.truth.clone(), foreign: None }, &setting.scripts);
-    let truth =
-        Truth { story: "nothing is hidden".to_owned(), right: Right::Complete, confusable: false, wrong_ocv, base: base(&setting.truth) };
+    let truth = Truth {
+        story: "nothing is hidden".to_owned(),
+        right: Right::Complete,
+        confusable: false,
+        wrong_ocv,
+        told_over_floor: f64::NAN,
+        base: base(&setting.truth),
+    };
     finish(entry, seed, &setting, &courses, truth)
 }
 
@@ -94,7 +108,14 @@ fn foreign(entry: &Entry, seed: u64, stranger: &Stranger) -> Case {
     } else {
         Right::AnyOf { any: stranger.any.to_vec(), may: stranger.may.to_vec(), leaves }
     };
-    let truth = Truth { story: stranger.story.to_owned(), right, confusable: false, wrong_ocv: true, base: base(&setting.truth) };
+    let truth = Truth {
+        story: stranger.story.to_owned(),
+        right,
+        confusable: false,
+        wrong_ocv: true,
+        told_over_floor: f64::NAN,
+        base: base(&setting.truth),
+    };
     finish(entry, seed, &setting, &courses, truth)
 }
 
@@ -106,7 +127,8 @@ fn collinear(entry: &Entry, seed: u64, ambiguity: &Ambiguity) -> Case {
     let (hidden, courses) = hide(entry, seed, &setting, &[id]);
     let leaves = hidden[0].leaves.clone();
     let right = Right::Set { must: ambiguity.must.to_vec(), may: ambiguity.may.to_vec(), leaves };
-    let truth = Truth { story: tell(&hidden), right, confusable: false, wrong_ocv: true, base: base(&setting.truth) };
+    let truth =
+        Truth { story: tell(&hidden), right, confusable: false, wrong_ocv: true, told_over_floor: f64::NAN, base: base(&setting.truth) };
     finish(entry, seed, &setting, &courses, truth)
 }
 
@@ -126,17 +148,20 @@ fn electrochemical(entry: &Entry, seed: u64, cell: usize, base: &[&'static str])
     let leaves = leaves(&setting.truth, &courses, ROUNDS);
     let right = Right::AnyOf { any: RELAXATIONS.to_vec(), may: CELL_PHYSICS.to_vec(), leaves };
     let story = format!("single-particle model with electrolyte and temperature, parameter set {}", cell.name);
-    let truth = Truth { story, right, confusable: false, wrong_ocv: false, base: Vec::new() };
+    let truth = Truth { story, right, confusable: false, wrong_ocv: false, told_over_floor: f64::NAN, base: Vec::new() };
     finish(entry, seed, &setting, &courses, truth)
 }
 
 /// Puts the gauge between truth and logs.
-fn finish(entry: &Entry, seed: u64, setting: &Setting, courses: &[Course], truth: Truth) -> Case {
+fn finish(entry: &Entry, seed: u64, setting: &Setting, courses: &[Course], mut truth: Truth) -> Case {
     let gauge = Gauge::draw(&setting.sensors, &mut Stream::new(seed, "gauge"));
     let (mut noise, mut starts) = (Stream::new(seed, "noise"), Stream::new(seed, "starts"));
     let mut logs: Vec<(bool, CaseLog)> =
         courses.iter().map(|course| (course.holdout, measured(entry.system, course, &gauge, &mut noise, &mut starts))).collect();
-    let holdout = logs.extract_if(.., |(holdout, _)| *holdout).map(|(_, log)| log).collect();
+    let holdout: Vec<CaseLog> = logs.extract_if(.., |(holdout, _)| *holdout).map(|(_, log)| log).collect();
+    if let Right::Effects(_) | Right::Complete = truth.right {
+        truth.told_over_floor = told::over_floor(&as_told(setting, &truth), &holdout);
+    }
     Case {
         seed,
         system: entry.system,
@@ -147,6 +172,14 @@ fn finish(entry: &Entry, seed: u64, setting: &Setting, courses: &[Course], truth
         holdout,
         truth,
     }
+}
+
+/// The true effects with their true numbers, on the OCV table that the lab gets.
+fn as_told(setting: &Setting, truth: &Truth) -> Draft {
+    let mut draft = setting.truth.clone();
+    draft.pack.clone_from(&setting.believed.pack);
+    let Right::Effects(hidden) = &truth.right else { return draft };
+    hidden.iter().fold(draft, |draft, hidden| draft.with(hidden.id, &hidden.parameters))
 }
 
 fn measured(system: System, course: &Course, gauge: &Gauge, noise: &mut Stream, starts: &mut Stream) -> CaseLog {

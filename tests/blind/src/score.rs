@@ -32,6 +32,8 @@ pub struct Mark {
     pub wrong: Vec<String>,
     /// Held-out RMS over floor at the end.
     pub holdout_over_floor: f64,
+    /// The same over what the truth itself would leave, told what the lab is told.
+    pub holdout_over_told: f64,
     /// Estimates of truly hidden effects' parameters: how many, and in how many of them the 90 %
     /// interval holds the truth.
     pub covered: (usize, usize),
@@ -69,6 +71,7 @@ pub fn judge(case: &Case, answer: &Answer, cpu_s: f64) -> Mark {
         right: answered(answer) && right,
         exact: answered(answer) && exact,
         holdout_over_floor: answer.main_holdout(case.system),
+        holdout_over_told: answer.main_holdout(case.system) / case.truth.told_over_floor,
         covered: coverage(case, answer),
         wrong,
         cpu_s,

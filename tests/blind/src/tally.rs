@@ -149,6 +149,10 @@ fn held_out(marks: &[Mark], lines: &mut Vec<Line>) {
         let values = marks.iter().filter(|mark| mark.kind == kind).map(|mark| mark.holdout_over_floor);
         lines.push(spread(format!("held-out RMS over floor: {}", kind.name()), target, values, "x"));
     }
+    for kind in [Kind::Single, Kind::Pair, Kind::Null] {
+        let values = marks.iter().filter(|mark| mark.kind == kind).map(|mark| mark.holdout_over_told);
+        lines.push(spread(format!("held-out RMS over the truth's, told what the lab is told: {}", kind.name()), "<= 1", values, "x"));
+    }
 }
 
 fn times(marks: &[Mark], lines: &mut Vec<Line>) {
