@@ -97,6 +97,7 @@ pub struct Uncertainty {
 }
 
 /// An effect at its place in a model. Opaque outside this crate.
+#[derive(Clone)]
 pub struct Placed {
     pub(crate) effect: &'static dyn Effect,
     /// The effect for plain and for dual numbers: the way to it in every step, kept short.
@@ -111,6 +112,7 @@ pub struct Placed {
 }
 
 /// Facts, effects in order of evaluation, parameters.
+#[derive(Clone)]
 pub struct Model {
     /// Name, for people.
     pub name: String,
@@ -203,6 +205,35 @@ impl Model {
         let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
         Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect())
             .expect("no effect appears twice")
+    }
+
+    /// The same model with one more effect of the catalogue, its parameters at their defaults and
+    /// free to be fitted; the others keep their values and their order.
+    ///
+    /// # Errors
+    /// When the system has no such effect or the model has it already.
+    pub fn with(&self, id: &str) -> Result<Model, String> {
+        let (index, effect) = find(self.system, id).ok_or_else(|| format!("a {} has no effect `{id}`", self.system.name()))?;
+        let spec = effect.spec();
+        let own = spec.parameters.iter().map(|p| Parameter { free: true, ..file::default_parameter(spec.id, p) });
+        let mut effects = vec![(index, own.collect())];
+        for placed in &self.placed {
+            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
+            effects.push((index, self.parameters[placed.parameters.clone()].to_vec()));
+        }
+        let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
+        Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects)
+    }
+
+    /// The same model with other values of its parameters, in the order of [`Model::parameters`].
+    ///
+    /// # Panics
+    /// When there are not as many values as parameters.
+    #[must_use]
+    pub fn with_values(mut self, values: &[f64]) -> Model {
+        assert_eq!(values.len(), self.parameters.len(), "one value per parameter of {}", self.name);
+        self.parameters.iter_mut().zip(values).for_each(|(parameter, &value)| parameter.value = value);
+        self
     }
 
     /// Some of the effects on other facts, and which of this model's parameters are left,

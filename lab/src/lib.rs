@@ -23,6 +23,7 @@
 
 pub mod compare;
 pub mod fit;
+pub mod infer;
 pub mod measurement;
 pub mod model_edit;
 pub mod model_source;

@@ -30,6 +30,8 @@ pub struct Prepared {
     pub inputs: Vec<(Channel, Vec<f64>)>,
     /// Where the log starts.
     pub start: Start,
+    /// Standard deviation of the state of charge there, when the log states one.
+    pub soc_initial_sigma: Option<f64>,
     /// What the log has measured of that which the model predicts.
     pub targets: Vec<Target>,
 }
@@ -153,7 +155,7 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     });
     let targets = targets.collect();
     let start = start(model, log, &inputs)?;
-    Ok(Prepared { name: log.name.clone(), time_s: log.time_s.clone(), inputs, start, targets })
+    Ok(Prepared { name: log.name.clone(), time_s: log.time_s.clone(), inputs, start, soc_initial_sigma: log.facts.soc_initial_sigma, targets })
 }
 
 /// Like [`prepare`], keeps only the targets named in `only` (all when empty), and refuses a log in

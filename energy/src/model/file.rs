@@ -251,7 +251,7 @@ fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<R
     Ok(ReadEffect { index, parameters, rail })
 }
 
-fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {
+pub(super) fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {
     Parameter {
         effect,
         name: spec.name,

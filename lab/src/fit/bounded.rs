@@ -51,6 +51,8 @@ pub struct Solution {
 
 /// Steps after which the search gives up.
 const ITERATIONS_MAX: usize = 200;
+/// The same where a small fall is not worth a step.
+const ITERATIONS_ROUGH: usize = 25;
 /// Cosine between residual and any column of the Jacobian that counts as a right angle.
 const COSINE_TOLERANCE: f64 = 1e-9;
 /// Relative fall of the cost that counts as none.
@@ -60,6 +62,18 @@ const DAMPING_MAX: f64 = 1e14;
 
 /// Searches for the least sum of squared residuals within the bounds, from `start`.
 pub fn minimise(problem: &impl LeastSquares, start: &[f64], bounds: &[(f64, f64)], progress: &mut dyn FnMut(Step)) -> Solution {
+    minimise_to(problem, start, bounds, 0.0, progress)
+}
+
+/// Like [`minimise`], and ends when a step makes the sum of squares fall by less than `enough`, or
+/// the derivatives promise no more than that.
+pub fn minimise_to(
+    problem: &impl LeastSquares,
+    start: &[f64],
+    bounds: &[(f64, f64)],
+    enough: f64,
+    progress: &mut dyn FnMut(Step),
+) -> Solution {
     let clamp = |at: Vec<f64>| -> Vec<f64> { at.iter().zip(bounds).map(|(x, (min, max))| x.clamp(*min, *max)).collect() };
     let mut at = clamp(start.to_vec());
     let mut residual = problem.residual(&at);
@@ -67,6 +81,7 @@ pub fn minimise(problem: &impl LeastSquares, start: &[f64], bounds: &[(f64, f64)
     let mut damping = 1e-4;
     let mut iteration = 0;
     let mut settled = false;
+    let iterations_max = if enough > 0.0 { ITERATIONS_ROUGH } else { ITERATIONS_MAX };
     loop {
         let cost = residual.norm_squared();
         progress(Step { iteration, cost });
@@ -80,8 +95,12 @@ pub fn minimise(problem: &impl LeastSquares, start: &[f64], bounds: &[(f64, f64)
         let steepest = moving.iter().map(|&index| cosine(gradient[index], normal[(index, index)], cost)).fold(0.0, f64::max);
         settled |= steepest <= COSINE_TOLERANCE;
         let mut next = None;
-        while !settled && iteration < ITERATIONS_MAX && damping < DAMPING_MAX {
-            let tried = clamp(add(&at, &moving, &solve(&normal, &gradient, &scale, damping, &moving)));
+        while !settled && iteration < iterations_max && damping < DAMPING_MAX {
+            let step = solve(&normal, &gradient, &scale, damping, &moving);
+            if enough > 0.0 && promised(&normal, &gradient, &step, &moving) < enough {
+                break;
+            }
+            let tried = clamp(add(&at, &moving, &step));
             let found = problem.residual(&tried);
             if found.norm_squared() < cost {
                 damping = (damping / 10.0).max(1e-15);
@@ -92,12 +111,18 @@ pub fn minimise(problem: &impl LeastSquares, start: &[f64], bounds: &[(f64, f64)
         }
         let Some(better) = next else {
             let bound = (0..at.len()).map(|index| held(at[index], bounds[index], gradient[index])).collect();
-            return Solution { at, residual, jacobian, bound, iterations: iteration, converged: iteration < ITERATIONS_MAX };
+            return Solution { at, residual, jacobian, bound, iterations: iteration, converged: iteration < iterations_max };
         };
         (at, residual) = better;
-        settled = cost - residual.norm_squared() <= COST_TOLERANCE * cost;
+        settled = cost - residual.norm_squared() <= (COST_TOLERANCE * cost).max(enough);
         iteration += 1;
     }
+}
+
+/// Fall of the sum of squares that the derivatives promise for a step.
+fn promised(normal: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>, moving: &[usize]) -> f64 {
+    let bend = |i: usize| (0..moving.len()).map(|j| normal[(moving[i], moving[j])] * step[j]).sum::<f64>();
+    -(0..moving.len()).map(|i| step[i] * (2.0 * gradient[moving[i]] + bend(i))).sum::<f64>()
 }
 
 /// The bound that a parameter rests on and against which the cost falls.

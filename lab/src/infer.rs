@@ -1,0 +1,34 @@
+//! Which effect is missing: evidence for every effect that a model lacks, with all that is only
+//! roughly known taken into account.
+//!
+//! ```text
+//!   rough      what a model knows roughly: OCV table, sensors' offsets and gains, SoC at the start
+//!     |
+//!   frame      model, logs and rough knowledge as one vector of unknowns; predictions, derivatives
+//!     |            noise   the sensors' known floor beside a slow part of unknown size
+//!     v              v
+//!   state      the best unknowns and noise for one list of effects, and the evidence for it
+//!     |
+//!   candidate  absent effects, the shapes that their equations can take, what keeps one from a test
+//!     |
+//!   score      each of them without a refit: expected size, uniqueness, what it is confused with
+//!     |
+//!   trial      the best of them refitted, judged on logs that the fit has not seen
+//!     v
+//!   discover   one after the other until the model is complete, or nothing explains what is left
+//!     |
+//!   answer       all of that in numbers and names, for the terminal, JSON and the report
+//! ```
+//!
+//! Nothing here knows any effect by name.
+
+pub mod answer;
+pub mod candidate;
+pub mod discover;
+pub mod frame;
+pub mod noise;
+pub mod rough;
+pub mod score;
+pub mod state;
+pub mod trial;
+mod walk;

@@ -1,0 +1,302 @@
+//! What a search found, for people and programs: the answer of `lab diagnose` and `lab discover`.
+
+use std::collections::BTreeMap;
+
+use energy::{Channel, EffectSpec};
+use serde::Serialize;
+
+use super::candidate::Untested;
+use super::discover::{Outcome, Refusal, Search, Step, explained};
+use super::state::State;
+use super::trial::Trial;
+
+/// One word for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The model explains the logs.
+    Complete,
+    /// The effects in `selected` are missing.
+    Missing,
+    /// Something is missing, and the logs cannot tell which of several effects it is.
+    Ambiguous,
+    /// The model does not explain the logs, and no effect of the catalogue does.
+    Unknown,
+}
+
+/// A number by channel, in the channel's unit.
+pub type ByChannel = BTreeMap<&'static str, f64>;
+
+/// Everything that a search says.
+#[derive(Debug, Clone, Serialize)]
+pub struct Discovery {
+    /// Version of this structure.
+    pub schema: u32,
+    /// Name of the model.
+    pub model: String,
+    /// The conclusion.
+    pub verdict: Verdict,
+    /// Effects that are missing, in the order in which they were found.
+    pub selected: Vec<&'static str>,
+    /// With a verdict of `ambiguous`: all effects between which the logs cannot tell.
+    pub equivalent: Vec<&'static str>,
+    /// Every absent effect, most promising first, as seen from the model that was given.
+    pub ranking: Vec<Ranked>,
+    /// How the error falls, effect by effect.
+    pub ladder: Vec<Rung>,
+    /// Free parameters at the end: effect, parameter.
+    pub parameters: BTreeMap<&'static str, BTreeMap<&'static str, Value>>,
+    /// What is left at the end, by channel.
+    pub residual: BTreeMap<&'static str, Left>,
+    /// What to do to tell the equivalent effects apart; empty when there are none.
+    pub experiment: String,
+    /// Effects that these logs say nothing about.
+    pub untested: Vec<Untested>,
+}
+
+/// A number and its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Value {
+    /// The number.
+    pub value: f64,
+    /// Its standard deviation; none where the logs do not determine it.
+    pub sigma: Option<f64>,
+}
+
+/// One absent effect.
+#[derive(Debug, Clone, Serialize)]
+pub struct Ranked {
+    /// Its name.
+    pub effect: &'static str,
+    /// Fall of the information criterion in a refit; none when it was not worth one.
+    pub delta_bic: Option<f64>,
+    /// Chance of a score like this when the effect is not there and all else is right.
+    pub p_value: f64,
+    /// Expected parameters.
+    pub epc: BTreeMap<&'static str, f64>,
+    /// Their standard deviations, from the refit.
+    pub sigma: BTreeMap<&'static str, f64>,
+    /// Share of it that a refit of the model could not absorb, 0..1.
+    pub uniqueness: f64,
+    /// Effects that look like it in these logs, and how much, 0..1.
+    pub confounded_with: BTreeMap<&'static str, f64>,
+    /// RMS before.
+    pub rms_before: ByChannel,
+    /// RMS after the refit; empty without one.
+    pub rms_after: ByChannel,
+    /// RMS on held-out logs before; empty without such logs.
+    pub holdout_before: ByChannel,
+    /// RMS on held-out logs after the refit.
+    pub holdout_after: ByChannel,
+    /// Why it was not accepted; empty when it was, or was not refitted.
+    pub refused: Vec<Refusal>,
+}
+
+/// One model on the way.
+#[derive(Debug, Clone, Serialize)]
+pub struct Rung {
+    /// The effect that was added; none for the model as given.
+    pub effect: Option<&'static str>,
+    /// RMS on the logs that were fitted.
+    pub train_rms: ByChannel,
+    /// RMS on held-out logs; empty without such logs.
+    pub holdout_rms: ByChannel,
+    /// Noise of the sensors.
+    pub floor: ByChannel,
+}
+
+/// What is left of one channel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Left {
+    /// RMS.
+    pub rms: f64,
+    /// Noise of the sensor.
+    pub floor: f64,
+    /// Deviation of what is left beside white noise.
+    pub slow: f64,
+    /// Persistence of that, s.
+    pub tau_s: f64,
+}
+
+impl Discovery {
+    /// Of a finished search.
+    #[must_use]
+    pub fn of(search: &Search) -> Discovery {
+        let found: Vec<&Step> = search.steps.iter().filter(|step| matches!(step.outcome, Outcome::Missing(_))).collect();
+        let first = &search.steps[0];
+        let selected: Vec<&'static str> = found.iter().map(|step| step.trials[0].spec.id).collect();
+        let (equivalent, experiment) = equivalents(&found);
+        let complete = explained(&search.last) || beyond(&search.last) < MOSTLY * beyond(&first.base);
+        let verdict = match () {
+            () if !complete => Verdict::Unknown,
+            () if !equivalent.is_empty() => Verdict::Ambiguous,
+            () if selected.is_empty() => Verdict::Complete,
+            () => Verdict::Missing,
+        };
+        Discovery {
+            schema: 1,
+            model: first.base.frame.model.name.clone(),
+            verdict,
+            selected,
+            equivalent,
+            ranking: ranking(first),
+            ladder: ladder(search),
+            parameters: parameters(&search.last),
+            residual: left(&search.last),
+            experiment,
+            untested: first.untested.clone(),
+        }
+    }
+}
+
+/// Share of the squared error beyond the floor that may be left when what was found is called the
+/// answer: physics of another form than the catalogue's leaves some.
+const MOSTLY: f64 = 0.15;
+
+/// Mean square beyond the floor, in floors.
+fn beyond(state: &State) -> f64 {
+    let over = |&(channel, rms): &(Channel, f64)| ((rms / state.frame.evidence.floor(channel)).powi(2) - 1.0).max(0.0);
+    state.rms().iter().map(over).sum()
+}
+
+fn by_channel(numbers: &[(Channel, f64)]) -> ByChannel {
+    numbers.iter().map(|&(channel, number)| (channel.name(), number)).collect()
+}
+
+/// All effects between which the logs cannot tell, and what would tell them apart.
+fn equivalents(found: &[&Step]) -> (Vec<&'static str>, String) {
+    let (mut all, mut experiments) = (Vec::new(), Vec::new());
+    for step in found {
+        let Outcome::Missing(others) = &step.outcome else { continue };
+        let best = step.trials[0].spec;
+        for &place in others {
+            let other = step.trials[place].spec;
+            for id in [best.id, other.id] {
+                if !all.contains(&id) {
+                    all.push(id);
+                }
+            }
+            let words = experiment(best, other);
+            if !experiments.contains(&words) {
+                experiments.push(words);
+            }
+        }
+    }
+    (all, experiments.join("; "))
+}
+
+fn experiment(a: &EffectSpec, b: &EffectSpec) -> String {
+    let says = |one: &EffectSpec, other: &EffectSpec| one.confused_with.iter().find(|(id, _)| *id == other.id).map(|(_, what)| *what);
+    match says(a, b).or_else(|| says(b, a)) {
+        Some(what) => format!("to tell {} from {}: {what}", a.id, b.id),
+        None => format!("to tell {} from {}: a log in which one changes while the other does not", a.id, b.id),
+    }
+}
+
+fn ranking(step: &Step) -> Vec<Ranked> {
+    let before = by_channel(&step.base.rms());
+    let holdout_before = by_channel(&step.base_holdout);
+    let trial = |id: &str| step.trials.iter().position(|trial| trial.spec.id == id);
+    let mut all: Vec<Ranked> = step
+        .scores
+        .iter()
+        .map(|score| {
+            let place = trial(score.spec.id);
+            let refit = place.map(|place| &step.trials[place]);
+            let names = score.spec.parameters.iter().map(|parameter| parameter.name);
+            let others = step.scores.iter().filter(|other| other.spec.id != score.spec.id);
+            let alike = others.map(|other| (other.spec.id, score.confounded(other))).filter(|(_, alike)| *alike > WORTH_NAMING);
+            let own = refit.map(own_parameters);
+            Ranked {
+                effect: score.spec.id,
+                delta_bic: refit.map(|trial| trial.delta_bic),
+                p_value: chance(score.statistic, score.freedom),
+                epc: match &own {
+                    Some(own) => own.iter().map(|&(name, value, _)| (name, value)).collect(),
+                    None => names.zip(score.expected.iter().copied()).collect(),
+                },
+                sigma: own.iter().flatten().filter_map(|&(name, _, sigma)| Some((name, sigma?))).collect(),
+                uniqueness: score.uniqueness,
+                confounded_with: alike.collect(),
+                rms_before: before.clone(),
+                rms_after: refit.map(|trial| by_channel(&trial.state.rms())).unwrap_or_default(),
+                holdout_before: holdout_before.clone(),
+                holdout_after: refit.map(|trial| by_channel(&trial.holdout)).unwrap_or_default(),
+                refused: place.map(|place| step.refusals[place].clone()).unwrap_or_default(),
+            }
+        })
+        .collect();
+    let order = |ranked: &Ranked| trial(ranked.effect).unwrap_or(usize::MAX);
+    all.sort_by_key(order);
+    all
+}
+
+/// Confounding from which on it is worth naming.
+const WORTH_NAMING: f64 = 0.5;
+
+/// Chance of a statistic at least this large, for chi-squared with this freedom.
+fn chance(statistic: f64, freedom: usize) -> f64 {
+    use statrs::distribution::{ChiSquared, ContinuousCDF as _};
+    ChiSquared::new(freedom.max(1) as f64).map_or(1.0, |distribution| distribution.sf(statistic.max(0.0)))
+}
+
+fn own_parameters(trial: &Trial) -> Vec<(&'static str, f64, Option<f64>)> {
+    let model = &trial.state.frame.model;
+    let deviations = deviations(&trial.state);
+    let own = deviations.into_iter().filter(|&(index, _, _)| model.parameters()[index].effect == trial.spec.id);
+    own.map(|(index, value, sigma)| (model.parameters()[index].name, value, sigma)).collect()
+}
+
+/// Index, value and deviation of every free parameter. A deviation as large as that of a number
+/// of which only the range is known is none.
+#[must_use]
+pub fn deviations(state: &State) -> Vec<(usize, f64, Option<f64>)> {
+    let covariance = state.covariance();
+    let of = |(place, &index): (usize, &usize)| {
+        let parameter = &state.frame.model.parameters()[index];
+        let sigma = covariance[(place, place)].max(0.0).sqrt();
+        let known = sigma > 0.0 && sigma < crate::fit::uniform_sigma((parameter.min, parameter.max));
+        (index, state.x[place], known.then_some(sigma))
+    };
+    state.frame.free.iter().enumerate().map(of).collect()
+}
+
+fn ladder(search: &Search) -> Vec<Rung> {
+    let floor = by_channel(&search.last.frame.evidence.floors);
+    let first = &search.steps[0];
+    let mut rungs = vec![Rung {
+        effect: None,
+        train_rms: by_channel(&first.base.rms()),
+        holdout_rms: by_channel(&first.base_holdout),
+        floor: floor.clone(),
+    }];
+    for step in search.steps.iter().filter(|step| matches!(step.outcome, Outcome::Missing(_))) {
+        let best = &step.trials[0];
+        rungs.push(Rung {
+            effect: Some(best.spec.id),
+            train_rms: by_channel(&best.state.rms()),
+            holdout_rms: by_channel(&best.holdout),
+            floor: floor.clone(),
+        });
+    }
+    rungs
+}
+
+fn parameters(state: &State) -> BTreeMap<&'static str, BTreeMap<&'static str, Value>> {
+    let mut all: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();
+    for (index, value, sigma) in deviations(state) {
+        let parameter = &state.frame.model.parameters()[index];
+        all.entry(parameter.effect).or_default().insert(parameter.name, Value { value, sigma });
+    }
+    all
+}
+
+fn left(state: &State) -> BTreeMap<&'static str, Left> {
+    let noise = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
+    let of = |(channel, rms): (Channel, f64)| {
+        let (floor, noise) = (state.frame.evidence.floor(channel), noise(channel));
+        let (slow, tau_s) = noise.map_or((0.0, 0.0), |noise| (noise.slow, noise.tau_s));
+        (channel.name(), Left { rms, floor, slow, tau_s })
+    };
+    state.rms().into_iter().map(of).collect()
+}

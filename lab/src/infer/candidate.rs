@@ -1,0 +1,108 @@
+//! Effects that a model lacks, ready to be tried on its logs.
+
+use std::sync::Arc;
+
+use energy::{EffectSpec, Model, ParameterSpec, catalogue};
+
+use super::frame::Frame;
+
+/// An absent effect, in the model.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// The effect.
+    pub spec: &'static EffectSpec,
+    /// The model with it, its other parameters where the base model's fit has them.
+    pub model: Arc<Model>,
+    /// Index of the effect's first parameter into [`Model::parameters`]; the others follow.
+    pub first: usize,
+    /// Points of its parameters at which its onset is looked at: just off the nulls, with the
+    /// parameters that only shape it on a grid.
+    pub onsets: Vec<Vec<f64>>,
+}
+
+/// An effect that these logs cannot say anything about.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Untested {
+    /// The effect.
+    pub effect: &'static str,
+    /// Why.
+    pub reason: String,
+}
+
+/// Every effect of the model's system that it lacks: those that can be tried at the frame's
+/// unknowns, and those that cannot.
+#[must_use]
+pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
+    let base = Model::clone(&frame.model).with_values(&frame.values(x));
+    let has = |id: &str| base.effects().any(|effect| effect.spec().id == id);
+    let (mut able, mut unable) = (Vec::new(), Vec::new());
+    for spec in catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == base.system && !has(spec.id)) {
+        let model = match base.with(spec.id) {
+            Ok(model) => model,
+            Err(reason) => {
+                unable.push(Untested { effect: spec.id, reason });
+                continue;
+            }
+        };
+        let missing = frame.evidence.logs.iter().find_map(|log| {
+            let input = |wanted| log.inputs.iter().any(|(channel, _)| *channel == wanted);
+            let made = |wanted| crate::prepare::predicted_channels(&model).contains(&wanted) || model.system.computed().contains(&wanted);
+            spec.needs.iter().find(|&&channel| !input(channel) && !made(channel)).map(|channel| (channel, &log.name))
+        });
+        if let Some((channel, log)) = missing {
+            unable.push(Untested { effect: spec.id, reason: format!("needs the column {}, which {log} lacks", channel.name()) });
+            continue;
+        }
+        let first = model.parameters().iter().position(|parameter| parameter.effect == spec.id).unwrap_or(0);
+        able.push(Candidate { spec, onsets: onsets(spec), model: Arc::new(model), first });
+    }
+    (able, unable)
+}
+
+/// Share of the way from null to a usual size at which an onset is looked at: far enough for
+/// numbers that multiply each other, near enough to be the onset.
+const ONSET: f64 = 1e-3;
+/// Points of a grid of a parameter that only shapes an effect, beside its default.
+const GRID: usize = 5;
+/// The grid reaches from the default over this factor up and down, within the range.
+const REACH: f64 = 50.0;
+
+fn onsets(spec: &EffectSpec) -> Vec<Vec<f64>> {
+    let plain: Vec<f64> = spec.parameters.iter().map(onset).collect();
+    let mut all = vec![plain.clone()];
+    for (index, parameter) in spec.parameters.iter().enumerate().filter(|(_, parameter)| parameter.null.is_none()) {
+        for value in grid(parameter) {
+            let mut point = plain.clone();
+            point[index] = value;
+            all.push(point);
+        }
+    }
+    all
+}
+
+/// A usual size of a parameter: its default or, where that is the null, a part of its range.
+#[must_use]
+pub fn usual(parameter: &ParameterSpec) -> f64 {
+    match parameter.null {
+        Some(null) if parameter.default == null => null + 0.05 * (parameter.max - null),
+        _ => parameter.default,
+    }
+}
+
+fn onset(parameter: &ParameterSpec) -> f64 {
+    parameter.null.map_or(parameter.default, |null| null + ONSET * (usual(parameter) - null))
+}
+
+fn grid(parameter: &ParameterSpec) -> Vec<f64> {
+    let share = |index: usize| (index as f64 + 0.5) / GRID as f64;
+    let point = |index| {
+        if parameter.min > 0.0 {
+            let low = parameter.min.max(parameter.default / REACH).ln();
+            let high = parameter.max.min(parameter.default * REACH).ln();
+            (low + share(index) * (high - low)).exp()
+        } else {
+            parameter.min + share(index) * (parameter.max - parameter.min)
+        }
+    };
+    (0..GRID).map(point).collect()
+}

@@ -1,0 +1,256 @@
+//! The best unknowns and the most likely noise for one list of effects, and the evidence for it.
+//!
+//! Minimises `(y - f(x))' V^-1 (y - f(x)) + (known errors / their sigmas)^2` over the unknowns and
+//! the slow part of V in turn. The evidence is the likelihood with everything that is only roughly
+//! known integrated out (Laplace's method, exact for a linear model):
+//!
+//! `-2 ln L = ln |V| + r' V^-1 r + sum (nu / sigma)^2 + ln |1 + S H S|`,
+//!
+//! with H the information about the rough numbers nu and S the diagonal of their sigmas.
+
+use std::sync::Arc;
+
+use energy::Channel;
+use nalgebra::{DMatrix, DVector};
+
+use super::frame::{Frame, Segment};
+use super::noise::{Filter, Noise, estimate};
+use crate::fit::{LeastSquares, minimise_to};
+
+/// A frame at its most likely unknowns.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// Model and logs.
+    pub frame: Arc<Frame>,
+    /// The unknowns.
+    pub x: Vec<f64>,
+    /// Observed minus predicted, by row.
+    pub residual: Vec<f64>,
+    /// Noise by channel.
+    pub noise: Vec<(Channel, Noise)>,
+    /// Minus twice the logarithm of the evidence, without its constant.
+    pub cost: f64,
+    /// Derivatives of the predictions in units of independent noise, one column per unknown;
+    /// below them, one row per rough number.
+    pub design: DMatrix<f64>,
+    /// Residuals in the same rows.
+    pub whitened: DVector<f64>,
+    /// Free parameters on which the logs have a say.
+    pub freedom: usize,
+}
+
+/// Fall of the cost that is not worth another step: in units of two log-likelihoods, and as a share
+/// of the cost, which is far above its number of rows while the model is far from right.
+const ENOUGH: (f64, f64) = (0.02, 1e-5);
+/// Rounds of fitting and asking for the noise again.
+const ROUNDS: usize = 3;
+/// Change of the cost by new noise that asks for no further round.
+const SETTLED: f64 = 1.0;
+
+impl State {
+    /// Fits all unknowns, beginning at `start` with the noise that is left there.
+    #[must_use]
+    pub fn fit_from(frame: Arc<Frame>, start: &[f64]) -> State {
+        let noise = noises(&frame, &residual(&frame, start));
+        State::fit(frame, start, &noise)
+    }
+
+    /// Fits all unknowns, beginning at `start` and with this noise.
+    #[must_use]
+    pub fn fit(frame: Arc<Frame>, start: &[f64], noise: &[(Channel, Noise)]) -> State {
+        let (mut x, mut noise) = (start.to_vec(), noise.to_vec());
+        let mut cost = f64::INFINITY;
+        for _ in 0..ROUNDS {
+            let filters = filters(&frame, &noise);
+            let problem = Whitened { frame: &frame, filters: &filters };
+            let enough = ENOUGH.0 + ENOUGH.1 * problem.residual(&x).norm_squared();
+            let solution = minimise_to(&problem, &x, &frame.bounds(), enough, &mut |_| {});
+            if std::env::var("LABDBG").is_ok() { eprintln!("fit {} unknowns: {} iterations, cost {}", frame.unknowns(), solution.iterations, solution.residual.norm_squared()); }
+            x = solution.at;
+            let residual = residual(&frame, &x);
+            noise = noises(&frame, &residual);
+            let now: f64 = likelihood(&frame, &residual, &self::filters(&frame, &noise)) + priors(&frame, &x);
+            if cost - now < SETTLED {
+                break;
+            }
+            cost = now;
+        }
+        State::at(frame, x, noise)
+    }
+
+    /// The state at given unknowns and noise, without a fit.
+    #[must_use]
+    pub fn at(frame: Arc<Frame>, x: Vec<f64>, noise: Vec<(Channel, Noise)>) -> State {
+        let filters = filters(&frame, &noise);
+        let problem = Whitened { frame: &frame, filters: &filters };
+        let by: Vec<usize> = (0..frame.unknowns()).collect();
+        let (predicted, columns) = frame.linearise(&x, &by);
+        let residual: Vec<f64> = observed(&frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect();
+        let design = problem.stack_columns(columns);
+        let whitened = problem.stack(residual.clone(), &x);
+        let normal = design.tr_mul(&design);
+        let free = frame.free.len();
+        let sigmas: Vec<f64> = frame.known.iter().map(|known| known.sigma).collect();
+        // 1 + S H S: the information holds the priors' share, 1/sigma^2, which becomes the 1.
+        let inner = DMatrix::from_fn(sigmas.len(), sigmas.len(), |i, j| normal[(free + i, free + j)] * sigmas[i] * sigmas[j]);
+        let integrated = inner.cholesky().map_or(0.0, |cholesky| 2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>());
+        let variances: f64 = filters.iter().map(|filter| filter.log_variance).sum();
+        let cost = variances + whitened.norm_squared() + integrated;
+        let freedom = freedom(&normal, free);
+        State { frame, x, residual, noise, cost, design, whitened, freedom }
+    }
+
+    /// Noise that has no slow part yet.
+    #[must_use]
+    pub fn white(frame: &Frame) -> Vec<(Channel, Noise)> {
+        frame.evidence.floors.iter().map(|&(channel, floor)| (channel, Noise::white(floor))).collect()
+    }
+
+    /// Covariance of all unknowns; a direction of which the rows say nothing has none.
+    #[must_use]
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let normal = self.design.tr_mul(&self.design);
+        let scale: Vec<f64> = normal.diagonal().iter().map(|d| if *d > 0.0 { d.sqrt() } else { 1.0 }).collect();
+        let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| normal[(i, j)] / (scale[i] * scale[j]));
+        let eigen = scaled.symmetric_eigen();
+        let floor = 1e-12 * eigen.eigenvalues.max().max(0.0);
+        let mut inverse = DMatrix::zeros(scale.len(), scale.len());
+        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if *value > floor {
+                inverse += vector * vector.transpose() / *value;
+            }
+        }
+        DMatrix::from_fn(scale.len(), scale.len(), |i, j| inverse[(i, j)] / (scale[i] * scale[j]))
+    }
+
+    /// RMS of the residuals of each channel over all logs, beside its floor.
+    #[must_use]
+    pub fn rms(&self) -> Vec<(Channel, f64)> {
+        let evidence = &self.frame.evidence;
+        let of = |channel: Channel| {
+            let rows = evidence.segments.iter().filter(|segment| segment.channel == channel).flat_map(range);
+            let (count, squares) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + self.residual[row].powi(2)));
+            (squares / f64::from(count.max(1))).sqrt()
+        };
+        evidence.floors.iter().map(|&(channel, _)| (channel, of(channel))).collect()
+    }
+
+    /// Bayesian information criterion: lower is better.
+    #[must_use]
+    pub fn bic(&self) -> f64 {
+        self.cost + self.freedom as f64 * (self.frame.evidence.rows() as f64).ln()
+    }
+
+    /// One filter per segment, of this state's noise.
+    #[must_use]
+    pub fn filters(&self) -> Vec<Filter> {
+        filters(&self.frame, &self.noise)
+    }
+}
+
+/// Rows of a segment.
+pub(super) fn range(segment: &Segment) -> std::ops::Range<usize> {
+    segment.begin..segment.begin + segment.rows.len()
+}
+
+/// Directions of the free parameters that the rows determine, once what is rough is allowed for.
+fn freedom(normal: &DMatrix<f64>, free: usize) -> usize {
+    if free == 0 {
+        return 0;
+    }
+    let known = normal.nrows() - free;
+    let mut own = normal.view((0, 0), (free, free)).into_owned();
+    if let Some(cholesky) = normal.view((free, free), (known, known)).into_owned().cholesky() {
+        let cross = normal.view((free, 0), (known, free)).into_owned();
+        own -= cross.tr_mul(&cholesky.solve(&cross));
+    }
+    let scale: Vec<f64> = (0..free).map(|index| normal[(index, index)].sqrt().max(f64::MIN_POSITIVE)).collect();
+    let scaled = DMatrix::from_fn(free, free, |i, j| own[(i, j)] / (scale[i] * scale[j]));
+    scaled.symmetric_eigenvalues().iter().filter(|value| **value > DETERMINED).count()
+}
+
+/// Share of a direction's information that must be left by all others for it to count as free.
+const DETERMINED: f64 = 1e-9;
+
+fn observed(frame: &Frame) -> impl Iterator<Item = f64> + '_ {
+    frame.evidence.segments.iter().flat_map(|segment| segment.observed.iter().copied())
+}
+
+fn residual(frame: &Frame, x: &[f64]) -> Vec<f64> {
+    observed(frame).zip(frame.predict(x)).map(|(observed, predicted)| observed - predicted).collect()
+}
+
+fn filters(frame: &Frame, noise: &[(Channel, Noise)]) -> Vec<Filter> {
+    let of = |wanted| noise.iter().find(|(channel, _)| *channel == wanted).map_or(Noise::white(1.0), |(_, noise)| *noise);
+    frame.evidence.segments.iter().map(|segment| of(segment.channel).filter(&segment.time_s)).collect()
+}
+
+/// The most likely noise of every channel.
+pub(super) fn noises(frame: &Frame, residual: &[f64]) -> Vec<(Channel, Noise)> {
+    let of = |&(channel, floor): &(Channel, f64)| {
+        let segments = frame.evidence.segments.iter().filter(|segment| segment.channel == channel);
+        let logs: Vec<(&[f64], &[f64])> = segments.map(|segment| (segment.time_s.as_slice(), &residual[range(segment)])).collect();
+        (channel, estimate(floor, &logs))
+    };
+    frame.evidence.floors.iter().map(of).collect()
+}
+
+fn likelihood(frame: &Frame, residual: &[f64], filters: &[Filter]) -> f64 {
+    let of = |(segment, filter): (&Segment, &Filter)| {
+        let mut own = residual[range(segment)].to_vec();
+        filter.apply(&mut own);
+        filter.log_variance + own.iter().map(|e| e * e).sum::<f64>()
+    };
+    frame.evidence.segments.iter().zip(filters).map(of).sum()
+}
+
+fn priors(frame: &Frame, x: &[f64]) -> f64 {
+    frame.known.iter().zip(&x[frame.free.len()..]).map(|(known, error)| (error / known.sigma).powi(2)).sum()
+}
+
+/// The fit in units of independent noise.
+pub(super) struct Whitened<'a> {
+    pub(super) frame: &'a Frame,
+    pub(super) filters: &'a [Filter],
+}
+
+impl Whitened<'_> {
+    /// Residuals as innovations, then the rough numbers in their sigmas (with the sign of a
+    /// residual: nothing was expected, an error is assumed).
+    fn stack(&self, mut residual: Vec<f64>, x: &[f64]) -> DVector<f64> {
+        self.whiten(&mut residual);
+        residual.extend(self.frame.known.iter().zip(&x[self.frame.free.len()..]).map(|(known, error)| -error / known.sigma));
+        DVector::from_vec(residual)
+    }
+
+    /// Turns a value per row into innovations.
+    pub(super) fn whiten(&self, rows: &mut [f64]) {
+        for (segment, filter) in self.frame.evidence.segments.iter().zip(self.filters) {
+            filter.apply(&mut rows[range(segment)]);
+        }
+    }
+
+    /// Derivatives of predictions by every unknown, with the rows of the rough numbers below.
+    fn stack_columns(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
+        let (rows, free) = (columns.nrows(), self.frame.free.len());
+        let mut all = columns.insert_rows(rows, self.frame.known.len(), 0.0);
+        for (index, mut column) in all.column_iter_mut().enumerate() {
+            self.whiten(&mut column.as_mut_slice()[..rows]);
+            if index >= free {
+                column[rows + index - free] = 1.0 / self.frame.known[index - free].sigma;
+            }
+        }
+        all
+    }
+}
+
+impl LeastSquares for Whitened<'_> {
+    fn residual(&self, at: &[f64]) -> DVector<f64> {
+        self.stack(residual(self.frame, at), at)
+    }
+
+    fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
+        let by: Vec<usize> = (0..self.frame.unknowns()).collect();
+        -self.stack_columns(self.frame.linearise(at, &by).1)
+    }
+}

@@ -1,0 +1,127 @@
+//! A candidate for real: refitted, weighed, and judged on logs that the fit has not seen.
+
+use std::sync::Arc;
+
+use energy::{Channel, EffectSpec, Model};
+use nalgebra::{DMatrix, DVector};
+
+use super::candidate::{Candidate, usual};
+use super::frame::{Evidence, Frame};
+use super::score::Score;
+use super::state::{State, Whitened, range};
+use crate::fit::{LeastSquares, minimise_to};
+
+/// A refitted candidate.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// The effect.
+    pub spec: &'static EffectSpec,
+    /// The model with it, at its best.
+    pub state: State,
+    /// Fall of the Bayesian information criterion.
+    pub delta_bic: f64,
+    /// Largest RMS, by log, by which it moves its own channel.
+    pub change: f64,
+    /// RMS on the held-out logs, by channel; empty without such logs.
+    pub holdout: Vec<(Channel, f64)>,
+}
+
+impl Trial {
+    /// Refits the base model with the candidate, from where its score expects it and from its
+    /// usual size, and keeps the better.
+    #[must_use]
+    pub fn run(base: &State, candidate: &Candidate, score: &Score, holdout: Option<&Arc<Evidence>>) -> Trial {
+        let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
+        let usual: Vec<f64> = candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
+        // An effect of one number is as good as linear: one start is enough for it.
+        let several = if candidate.spec.parameters.len() > 1 { vec![&score.expected, &usual] } else { vec![&score.expected] };
+        let fits = several.into_iter().map(|own| {
+            let start = start(&frame, base, candidate, own);
+            State::fit_from(Arc::clone(&frame), &start)
+        });
+        let state = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("there is one");
+        Trial::of(base, state, candidate.spec, holdout)
+    }
+
+    fn of(base: &State, state: State, spec: &'static EffectSpec, holdout: Option<&Arc<Evidence>>) -> Trial {
+        let parameters = state.frame.model.parameters().iter().enumerate();
+        let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
+        let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
+        let change = state.frame.change(&state.x, spec.channel, &nulls);
+        let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&state, evidence));
+        Trial { spec, delta_bic: base.bic() - state.bic(), change, holdout, state }
+    }
+}
+
+/// Unknowns at which a refit begins: the base model's, and the candidate's own.
+fn start(frame: &Frame, base: &State, candidate: &Candidate, own: &[f64]) -> Vec<f64> {
+    let mut values = frame.model.values();
+    values[candidate.first..candidate.first + own.len()].copy_from_slice(own);
+    let free = frame.free.iter().map(|&index| values[index]);
+    free.chain(base.x[base.frame.free.len()..].iter().copied()).collect()
+}
+
+/// RMS by channel on logs that the state has not seen. What belongs to one log alone (its state of
+/// charge at the start) is asked of that log, within what is known of it; all else stays.
+#[must_use]
+pub fn held_out(state: &State, evidence: &Arc<Evidence>) -> Vec<(Channel, f64)> {
+    let residual = held_out_residual(state, evidence);
+    let of = |&(channel, _): &(Channel, f64)| {
+        let rows = evidence.segments.iter().filter(|segment| segment.channel == channel).flat_map(range);
+        let (count, squares) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + residual[row].powi(2)));
+        (channel, (squares / f64::from(count.max(1))).sqrt())
+    };
+    evidence.floors.iter().map(of).collect()
+}
+
+/// Observed minus predicted on logs that the state has not seen, by row; see [`held_out`].
+#[must_use]
+pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
+    let seen = &state.frame;
+    let model = Model::clone(&seen.model).with_values(&seen.values(&state.x));
+    let frame = Frame::new(Arc::new(model), Arc::clone(evidence));
+    let mut x = frame.start();
+    for (place, known) in frame.known.iter().enumerate().filter(|(_, known)| known.log().is_none()) {
+        // The values of rough parameters are already in the model.
+        let is_parameter = matches!(known.what, super::rough::Rough::Parameter(_));
+        x[frame.free.len() + place] = if is_parameter { 0.0 } else { seen.error(&state.x, known.what) };
+    }
+    let own: Vec<usize> = (0..frame.known.len()).filter(|&place| frame.known[place].log().is_some()).map(|place| frame.free.len() + place).collect();
+    let filters: Vec<_> = {
+        let of = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
+        let noise = |channel| of(channel).unwrap_or(super::noise::Noise::white(evidence.floor(channel)));
+        evidence.segments.iter().map(|segment| noise(segment.channel).filter(&segment.time_s)).collect()
+    };
+    let some = Held { whole: Whitened { frame: &frame, filters: &filters }, x: x.clone(), own: &own };
+    let bounds: Vec<(f64, f64)> = own.iter().map(|&unknown| frame.bounds()[unknown]).collect();
+    let begin: Vec<f64> = own.iter().map(|&unknown| x[unknown]).collect();
+    let solution = minimise_to(&some, &begin, &bounds, 0.02, &mut |_| {});
+    let x = some.place(&solution.at);
+    let observed = evidence.segments.iter().flat_map(|segment| segment.observed.iter());
+    observed.zip(frame.predict(&x)).map(|(observed, predicted)| observed - predicted).collect()
+}
+
+/// A fit of some unknowns, the others held.
+struct Held<'a> {
+    whole: Whitened<'a>,
+    x: Vec<f64>,
+    own: &'a [usize],
+}
+
+impl Held<'_> {
+    fn place(&self, at: &[f64]) -> Vec<f64> {
+        let mut x = self.x.clone();
+        self.own.iter().zip(at).for_each(|(&unknown, &value)| x[unknown] = value);
+        x
+    }
+}
+
+impl LeastSquares for Held<'_> {
+    fn residual(&self, at: &[f64]) -> DVector<f64> {
+        self.whole.residual(&self.place(at))
+    }
+
+    fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
+        self.whole.jacobian(&self.place(at)).select_columns(self.own)
+    }
+}

@@ -1,0 +1,52 @@
+//! One walk of a model along one log, with everything that is uncertain about it in play.
+
+use std::sync::Arc;
+
+use energy::effect::Lane;
+use energy::{Channel, Channels, Model, Run, Start};
+
+use crate::prepare::{Prepared, predicted_channels};
+
+/// An input with what its sensor may have added and multiplied.
+pub(super) struct Drive<'a, S> {
+    channel: Channel,
+    values: &'a [f64],
+    /// Offset and gain beyond 1; none when the sensor is taken at its word.
+    shift: Option<(S, S)>,
+}
+
+/// The inputs of a log that the model does not predict itself.
+pub(super) fn drives<'a, S: Copy>(
+    model: &Model,
+    log: &'a Prepared,
+    shift: impl Fn(Channel) -> Option<(S, S)>,
+) -> Vec<Drive<'a, S>> {
+    let predicted = predicted_channels(model);
+    let inputs = log.inputs.iter().filter(|(channel, _)| !predicted.contains(channel));
+    inputs.map(|(channel, values)| Drive { channel: *channel, values, shift: shift(*channel) }).collect()
+}
+
+/// Steps the model along the log and shows the channels of every row.
+pub(super) fn walk<S: Lane>(
+    model: &Arc<Model>,
+    parameters: Vec<S>,
+    start: Start<S>,
+    time_s: &[f64],
+    drives: &[Drive<'_, S>],
+    mut at: impl FnMut(usize, &Channels<S>),
+) {
+    let mut run = Run::with_parameters(Arc::clone(model), parameters, start);
+    for row in 0..time_s.len() {
+        for drive in drives {
+            let value = drive.values[row];
+            run.channels[drive.channel] = match drive.shift {
+                None => S::from(value),
+                Some((offset, gain)) => (gain + 1.0) * value + offset,
+            };
+        }
+        if row > 0 {
+            run.step(time_s[row] - time_s[row - 1]);
+        }
+        at(row, &run.channels);
+    }
+}
