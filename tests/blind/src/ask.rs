@@ -3,8 +3,11 @@
 use std::sync::Arc;
 
 use energy::Model;
+use lab::infer::answer::Discovery;
+use lab::infer::discover::search;
+use lab::infer::frame::Evidence;
 use lab::measurement::Log;
-use lab::prepare::{Prepared, predicted_channels, prepare};
+use lab::prepare::{Prepared, prepare};
 use serde_json::{Value, json};
 
 use crate::case::Case;
@@ -39,45 +42,18 @@ impl Question {
 /// Anything that answers questions: the lab, or a stand-in that tests the scorer.
 pub type Ask<'a> = dyn Fn(&Question) -> Value + Sync + 'a;
 
-/// Asks the lab.
-///
-/// Until `lab::discover` is there, a plain fit of the base stands in for it: it never finds
-/// anything, and its ladder has one rung.
+/// Asks the lab: what `lab discover --format json` prints for these files.
 #[must_use]
 pub fn ask(question: &Question) -> Value {
-    fit_only(question).unwrap_or_else(|error| json!({ "verdict": "error", "residual": error }))
+    discover(question).unwrap_or_else(|error| json!({ "verdict": "error", "residual": error }))
 }
 
-fn fit_only(question: &Question) -> Result<Value, String> {
-    let prepared = |logs: &[Log]| logs.iter().map(|log| prepare(&question.model, log)).collect::<Result<Vec<Prepared>, _>>();
-    let train = prepared(&question.train).map_err(|error| error.to_string())?;
-    let holdout = prepared(&question.holdout).map_err(|error| error.to_string())?;
-    let free: Vec<usize> = (0..question.model.parameters().len()).filter(|&index| question.model.parameters()[index].free).collect();
-    let values = if free.is_empty() {
-        question.model.values()
-    } else {
-        lab::fit::fit(&question.model, &train, &free, &mut |_| {}).map_err(|error| error.to_string())?.values
+fn discover(question: &Question) -> Result<Value, String> {
+    let evidence = |logs: &[Log]| -> Result<Arc<Evidence>, String> {
+        let prepared = logs.iter().map(|log| prepare(&question.model, log)).collect::<Result<Vec<Prepared>, _>>();
+        Ok(Arc::new(Evidence::new(&question.model, prepared.map_err(|error| error.to_string())?)))
     };
-    let rung = |logs: &[Prepared]| {
-        let mut sums = serde_json::Map::new();
-        for &channel in &predicted_channels(&question.model) {
-            let mut squares = (0.0, 0.0);
-            for log in logs {
-                let prediction = lab::predict::predict(&question.model, log, &values);
-                for target in log.targets.iter().filter(|target| target.channel == channel) {
-                    let rows = prediction.of(channel).unwrap_or_default().iter().zip(&target.observed).zip(&target.used);
-                    for ((predicted, observed), _) in rows.filter(|(_, used)| **used) {
-                        squares = (squares.0 + (observed - predicted).powi(2), squares.1 + 1.0);
-                    }
-                }
-            }
-            sums.insert(channel.name().to_owned(), json!((squares.0 / f64::max(squares.1, 1.0)).sqrt()));
-        }
-        sums
-    };
-    let floors = predicted_channels(&question.model);
-    let floor: serde_json::Map<_, _> =
-        floors.iter().map(|&channel| (channel.name().to_owned(), json!(question.model.sensor(channel).floor()))).collect();
-    let ladder = json!([{ "effect": null, "train_rms": rung(&train), "holdout_rms": rung(&holdout), "floor": floor }]);
-    Ok(json!({ "verdict": "complete", "selected": [], "equivalent": [], "ladder": ladder, "parameters": {}, "experiment": "" }))
+    let (train, holdout) = (evidence(&question.train)?, evidence(&question.holdout)?);
+    let search = search(Arc::clone(&question.model), train, Some(&holdout));
+    serde_json::to_value(Discovery::of(&search)).map_err(|error| error.to_string())
 }

@@ -1,12 +1,12 @@
-//! A fuel-gauge IC between the truth and the log: noise, steps, dead band, a specimen's offset and gain.
+//! A fuel-gauge IC between the truth and the log: noise, steps, skew, a specimen's offset and gain.
+//!
+//! It has no dead band: that is an effect of the catalogue, and a gauge that had one beside its
+//! offset would hide that effect in every case, nulls among them.
 
 use energy::units::S_PER_H;
 use energy::{Channel, Sensor};
 
 use crate::random::Stream;
-
-/// Current below which a gauge shows none, A.
-pub const DEAD_BAND_A: f64 = 2e-3;
 
 /// One specimen of a gauge: what it has of each sensor's stated spread stays the same in all logs.
 #[derive(Debug, Clone)]
@@ -41,8 +41,7 @@ impl Gauge {
             // Over weeks on a shelf the noise of a current averages out.
             let long = row > 0 && time_s[row] - time_s[row - 1] > S_PER_H;
             let noise = if channel == Channel::CurrentA && long { 0.0 } else { random.normal() };
-            let shown = sensor.shows(value, noise, *offset, *gain);
-            if channel == Channel::CurrentA && shown.abs() <= DEAD_BAND_A { 0.0 } else { shown }
+            sensor.shows(value, noise, *offset, *gain)
         };
         (0..truth.len()).map(read).collect()
     }

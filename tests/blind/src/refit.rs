@@ -79,6 +79,7 @@ pub fn leaves(base: &Draft, courses: &[Course], rounds: usize) -> Leaves {
             left = after;
         }
     }
+    left.extend(refit.warming());
     let by_channel: BTreeMap<Channel, f64> = left.into_iter().map(|(channel, rms)| (channel, refit.in_units(channel, rms))).collect();
     let strength = by_channel.iter().map(|(&channel, left)| if channel == Channel::VoltageV { *left } else { left / 2.0 });
     Leaves { strength: strength.fold(0.0, f64::max), by_channel }
@@ -256,6 +257,25 @@ impl Refit<'_> {
             }
         }
         rows
+    }
+
+    /// A model that is told the cell's temperature and that of the surroundings, and says nothing
+    /// of how one follows the other, misses their difference, less what the sensor's offset can be.
+    fn warming(&self) -> Option<(Channel, f64)> {
+        if self.model.system != System::Battery || self.model.predicts_temperature() {
+            return None;
+        }
+        let both = self.courses.iter().filter_map(|course| Some((course.of(Channel::TemperatureDegc)?, course.of(Channel::AmbientDegc)?)));
+        let differences: Vec<f64> =
+            both.flat_map(|(cell, ambient)| cell.iter().zip(ambient).map(|(cell, ambient)| cell - ambient)).collect();
+        if differences.is_empty() {
+            return None;
+        }
+        let count = differences.len() as f64;
+        let reach = TOLERANCE * self.model.sensor(Channel::TemperatureDegc).offset_sigma;
+        let offset = (differences.iter().sum::<f64>() / count).clamp(-reach, reach);
+        let squares: f64 = differences.iter().map(|difference| (difference - offset).powi(2)).sum();
+        Some((Channel::TemperatureDegc, (squares / count).sqrt()))
     }
 
     /// mV per cell for a voltage, sensor floors for everything else.

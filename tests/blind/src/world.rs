@@ -138,7 +138,9 @@ pub fn courses(world: &World, scripts: &[Script]) -> Vec<Course> {
     scripts.iter().enumerate().map(make).collect()
 }
 
-/// Columns of a battery's log.
+/// Columns of a battery's log. Where no effect of the world says how the cell warms, the
+/// temperature is an input like the current, and the log does not know the surroundings: a model
+/// that is told both is taken to say that they are the same.
 const COLUMNS: [Channel; 6] =
     [Channel::CurrentA, Channel::VoltageV, Channel::TemperatureDegc, Channel::AmbientDegc, Channel::CycleCount, Channel::AgeDays];
 
@@ -148,7 +150,8 @@ fn battery(model: &Arc<Model>, script: &Script, mut foreign: Foreign) -> Course 
     let mut run = Run::new(Arc::clone(model), script.start);
     let mut course =
         Course { name: script.name.clone(), holdout: script.holdout, start: script.start, time_s: Vec::new(), columns: Vec::new() };
-    course.columns = COLUMNS.iter().map(|&channel| (channel, Vec::new())).collect();
+    let kept = COLUMNS.iter().filter(|&&channel| channel != Channel::AmbientDegc || model.predicts_temperature());
+    course.columns = kept.map(|&channel| (channel, Vec::new())).collect();
     let (mut time_s, mut warming_k) = (0.0, 0.0);
     let mut row = |dt_s: f64, stretch: Stretch| {
         run.channels[Channel::AmbientDegc] = script.start.temperature_degc;
