@@ -1,0 +1,59 @@
+//! The one place at which the lab is called.
+
+use std::sync::Arc;
+
+use energy::Model;
+use lab::infer::answer::Discovery;
+use lab::infer::discover::search;
+use lab::infer::frame::Evidence;
+use lab::measurement::Log;
+use lab::prepare::{Prepared, prepare};
+use serde_json::{Value, json};
+
+use crate::case::Case;
+
+/// All that the lab gets to see of a case, read as its command reads it.
+#[derive(Debug)]
+pub struct Question {
+    /// Text of the base model's file.
+    pub model_toml: String,
+    /// The base model.
+    pub model: Arc<Model>,
+    /// Logs to learn from.
+    pub train: Vec<Log>,
+    /// Logs to judge by.
+    pub holdout: Vec<Log>,
+}
+
+impl Question {
+    /// What the lab sees of that case.
+    ///
+    /// # Panics
+    /// When the base model is no valid file: a mistake of this benchmark.
+    #[must_use]
+    pub fn of(case: &Case) -> Self {
+        let refuse = |_: &str| Err("a base model names no files".to_owned());
+        let model = Model::parse("base.toml", &case.base_model_toml, &refuse).unwrap_or_else(|error| panic!("{error}"));
+        let read = |logs: &[crate::CaseLog]| logs.iter().map(crate::CaseLog::log).collect();
+        Self { model_toml: case.base_model_toml.clone(), model: Arc::new(model), train: read(&case.train), holdout: read(&case.holdout) }
+    }
+}
+
+/// Anything that answers questions: the lab, or a stand-in that tests the scorer.
+pub type Ask<'a> = dyn Fn(&Question) -> Value + Sync + 'a;
+
+/// Asks the lab: what `lab discover --format json` prints for these files.
+#[must_use]
+pub fn ask(question: &Question) -> Value {
+    discover(question).unwrap_or_else(|error| json!({ "verdict": "error", "residual": error }))
+}
+
+fn discover(question: &Question) -> Result<Value, String> {
+    let evidence = |logs: &[Log]| -> Result<Arc<Evidence>, String> {
+        let prepared = logs.iter().map(|log| prepare(&question.model, log)).collect::<Result<Vec<Prepared>, _>>();
+        Ok(Arc::new(Evidence::new(&question.model, prepared.map_err(|error| error.to_string())?)))
+    };
+    let (train, holdout) = (evidence(&question.train)?, evidence(&question.holdout)?);
+    let search = search(Arc::clone(&question.model), train, Some(&holdout));
+    serde_json::to_value(Discovery::of(&search)).map_err(|error| error.to_string())
+}

@@ -1,0 +1,6 @@
+//! The benchmark itself is sound: cases are what they say, and the scorer punishes what is wrong.
+//! A small part of the cases is put to the lab as well.
+
+mod generator;
+mod quick;
+mod scorer;

@@ -1,0 +1,26 @@
+//! A few cases, put to the lab: what must hold of every answer whatever its merit. Batteries take
+//! the lab longest, so most cases here are of robots and stations. How good it is, the bench says.
+
+use blind::plan::DEVELOPMENT_SEED;
+use blind::{Choice, Kind, ask, run, table, tally};
+use energy::System;
+
+#[test]
+fn the_lab_answers_in_the_form_of_its_contract() {
+    let of_loads = Kind::ALL.iter().filter(|&&kind| kind != Kind::Electrochemical);
+    let loads = of_loads.flat_map(|&kind| [(kind, System::Robot), (kind, System::Station)]);
+    for (kind, system) in loads.chain([(Kind::Null, System::Battery)]) {
+        let choice = Choice { seed_from: DEVELOPMENT_SEED, cases: Some(1), kind: Some(kind), system: Some(system), ..Choice::default() };
+        let outcomes = run(&choice, &ask, &|| 0.0, &|_| {});
+        assert_eq!(outcomes.len(), 1, "{} {}", kind.name(), system.name());
+        for outcome in &outcomes {
+            let (name, answer) = (&outcome.case.name, &outcome.answer);
+            assert!(["complete", "missing", "ambiguous", "unknown"].contains(&answer.verdict.as_str()), "{name}: {answer:?}");
+            assert!(outcome.mark.holdout_over_floor.is_finite(), "{name}: {answer:?}");
+            let known = |id: &String| energy::find(outcome.case.system, id).is_some() || id == "expression";
+            assert!(answer.selected.iter().chain(&answer.equivalent).all(known), "{name}: {answer:?}");
+        }
+        let marks: Vec<_> = outcomes.into_iter().map(|outcome| outcome.mark).collect();
+        assert!(table::markdown(&tally(&marks)).lines().count() > 3);
+    }
+}
