@@ -48,7 +48,7 @@ impl LiveLog {
         battery.exchanges += u32::from(exchanged.is_some() && battery.opened);
         let stem = stem(name, battery.exchanges);
         if !battery.opened || exchanged.is_some() {
-            self.telemetry.live_battery(&stem, time_s - sample.dt_s, exchanged.unwrap_or(soc));
+            self.telemetry.live_battery(&stem, time_s - sample.dt_s, exchanged.unwrap_or(soc), sample.temperature_degc);
             battery.opened = true;
         }
         self.telemetry.live_battery_row(&stem, time_s, sample, battery.cycles);

@@ -96,10 +96,15 @@ impl Telemetry {
         }
     }
 
-    /// Opens a live battery's log: as [`Telemetry::battery`], but the temperature of the surroundings is
-    /// not known, and the cycles that its gauge counted are.
-    pub fn live_battery(&mut self, stem: &str, time_s: f64, soc: Estimate) {
-        let facts = format!("schema = 1\nid = \"{stem}\"\nsoc_initial = {}\nsoc_initial_sigma = {}\n", soc.value, soc.sigma);
+    /// Opens a live battery's log: as [`Telemetry::battery`], with the cycles that its gauge counted.
+    /// Nobody measures the surroundings: they are taken to be as warm as the pack was when the log
+    /// began, and the facts say so.
+    pub fn live_battery(&mut self, stem: &str, time_s: f64, soc: Estimate, temperature_degc: f64) {
+        let facts = format!(
+            "schema = 1\nid = \"{stem}\"\nsoc_initial = {}\nsoc_initial_sigma = {}\nambient_degc = {temperature_degc}\n\
+             source = \"ambient_degc is the pack's temperature when the log began\"\n",
+            soc.value, soc.sigma
+        );
         let rows = format!("time_s,current_a,voltage_v,temperature_degc,cycle_count\n{time_s},,,,\n");
         self.logs.insert(stem.to_owned(), Log { rows, facts, begun: false });
     }
@@ -163,7 +168,7 @@ mod tests {
     fn a_log_grows_as_it_goes_and_never_into_that_of_another_run() {
         let folder = tempfile::tempdir().unwrap();
         let mut telemetry = Telemetry::default();
-        telemetry.live_battery("r1", 0.0, Estimate::new(0.8, 0.01));
+        telemetry.live_battery("r1", 0.0, Estimate::new(0.8, 0.01), 25.0);
         let sample = Sample { dt_s: 1.0, current_a: 0.4, voltage_v: 11.5, temperature_degc: 25.0 };
         telemetry.live_battery_row("r1", 1.0, &sample, 3.25);
         telemetry.append(folder.path()).unwrap();
@@ -177,7 +182,7 @@ mod tests {
         );
         assert!(std::fs::read_to_string(folder.path().join("r1.toml")).unwrap().contains("soc_initial = 0.8\n"));
         let mut other = Telemetry::default();
-        other.live_battery("r1", 0.0, Estimate::new(0.8, 0.01));
+        other.live_battery("r1", 0.0, Estimate::new(0.8, 0.01), 25.0);
         assert!(other.append(folder.path()).unwrap_err().to_string().contains("r1.csv is there already"));
     }
 }
