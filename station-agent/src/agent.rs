@@ -70,6 +70,10 @@ impl Pack {
     }
 }
 
+/// What was last told of power and packs: whether there is power, the active pack, whose pack is being
+/// exchanged, and which packs are in their places.
+type ToldPower = (bool, Option<PackId>, Option<RobotId>, Vec<bool>);
+
 /// The station's side of a service.
 ///
 /// Call [`Agent::handle`] with each input, then [`Agent::poll`] until it returns nothing.
@@ -90,7 +94,7 @@ pub struct Agent {
     gauge_due: Due,
     state_due: Due,
     told: Option<Vec<(BayPhase, Option<RobotId>)>>,
-    told_power: Option<(bool, Option<PackId>, Option<RobotId>, Vec<bool>)>,
+    told_power: Option<ToldPower>,
     gauge_seq: u64,
     state_seq: u64,
     outputs: VecDeque<Output>,
