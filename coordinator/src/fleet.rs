@@ -53,11 +53,11 @@ impl Station {
         self.bay(bay).map(|bay| bay.phase)
     }
 
-    /// The state, once every pack has spoken too.
+    /// The state, once every pack that is in its place has spoken too.
     #[must_use]
     pub fn known(&self) -> Option<&StationState> {
         let state = self.state.as_ref()?;
-        let complete = state.packs.iter().all(|pack| self.packs.contains_key(&pack.pack));
+        let complete = state.packs.iter().filter(|pack| pack.connected).all(|pack| self.packs.contains_key(&pack.pack));
         (complete && !self.lost).then_some(state)
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use energy::units::S_PER_H;
 use energy::{Estimate, Model};
-use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp};
+use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::fleet::{Fleet, Robot, Station};
@@ -80,8 +80,12 @@ impl Basis<'_> {
     /// Time until a robot may be empty: what its gauge has left over its drain, both pessimistic.
     fn empty_s(&self, gauge: &Gauge, state: &RobotState) -> f64 {
         let z = Normal::standard().inverse_cdf(self.settings.confidence);
-        let energy_wh = (gauge.remaining_wh.value - z * gauge.remaining_wh.sigma).max(0.0);
         let drain_w = state.drain_w.value + z * state.drain_w.sigma;
+        // What the cheapest way home takes beyond as much work is kept back for it.
+        let beyond_wh = |way: &Travel| way.energy_wh.value + z * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
+        let reserve_wh = state.travel.values().map(beyond_wh).fold(f64::INFINITY, f64::min);
+        let reserve_wh = if reserve_wh.is_finite() { reserve_wh.max(0.0) } else { 0.0 };
+        let energy_wh = (gauge.remaining_wh.value - z * gauge.remaining_wh.sigma - reserve_wh).max(0.0);
         if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }
     }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::pack::Battery;
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model, Pack, Run, Start, propagate, propagate_all};
+use crate::{Channel, Estimate, Facts, Model, Pack, RobotFacts, Run, Start, propagate, propagate_all};
 
 /// A discharge at constant power, to the end of discharge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -156,11 +156,31 @@ pub fn charge_estimate(model: &Arc<Model>, soc: Estimate, target_soc: f64, tempe
     (energy_wh, time_s)
 }
 
+/// Evaluates `f` at a robot's or station's parameters and carries their deviations, and those of the
+/// loads on its rails, to first order. Values are those of [`Model::parameters`], not clamped.
+pub fn propagate_loads(model: &Arc<Model>, mut f: impl FnMut(&Arc<Model>, &[f64]) -> f64) -> Estimate {
+    let known = propagate(&model.estimates(), |values| f(model, values));
+    let Facts::Robot(RobotFacts { tree: Some(tree), .. }) = &model.facts else { return known };
+    let values = model.values();
+    let mut variance = known.sigma.powi(2);
+    for pair in tree.deviations() {
+        let [above, below] = pair.map(|tree| {
+            let mut facts = model.facts.clone();
+            if let Facts::Robot(robot) = &mut facts {
+                robot.tree = Some(tree);
+            }
+            f(&Arc::new(model.part(facts, |_| true).0), &values)
+        });
+        variance += ((above - below) / 2.0).powi(2);
+    }
+    Estimate::new(known.value, variance.sqrt())
+}
+
 /// Power that a robot or station draws with the given inputs, W, with its deviation.
 #[must_use]
 pub fn power_w(model: &Arc<Model>, inputs: &[(Channel, f64)]) -> Estimate {
     let target = model.system.targets()[0];
-    propagate(&model.estimates(), |values| {
+    propagate_loads(model, |model, values| {
         let mut run = Run::with_parameters(Arc::clone(model), values.to_vec(), Start::at_soc(0.0));
         for &(channel, value) in inputs {
             run.channels[channel] = value;

@@ -258,6 +258,27 @@ impl Model {
         self
     }
 
+    /// The same model with one effect in the place of another that has the same parameters; none
+    /// when it lacks the one or has the other already.
+    pub(crate) fn exchanged(&self, old: &str, new: &str) -> Option<Model> {
+        let (new_index, effect) = find(self.system, new)?;
+        let has = |id: &str| self.placed.iter().any(|placed| placed.effect.spec().id == id);
+        if !has(old) || has(new) {
+            return None;
+        }
+        let effects = self.placed.iter().map(|placed| {
+            let mut own = self.parameters[placed.parameters.clone()].to_vec();
+            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
+            if placed.effect.spec().id != old {
+                return (index, own);
+            }
+            own.iter_mut().for_each(|parameter| parameter.effect = effect.spec().id);
+            (new_index, own)
+        });
+        let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
+        Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect()).ok()
+    }
+
     /// Some of the effects on other facts, and which of this model's parameters are left,
     /// in their order.
     pub(crate) fn part(&self, facts: Facts, keep: impl Fn(&EffectSpec) -> bool) -> (Model, Vec<usize>) {

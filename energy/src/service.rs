@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::charger::PowerPath;
 use crate::effect::{Phase, find};
 use crate::forecast::{self, charge_within};
 use crate::system::System;
@@ -225,6 +226,30 @@ pub fn overhead_breakdown(station: &Arc<Model>, pack_v: f64) -> BTreeMap<String,
     let shares = shares(&mut run, &Situation { pack_v, ..Situation::default() });
     shares.into_iter().map(|(cause, w)| (cause.to_owned(), w)).filter(|(_, w)| w.abs() > 1e-9).collect()
 }
+
+/// How the robots of a station are joined to their bays, by its model: whether their own load passes
+/// their chargers. None when the model knows of no own load.
+#[must_use]
+pub fn power_path(station: &Model) -> Option<PowerPath> {
+    let has = |id: &str| station.effects().any(|effect| effect.spec().id == id);
+    match (has(DIRECT), has(SELECTED)) {
+        (true, _) => Some(PowerPath::Direct),
+        (false, true) => Some(PowerPath::Selected),
+        (false, false) => None,
+    }
+}
+
+/// The same station with robots that are joined to their bays the other way: what the other power
+/// path would save or cost is the difference between the two. None when the model knows of no own
+/// load, or of both ways at once.
+#[must_use]
+pub fn with_other_path(station: &Model) -> Option<Model> {
+    station.exchanged(DIRECT, SELECTED).or_else(|| station.exchanged(SELECTED, DIRECT))
+}
+
+/// Effects that say where the robots' own load is taken.
+const DIRECT: &str = "robot_own_load";
+const SELECTED: &str = "path_selection";
 
 /// What an exchange of a robot's pack takes: the station's handling, at the power of its lift.
 #[must_use]

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use energy::charger::{Charger, Charging, Flow, Surroundings};
 use energy::gauge::Sample;
 use energy::load::{CannotDeliver, Terminals as _};
 use energy::pack::Battery as _;
@@ -108,6 +109,44 @@ impl PackBody {
         }
         self.protection.step(dt_s, &measured(&self.pack));
         failed.map_or_else(|| Ok(self.sample(dt_s)), Err)
+    }
+
+    /// Steps the pack on a charger with what stands around it, and reads its sensors. While the
+    /// protection does not allow a charge, the pack asks for none.
+    ///
+    /// # Errors
+    /// [`CannotDeliver`] when the robot beside the charger would drain the pack below its end of
+    /// discharge, or when the protection has opened: the step is one of rest.
+    pub fn step_on(
+        &mut self,
+        charger: &Charger,
+        charging: &mut Charging,
+        around: &Surroundings,
+        dt_s: f64,
+    ) -> Result<(Flow, Sample), CannotDeliver> {
+        let mut around = *around;
+        let allowed = self.protection.allowed();
+        if allowed.charge.is_err() {
+            around.request.current_a = 0.0;
+        }
+        let before = *charging;
+        let trial = self.pack.clone();
+        let flow = charger.step(charging, &mut self.pack, &around, dt_s);
+        let drained = flow.battery_a < 0.0 && (allowed.discharge.is_err() || self.pack.is_empty());
+        if drained {
+            (self.pack, *charging) = (trial, before);
+            self.pack.step_current(0.0, dt_s);
+        }
+        self.protection.step(dt_s, &measured(&self.pack));
+        if drained { Err(CannotDeliver { power_w: around.own_load_w }) } else { Ok((flow, self.sample(dt_s))) }
+    }
+
+    /// A current that no sensor is read in, A: one of another pack beside this one.
+    pub fn pulse(&mut self, current_a: f64, dt_s: f64) {
+        if dt_s > 0.0 {
+            self.pack.step_current(current_a, dt_s);
+            self.protection.step(dt_s, &measured(&self.pack));
+        }
     }
 
     /// Reads the sensors once, as after a step of `dt_s`.

@@ -4,12 +4,15 @@
 //!   pure    ledger.rs   which commands were answered, and how
 //!           body.rs     a simulated pack behind a simulated gauge IC
 //!           publish.rs  how often an agent speaks
-//!           selector.rs what happens while a simulated station changes packs
+//!           selector.rs when a station changes packs, and what happens meanwhile
+//!           mission.rs  what a robot or vehicle does, leg by leg; vehicle.rs a station that drives
+//!           depot.rs    when a simulated station's packs are exchanged elsewhere
 //!           charging.rs what a station can charge, and with how much
 //!           wire.rs     estimates and readings on the wire
 //!   shell   clock.rs    real or accelerated time
 //!           session.rs  a Zenoh session from a [network] table; publish, serve, watch
 //!           files.rs    texts and models from disk, and logging to stderr
+//!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent
 //!           stop.rs     when to end
 //! ```
 //!
@@ -19,20 +22,29 @@ mod age;
 pub mod body;
 mod charging;
 pub mod clock;
+mod depot;
 pub mod files;
 pub mod ledger;
+mod live_log;
+pub mod mission;
 mod publish;
 mod selector;
 pub mod session;
 mod stop;
+mod telemetry;
+mod vehicle;
 mod wire;
 
 pub use age::Age;
 pub use charging::Charging;
 pub use clock::{Clock, ClockConfig};
+pub use depot::Depot;
 pub use ledger::{Ledger, refused};
+pub use live_log::LiveLog;
 pub use publish::{Due, Publish};
-pub use selector::SelectorConfig;
+pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY};
 pub use session::{Link, NetworkConfig};
 pub use stop::told_to_stop;
+pub use telemetry::{LOAD_INPUTS, STATION_INPUTS, Telemetry, load_columns};
+pub use vehicle::Vehicle;
 pub use wire::{gauge_message, wire};

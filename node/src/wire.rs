@@ -21,6 +21,7 @@ pub fn gauge_message(at: Timestamp, seq: u64, sample: &Sample, reading: &Reading
         time_to_empty_s: reading.time_to_empty_s.map(wire),
         time_to_full_s: reading.time_to_full_s.map(wire),
         soh: wire(reading.soh),
+        cycles: Some(reading.cycles),
         voltage_v: sample.voltage_v,
         current_a: sample.current_a,
         temperature_degc: sample.temperature_degc,

@@ -190,7 +190,8 @@ impl Agent {
                 self.resume();
             }
         }
-        self.note = (observation.place == Place::InBay && !observation.powered).then(|| "the bay has no power".to_owned());
+        let dark = || (observation.place == Place::InBay && !observation.powered).then(|| "the bay has no power".to_owned());
+        self.note = observation.why_down.clone().or_else(dark);
         match (self.phase, observation.place) {
             (Working | Travelling | Waiting, place) if observation.depleted && place != Place::InBay => self.phase = Stranded,
             (Travelling, Place::AtStation) => self.phase = Waiting,

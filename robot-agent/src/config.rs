@@ -6,14 +6,18 @@ use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use energy::gauge::{Kind, soc_at_rest};
-use energy::{Channel, Model, forecast};
+use energy::{Channel, Model};
 use node::files::{ModelRef, read_text};
+use node::mission::Mission;
 use node::{Age, ClockConfig, NetworkConfig, Publish, wire};
 use proto::{RobotId, SiteId, StationId, Travel};
 use serde::{Deserialize, Serialize};
 
 use crate::agent::{Agent, Profile};
+use crate::charger::ChargerConfig;
+use crate::radio::Radio;
 use crate::source::{Replay, RobotBody, Source, World};
+use crate::way::Ways;
 
 /// Everything a robot agent is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,6 +43,9 @@ pub struct Config {
     /// Seconds of travel to each station in reach.
     #[serde(default)]
     pub travel_s: BTreeMap<StationId, f64>,
+    /// Ways to stations of which more than the time is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub way: Option<Ways>,
     /// How often it speaks.
     #[serde(default)]
     pub publish: Publish,
@@ -50,22 +57,6 @@ pub struct Config {
     /// Faster time, for demonstrations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockConfig>,
-}
-
-/// `[mission]`: what the robot does when it is not being serviced.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Mission {
-    /// Worth of one second of its work; 1 is usual.
-    pub weight: f64,
-    /// Inputs of the load model while it works, such as `speed_mps`.
-    pub inputs: BTreeMap<String, f64>,
-}
-
-impl Default for Mission {
-    fn default() -> Self {
-        Self { weight: 1.0, inputs: BTreeMap::new() }
-    }
 }
 
 /// `[source]`: where samples come from.
@@ -83,6 +74,12 @@ pub enum SourceConfig {
         /// What the pack has lived through.
         #[serde(default)]
         age: Age,
+        /// The charger on board; without it the battery takes its rated charge in any case.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        charger: Option<ChargerConfig>,
+        /// Its radio; without it the coordinator hears it everywhere.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        radio: Option<Radio>,
         /// Temperature of the surroundings, °C.
         temperature_degc: f64,
         /// Chooses the gauge IC's specimen and noise.
@@ -97,8 +94,6 @@ pub enum SourceConfig {
 
 /// Longest time that a configuration may state, s: a year.
 const TIME_MAX_S: f64 = 365.0 * 86_400.0;
-/// Largest number that makes sense as a load's input or a weight.
-const INPUT_MAX: f64 = 1e6;
 
 /// The only version of the file so far.
 pub const SCHEMA: u32 = 1;
@@ -124,15 +119,20 @@ impl Config {
         self.network.check()?;
         self.clock.map_or(Ok(()), |clock| clock.check())?;
         self.publish.check()?;
-        ensure!(
-            (0.0..=INPUT_MAX).contains(&self.mission.weight),
-            "mission.weight = {}: must be between 0 and {INPUT_MAX}",
-            self.mission.weight
-        );
+        self.mission.check()?;
+        self.way.as_ref().map_or(Ok(()), Ways::check)?;
+        for station in self.way.iter().flat_map(|way| way.to.keys()) {
+            ensure!(
+                !self.travel_s.contains_key(station),
+                "way.to.{station}: travel_s.{station} is given too; one of them says how long it takes"
+            );
+        }
         for (station, time_s) in &self.travel_s {
             ensure!((0.0..=TIME_MAX_S).contains(time_s), "travel_s.{station} = {time_s}: must be between 0 and {TIME_MAX_S}");
         }
-        if let SourceConfig::Sim { soc, age, temperature_degc, .. } = self.source {
+        if let SourceConfig::Sim { soc, age, temperature_degc, charger, radio, .. } = self.source {
+            charger.map_or(Ok(()), |charger| charger.check()).context("source")?;
+            radio.map_or(Ok(()), |radio| radio.check()).context("source")?;
             age.check().context("source")?;
             ensure!(
                 (-60.0..=100.0).contains(&temperature_degc),
@@ -140,20 +140,7 @@ impl Config {
             );
             ensure!((0.0..=1.0).contains(&soc), "source.soc = {soc}: must be between 0 and 1");
         }
-        self.inputs().map(|_| ())
-    }
-
-    fn inputs(&self) -> anyhow::Result<Vec<(Channel, f64)>> {
-        self.mission
-            .inputs
-            .iter()
-            .map(|(name, &value)| {
-                let hint = || energy::document::hint(name, Channel::ALL.iter().map(|c| c.name()));
-                let channel = Channel::from_name(name).with_context(|| format!("mission.inputs.{name}: unknown channel{}", hint()))?;
-                ensure!(value.abs() <= INPUT_MAX, "mission.inputs.{name} = {value}: must be between -{INPUT_MAX} and {INPUT_MAX}");
-                Ok((channel, value))
-            })
-            .collect()
+        Ok(())
     }
 
     /// Makes agent and source. Models are looked up beside `path`.
@@ -173,7 +160,8 @@ impl Config {
                 let soc = soc_at_rest(&battery, replay.rest_voltage_v());
                 let gauge = self.gauge.open(Arc::clone(&battery), soc, replay.temperature_degc());
                 let drain_w = energy::Estimate::new(replay.mean_power_w(), 0.1 * replay.mean_power_w().abs());
-                Ok((Agent::new(self.profile(&battery, drain_w, "replay"), gauge), Box::new(replay)))
+                let load = self.load.as_ref().map(|load| load.load(path)).transpose()?;
+                Ok((Agent::new(self.profile(&battery, load.as_ref(), drain_w, "replay")?, gauge), Box::new(replay)))
             }
         }
     }
@@ -183,41 +171,59 @@ impl Config {
     /// # Errors
     /// When a model cannot be read or the source is not a simulated one.
     pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, RobotBody)> {
-        let SourceConfig::Sim { battery: true_battery, load: true_load, soc, age, temperature_degc, seed } = &self.source else {
+        let SourceConfig::Sim { battery: true_battery, load: true_load, soc, age, charger, radio, temperature_degc, seed } = &self.source
+        else {
             anyhow::bail!("robot {} has no simulated body", self.id)
         };
         let battery = self.battery.load(path)?;
-        let inputs = self.inputs()?;
+        let mut ways = BTreeMap::new();
+        for station in self.way.iter().flat_map(|way| way.to.keys()) {
+            if let Some(both) = self.way.as_ref().map(|way| way.stretches(station, &self.mission)).transpose()?.flatten() {
+                ways.insert(station.clone(), both);
+            }
+        }
+        let others: Vec<Channel> =
+            ways.values().flatten().flatten().flat_map(|stretch| stretch.inputs.iter().map(|(channel, _)| *channel)).collect();
         let mut body = RobotBody::new(World {
             battery: true_battery.load(path)?,
             load: true_load.load(path)?,
-            working: inputs.clone(),
+            work: self.mission.stretches(&others)?,
+            ways,
             travel_s: self.travel_s.clone(),
+            charger: *charger,
+            radio: *radio,
             soc: *soc,
             age: *age,
             temperature_degc: *temperature_degc,
             seed: *seed,
         });
         let load = self.load.as_ref().unwrap_or(true_load).load(path)?;
-        let drain_w = forecast::power_w(&load, &inputs);
+        let drain_w = self.mission.drain_w(&load)?;
         let gauge = self.gauge.open(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
-        Ok((Agent::new(self.profile(&battery, drain_w, "sim"), gauge), body))
+        Ok((Agent::new(self.profile(&battery, Some(&load), drain_w, "sim")?, gauge), body))
     }
 
-    fn profile(&self, battery: &Model, drain_w: energy::Estimate, source: &str) -> Profile {
-        let travel = self.travel_s.iter().map(|(station, &time_s)| {
+    fn profile(&self, battery: &Model, load: Option<&Arc<Model>>, drain_w: energy::Estimate, source: &str) -> anyhow::Result<Profile> {
+        let timed = self.travel_s.iter().map(|(station, &time_s)| {
             let energy_wh = wire(drain_w).scaled(time_s / energy::units::S_PER_H);
             (station.clone(), Travel { time_s, energy_wh })
         });
-        Profile {
+        let mut travel: BTreeMap<StationId, Travel> = timed.collect();
+        for (way, station) in self.way.iter().flat_map(|way| way.to.keys().map(move |station| (way, station))) {
+            let load = load.with_context(|| format!("way.to.{station}: what it costs needs the model of the loads, `load`"))?;
+            if let Some(trip) = way.trip(station, &self.mission, load)? {
+                travel.insert(station.clone(), Travel { time_s: trip.time_s, energy_wh: wire(trip.energy_wh) });
+            }
+        }
+        Ok(Profile {
             battery: battery.name.clone(),
             cells_series: battery.battery().series,
             charge_cutoff_a: battery.battery().charge.cutoff_a,
             drain_w: wire(drain_w),
-            travel: travel.collect(),
+            travel,
             mission: proto::Mission { weight: self.mission.weight, until: None },
             publish: self.publish,
             source: source.to_owned(),
-        }
+        })
     }
 }

@@ -13,10 +13,17 @@
 //! The simulator steps the same [`Agent`] and the same [`source::Source`] on simulated time.
 
 mod agent;
+mod charger;
 mod config;
+mod radio;
 mod service;
 pub mod source;
+mod way;
 
 pub use agent::{Agent, Input, Output, Profile};
-pub use config::{Config, Mission, SourceConfig};
+pub use charger::{ChargerConfig, Path};
+pub use config::{Config, SourceConfig};
+pub use node::mission::{Leg, Mission};
+pub use radio::Radio;
 pub use service::run;
+pub use way::{Piece, Ways};

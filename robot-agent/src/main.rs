@@ -48,6 +48,9 @@ struct RunArgs {
     /// Address of the coordinator or router, such as tcp/127.0.0.1:7447.
     #[arg(long, value_name = "ADDRESS")]
     connect: Vec<String>,
+    /// Folder for logs that `lab` reads: the battery's, and the load's where its inputs are known.
+    #[arg(long, value_name = "DIR")]
+    log: Option<PathBuf>,
     /// Seconds of fleet time per real second, for demonstrations and replays.
     #[arg(long, value_name = "FACTOR")]
     speed: Option<f64>,
@@ -81,9 +84,10 @@ fn main() -> ExitCode {
 }
 
 async fn run(args: RunArgs) -> anyhow::Result<()> {
+    let log = args.log.clone().map(node::LiveLog::new);
     let (config, path) = configured(args)?;
     let (agent, source) = config.build(path.as_deref())?;
-    robot_agent::run(&config, agent, source).await
+    robot_agent::run(&config, agent, source, log).await
 }
 
 /// The configuration file with the flags laid over it; or the flags alone, for a replay.
@@ -105,8 +109,9 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
                 gauge: energy::gauge::Kind::default(),
                 battery: ModelRef::Name(battery),
                 load: None,
-                mission: robot_agent::Mission::default(),
+                mission: node::mission::Mission::default(),
                 travel_s: Default::default(),
+                way: None,
                 publish: node::Publish::default(),
                 source: SourceConfig::Replay { file },
                 network: NetworkConfig::agent(),

@@ -2,25 +2,27 @@
 
 use std::time::Duration;
 
+use energy::Channel;
 use node::session::{command, decoded, reply};
-use node::{Clock, Link, told_to_stop};
-use proto::{Key, Pattern, RobotCommand, SimSupply};
+use node::{Clock, LOAD_INPUTS, Link, LiveLog, told_to_stop};
+use proto::{Key, Pattern, RobotCommand, SimSupply, Timestamp};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::query::Query;
 
 use crate::agent::{Agent, Input, Output};
 use crate::config::Config;
-use crate::source::Source;
+use crate::source::{Observation, Place, Source};
 
 /// Fleet seconds between two looks at the source.
 const STEP_S: f64 = 1.0;
 
-/// Runs until the source ends or the process is told to stop.
+/// Runs until the source ends or the process is told to stop; `log` is where what the source shows is
+/// written.
 ///
 /// # Errors
-/// When the session cannot be opened or is lost for good.
-pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>) -> anyhow::Result<()> {
+/// When the session cannot be opened or is lost for good, or the log cannot be written.
+pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>, mut log: Option<LiveLog>) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let robot = &config.id;
     let _alive = link.announce(&Key::RobotAlive(robot.clone())).await?;
@@ -52,9 +54,13 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
                         info!("robot {robot}: the source has ended");
                         return Ok(());
                     };
+                    if let Some(log) = &mut log {
+                        note(log, config, last, &agent, source.as_ref(), &observation);
+                    }
                     agent.handle(last, Input::Observed(observation));
-                    drain(&link, config, &mut agent, source.as_mut(), None, &mut station).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), None, &mut station, log.as_mut()).await?;
                 }
+                log.as_mut().map_or(Ok(()), LiveLog::flush)?;
                 if let (Some(at), Some(draw)) = (&station, source.draw()) {
                     link.publish(&Key::SimDraw(Clone::clone(at), robot.clone()), &draw).await?;
                 }
@@ -63,11 +69,26 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
             Some(query) = commands.recv() => {
                 if let Some(command) = command::<RobotCommand>(&query).await {
                     agent.handle(clock.now(), Input::Command(command));
-                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station, log.as_mut()).await?;
                 }
             }
             () = &mut stop => return Ok(()),
         }
+    }
+}
+
+/// Logs one observation: the battery always, the load where its inputs are measured.
+fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, source: &dyn Source, seen: &Observation) {
+    let Some(sample) = &seen.sample else { return };
+    log.battery(now, config.id.as_ref(), sample, agent.soc(), seen.exchanged);
+    // In a bay the battery's power is not that of the load.
+    if seen.place != Place::InBay
+        && !seen.depleted
+        && let Some(inputs) = source.load_inputs(&LOAD_INPUTS)
+    {
+        let power = [(Channel::PowerW, sample.current_a * sample.voltage_v)];
+        let channels: Vec<_> = power.into_iter().chain(LOAD_INPUTS.into_iter().zip(inputs)).collect();
+        log.row(now, sample.dt_s, &format!("{}-load", config.id), &channels, &[]);
     }
 }
 
@@ -78,10 +99,16 @@ async fn drain(
     source: &mut dyn Source,
     query: Option<&Query>,
     station: &mut Option<proto::StationId>,
+    mut log: Option<&mut LiveLog>,
 ) -> anyhow::Result<()> {
     while let Some(output) = agent.poll() {
         match output {
-            Output::Gauge(gauge) => link.publish(&Key::RobotGauge(config.id.clone()), &gauge).await?,
+            Output::Gauge(gauge) => {
+                if let Some(log) = &mut log {
+                    log.gauge(config.id.as_ref(), &gauge);
+                }
+                link.publish(&Key::RobotGauge(config.id.clone()), &gauge).await?;
+            }
             Output::State(state) => {
                 station.clone_from(&state.station);
                 tracing::debug!("robot {}: {}", config.id, state.phase);

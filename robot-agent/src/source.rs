@@ -7,8 +7,8 @@ mod simulated;
 pub use replay::Replay;
 pub use simulated::{RobotBody, World};
 
-use energy::Estimate;
 use energy::gauge::Sample;
+use energy::{Channel, Estimate};
 use proto::{SimDraw, SimSupply, StationId};
 
 /// Where the robot is, as far as its source can tell.
@@ -25,7 +25,7 @@ pub enum Place {
 }
 
 /// What the source knows after it moved on.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// What the pack's sensors showed since the last observation; none when there was no reading.
     pub sample: Option<Sample>,
@@ -37,6 +37,8 @@ pub struct Observation {
     pub exchanged: Option<Estimate>,
     /// The pack's protection has opened: nothing more can be drawn.
     pub depleted: bool,
+    /// Why the robot stands still although its pack is not empty; none otherwise.
+    pub why_down: Option<String>,
 }
 
 /// What an agent makes the robot do.
@@ -65,6 +67,11 @@ pub trait Source: Send {
 
     /// What a simulated bay gives. Real sources feel their bay and need not be told.
     fn supply(&mut self, _supply: &SimSupply) {}
+
+    /// Inputs of the load in the last step, for a log; none where nobody measures them.
+    fn load_inputs(&self, _channels: &[Channel]) -> Option<Vec<f64>> {
+        None
+    }
 
     /// What a simulated body takes from its bay.
     fn draw(&self) -> Option<SimDraw> {

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::{Gauge as Estimator, Sample};
+use energy::selector::{PackSeen, Rule};
 use node::{Due, Ledger, Publish, gauge_message, refused, wire};
 use proto::{
     BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, SpareId, SpareState, StationAction,
@@ -18,6 +19,8 @@ pub struct Profile {
     pub bays: Vec<BayId>,
     /// Its spares and their state of charge as written on them.
     pub spares: BTreeMap<SpareId, proto::Estimate>,
+    /// When its selector changes packs, and to which.
+    pub rule: Rule,
     /// How often it speaks.
     pub publish: Publish,
     /// Where samples come from, for people.
@@ -56,8 +59,20 @@ struct Pack {
     id: PackId,
     gauge: Box<dyn Estimator>,
     depleted: bool,
+    connected: bool,
     last: Option<Sample>,
 }
+
+impl Pack {
+    fn seen(&self) -> PackSeen {
+        let voltage_v = self.last.map_or(0.0, |sample| sample.voltage_v);
+        PackSeen { voltage_v, usable: self.connected && !self.depleted }
+    }
+}
+
+/// What was last told of power and packs: whether there is power, the active pack, whose pack is being
+/// exchanged, and which packs are in their places.
+type ToldPower = (bool, Option<PackId>, Option<RobotId>, Vec<bool>);
 
 /// The station's side of a service.
 ///
@@ -79,7 +94,7 @@ pub struct Agent {
     gauge_due: Due,
     state_due: Due,
     told: Option<Vec<(BayPhase, Option<RobotId>)>>,
-    told_power: Option<(bool, Option<PackId>, Option<RobotId>)>,
+    told_power: Option<ToldPower>,
     gauge_seq: u64,
     state_seq: u64,
     outputs: VecDeque<Output>,
@@ -94,7 +109,7 @@ impl Agent {
             bays: profile.bays.iter().map(|id| Bay { id: id.clone(), phase: BayPhase::Free, robot: None }).collect(),
             spares: profile.spares.iter().map(spare).collect(),
             active_pack: packs.first().map(|(id, _)| id.clone()),
-            packs: packs.into_iter().map(|(id, gauge)| Pack { id, gauge, depleted: false, last: None }).collect(),
+            packs: packs.into_iter().map(|(id, gauge)| Pack { id, gauge, depleted: false, connected: true, last: None }).collect(),
             profile,
             ledger: Ledger::default(),
             lifts: VecDeque::new(),
@@ -202,14 +217,36 @@ impl Agent {
                 self.outputs.push_back(Output::Act(Act::Swap { robot: robot.clone(), spare: spare.clone() }));
                 Outcome::Accepted
             }
-            StationAction::SelectPack { pack } => match self.packs.iter().find(|known| known.id == *pack) {
-                None => refused(Rejection::UnknownTarget, format!("there is no pack {pack}")),
-                Some(known) if known.depleted => refused(Rejection::NotPossible, format!("pack {pack} is depleted")),
-                Some(_) => {
-                    self.outputs.push_back(Output::Act(Act::Select { pack: pack.clone() }));
-                    Outcome::Accepted
+            StationAction::SelectPack { pack } => {
+                let Some(wanted) = self.packs.iter().position(|known| known.id == *pack) else {
+                    return refused(Rejection::UnknownTarget, format!("there is no pack {pack}"));
+                };
+                if self.chosen(Some(wanted)) != Some(wanted) {
+                    let why = if self.packs[wanted].connected { "depleted" } else { "away" };
+                    return refused(Rejection::NotPossible, format!("pack {pack} is {why}"));
                 }
-            },
+                self.outputs.push_back(Output::Act(Act::Select { pack: pack.clone() }));
+                Outcome::Accepted
+            }
+        }
+    }
+
+    /// The selector's choice among the packs as they are seen.
+    fn chosen(&self, request: Option<usize>) -> Option<usize> {
+        let packs: Vec<PackSeen> = self.packs.iter().map(Pack::seen).collect();
+        let active = self.packs.iter().position(|pack| Some(&pack.id) == self.active_pack.as_ref());
+        self.profile.rule.choose(&packs, active.unwrap_or(0), request)
+    }
+
+    /// Leaves a pack whose voltage is low for one that is good.
+    fn leave_a_low_pack(&mut self) {
+        if !self.powered {
+            return;
+        }
+        if let Some(pack) = self.chosen(None).map(|index| self.packs[index].id.clone())
+            && self.active_pack.as_ref().is_some_and(|active| *active != pack)
+        {
+            self.outputs.push_back(Output::Act(Act::Select { pack }));
         }
     }
 
@@ -225,8 +262,14 @@ impl Agent {
     fn observed(&mut self, observation: Observation) {
         for reading in observation.packs {
             if let Some(pack) = self.packs.iter_mut().find(|pack| pack.id == reading.pack) {
+                (pack.depleted, pack.connected) = (reading.depleted, reading.connected);
+                if let Some(soc) = reading.exchanged {
+                    pack.gauge.exchange(soc);
+                }
+                if !reading.connected {
+                    continue;
+                }
                 pack.gauge.update(&reading.sample);
-                pack.depleted = reading.depleted;
                 pack.last = Some(reading.sample);
                 if observation.active_pack.as_ref() == Some(&pack.id) {
                     self.pack_power_w = reading.sample.current_a * reading.sample.voltage_v;
@@ -235,6 +278,7 @@ impl Agent {
         }
         self.active_pack = observation.active_pack;
         self.powered = observation.powered;
+        self.leave_a_low_pack();
         if let Some(done) = observation.lifted {
             self.lifts.pop_front();
             self.lifting = false;
@@ -257,9 +301,9 @@ impl Agent {
 
     /// Publishes what is due: gauges by their period, the state by its period and on change.
     fn tell(&mut self, now: Timestamp) {
-        if self.gauge_due.is(now) && self.packs.iter().all(|pack| pack.last.is_some()) {
+        if self.gauge_due.is(now) && self.packs.iter().all(|pack| pack.last.is_some() || !pack.connected) {
             self.gauge_due.done(now, self.profile.publish.gauge_period_s);
-            for pack in &mut self.packs {
+            for pack in self.packs.iter_mut().filter(|pack| pack.connected) {
                 let Some(sample) = pack.last else { continue };
                 let reading = pack.gauge.reading();
                 self.gauge_seq += 1;
@@ -269,7 +313,8 @@ impl Agent {
             }
         }
         let telling: Vec<_> = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
-        let power = (self.powered, self.active_pack.clone(), self.swapping.clone());
+        let here = self.packs.iter().map(|pack| pack.connected).collect();
+        let power = (self.powered, self.active_pack.clone(), self.swapping.clone(), here);
         let changed = self.told.as_ref() != Some(&telling) || self.told_power.as_ref() != Some(&power);
         if changed || self.state_due.is(now) {
             (self.told, self.told_power) = (Some(telling), Some(power));
@@ -280,13 +325,13 @@ impl Agent {
     }
 
     fn why_down(&self) -> &'static str {
-        if self.packs.iter().all(|pack| pack.depleted) { "every pack is depleted" } else { "it starts again" }
+        if self.packs.iter().all(|pack| pack.depleted || !pack.connected) { "every pack is depleted or away" } else { "it starts again" }
     }
 
     fn state_message(&mut self, now: Timestamp) -> StationState {
         self.state_seq += 1;
         let bay = |bay: &Bay| BayState { bay: bay.id.clone(), phase: bay.phase, robot: bay.robot.clone() };
-        let pack = |pack: &Pack| PackState { pack: pack.id.clone(), connected: true, depleted: pack.depleted };
+        let pack = |pack: &Pack| PackState { pack: pack.id.clone(), connected: pack.connected, depleted: pack.depleted };
         StationState {
             at: now,
             seq: self.state_seq,

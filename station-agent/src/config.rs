@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use energy::gauge::Kind;
 use node::files::{ModelRef, read_text};
-use node::{Age, Charging, ClockConfig, NetworkConfig, Publish, SelectorConfig};
+use node::{Age, Charging, ClockConfig, Depot, NetworkConfig, Publish, SelectorConfig, UNTIL_EMPTY, Vehicle};
 use proto::{BayId, Estimate, PackId, SiteId, SpareId, StationId};
 use serde::{Deserialize, Serialize};
 
@@ -85,9 +85,16 @@ pub enum SourceConfig {
         /// What its converters and chargers can do.
         #[serde(default)]
         charging: Charging,
-        /// What happens while it changes packs; nothing when this is left out.
+        /// When it changes packs, and what happens meanwhile; when one gives out, and nothing, when this
+        /// is left out.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         selector: Option<SelectorConfig>,
+        /// Where its packs are exchanged; they stay when this is left out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        depot: Option<Depot>,
+        /// What it drives; it stands when this is left out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        vehicle: Option<Vehicle>,
         /// Temperature of the surroundings, °C.
         temperature_degc: f64,
         /// Chooses the gauge ICs' specimens and noise.
@@ -150,9 +157,11 @@ impl Config {
         for spare in &self.spares {
             fraction(format!("spares.{}.soc", spare.id), spare.soc)?;
         }
-        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, charging, selector, temperature_degc, .. } = &self.source;
+        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, .. } = &self.source;
         charging.check().context("source")?;
         selector.map_or(Ok(()), |selector| selector.check()).context("source")?;
+        depot.map_or(Ok(()), |depot| depot.check()).context("source")?;
+        vehicle.as_ref().map(Vehicle::stretches).transpose().context("source")?;
         ensure!((-60.0..=100.0).contains(temperature_degc), "source.temperature_degc = {temperature_degc}: must be between -60 and 100");
         for (key, value) in [("load_s", load_s), ("unload_s", unload_s), ("swap_s", swap_s)] {
             ensure!((0.0..=TIME_MAX_S).contains(value), "source.{key} = {value}: must be between 0 and {TIME_MAX_S}");
@@ -170,7 +179,8 @@ impl Config {
     /// # Errors
     /// When a model cannot be read.
     pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, StationBody)> {
-        let SourceConfig::Sim { load, packs, load_s, unload_s, swap_s, charging, selector, temperature_degc, seed } = &self.source;
+        let SourceConfig::Sim { load, packs, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, seed } =
+            &self.source;
         let mut true_packs = Vec::new();
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
@@ -187,6 +197,11 @@ impl Config {
             recharge_w: charging.recharge_w,
             spare_battery: charging.load(path)?,
             selector: *selector,
+            depot: *depot,
+            vehicle: match vehicle {
+                Some(vehicle) => Some((vehicle.model(path)?, vehicle.stretches()?, vehicle.robot_kg)),
+                None => None,
+            },
             temperature_degc: *temperature_degc,
             seed: *seed,
         });
@@ -197,6 +212,7 @@ impl Config {
         let profile = Profile {
             bays: self.bays.clone(),
             spares: self.spares.iter().map(|spare| (spare.id.clone(), Estimate::new(spare.soc, 0.01))).collect(),
+            rule: selector.map_or(UNTIL_EMPTY, |selector| selector.rule()),
             publish: self.publish,
             source: "sim".to_owned(),
         };

@@ -26,11 +26,15 @@ enum Command {
         /// Address of the coordinator or router, such as tcp/127.0.0.1:7447.
         #[arg(long, value_name = "ADDRESS")]
         connect: Vec<String>,
+        /// Folder for logs that `lab` reads: one for each pack, and the station's load where its inputs
+        /// are known.
+        #[arg(long, value_name = "DIR")]
+        log: Option<PathBuf>,
     },
 }
 
 fn main() -> ExitCode {
-    let Command::Run { config, connect } = Cli::parse().command;
+    let Command::Run { config, connect, log } = Cli::parse().command;
     log_to_stderr("station_agent");
     let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
         Ok(runtime) => runtime,
@@ -39,7 +43,7 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match runtime.block_on(run(config, connect)) {
+    match runtime.block_on(run(config, connect, log)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("station-agent: {error:#}");
@@ -48,11 +52,11 @@ fn main() -> ExitCode {
     }
 }
 
-async fn run(path: PathBuf, connect: Vec<String>) -> anyhow::Result<()> {
+async fn run(path: PathBuf, connect: Vec<String>, log: Option<PathBuf>) -> anyhow::Result<()> {
     let mut config = Config::read(&path)?;
     if !connect.is_empty() {
         config.network.connect = connect;
     }
     let (agent, source) = config.build_simulated(Some(&path))?;
-    station_agent::run(&config, agent, Box::new(source)).await
+    station_agent::run(&config, agent, Box::new(source), log.map(node::LiveLog::new)).await
 }

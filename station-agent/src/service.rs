@@ -2,25 +2,27 @@
 
 use std::time::Duration;
 
+use energy::{Channel, Estimate};
 use node::session::{command, decoded, reply};
-use node::{Clock, Link, told_to_stop};
-use proto::{Key, Pattern, RobotId, SimDraw, StationCommand};
+use node::{Clock, Link, LiveLog, STATION_INPUTS, told_to_stop};
+use proto::{Key, PackId, Pattern, RobotId, SimDraw, StationCommand, Timestamp};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::query::Query;
 
 use crate::agent::{Agent, Input, Output};
 use crate::config::Config;
-use crate::source::Source;
+use crate::source::{Observation, Source};
 
 /// Fleet seconds between two looks at the source.
 const STEP_S: f64 = 1.0;
 
-/// Runs until the source ends or the process is told to stop.
+/// Runs until the source ends or the process is told to stop; `log` is where what the source shows is
+/// written.
 ///
 /// # Errors
-/// When the session cannot be opened or is lost for good.
-pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>) -> anyhow::Result<()> {
+/// When the session cannot be opened or is lost for good, or the log cannot be written.
+pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>, mut log: Option<LiveLog>) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let station = &config.id;
     let _alive = link.announce(&Key::StationAlive(station.clone())).await?;
@@ -50,9 +52,13 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
                         info!("station {station}: the source has ended");
                         return Ok(());
                     };
+                    if let Some(log) = &mut log {
+                        note(log, config, last, &agent, source.as_ref(), &observation);
+                    }
                     agent.handle(last, Input::Observed(observation));
-                    drain(&link, config, &mut agent, source.as_mut(), None).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), None, log.as_mut()).await?;
                 }
+                log.as_mut().map_or(Ok(()), LiveLog::flush)?;
                 // Only the newest supply of each robot matters, except a pack put in.
                 let mut supplies = source.supplies();
                 let newest: std::collections::BTreeMap<_, _> = supplies.iter().enumerate().map(|(i, (robot, _))| (robot.clone(), i)).collect();
@@ -66,7 +72,7 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
             Some(query) = commands.recv() => {
                 if let Some(command) = command::<StationCommand>(&query).await {
                     agent.handle(clock.now(), Input::Command(command));
-                    drain(&link, config, &mut agent, source.as_mut(), Some(&query)).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), log.as_mut()).await?;
                 }
             }
             () = &mut stop => return Ok(()),
@@ -74,10 +80,49 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>)
     }
 }
 
-async fn drain(link: &Link, config: &Config, agent: &mut Agent, source: &mut dyn Source, query: Option<&Query>) -> anyhow::Result<()> {
+fn pack_stem(config: &Config, pack: &PackId) -> String {
+    format!("{}-{pack}", config.id)
+}
+
+/// Logs one observation: every pack in its place, and the station's load where its inputs are measured.
+fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, source: &dyn Source, seen: &Observation) {
+    for reading in seen.packs.iter().filter(|reading| reading.connected) {
+        let soc = agent.socs().find(|(pack, _)| **pack == reading.pack).map_or(Estimate::new(0.5, 0.5), |(_, soc)| soc);
+        log.battery(now, &pack_stem(config, &reading.pack), &reading.sample, soc, reading.exchanged);
+    }
+    let active = seen.packs.iter().find(|reading| seen.active_pack.as_ref() == Some(&reading.pack)).filter(|_| seen.powered);
+    if let (Some(reading), Some(inputs)) = (active, source.load_inputs(&STATION_INPUTS)) {
+        let sample = &reading.sample;
+        let pack = [
+            (Channel::PackCurrentA, sample.current_a),
+            (Channel::PackVoltageV, sample.voltage_v),
+            (Channel::PackPowerW, sample.current_a * sample.voltage_v),
+        ];
+        let channels: Vec<_> = STATION_INPUTS.into_iter().zip(inputs).chain(pack).collect();
+        let robot = |(number, robot): (usize, Option<&RobotId>)| {
+            (format!("bay_{}_robot", number + 1), robot.map_or(String::new(), ToString::to_string))
+        };
+        let bays: Vec<_> = agent.bays().enumerate().map(robot).collect();
+        log.row(now, sample.dt_s, config.id.as_ref(), &channels, &bays);
+    }
+}
+
+async fn drain(
+    link: &Link,
+    config: &Config,
+    agent: &mut Agent,
+    source: &mut dyn Source,
+    query: Option<&Query>,
+    mut log: Option<&mut LiveLog>,
+) -> anyhow::Result<()> {
     while let Some(output) = agent.poll() {
         match output {
-            Output::Gauge(pack, gauge) => link.publish(&Key::PackGauge(config.id.clone(), pack), &gauge).await?,
+            Output::Gauge(pack, gauge) => {
+                if let Some(log) = &mut log {
+                    log.gauge(&pack_stem(config, &pack), &gauge);
+                }
+                link.publish(&Key::PackGauge(config.id.clone(), pack), &gauge).await?;
+            }
             Output::State(state) => link.publish(&Key::StationState(config.id.clone()), &state).await?,
             Output::Act(act) => source.act(&act),
             Output::Reply(answer) => {

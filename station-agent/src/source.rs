@@ -4,8 +4,8 @@ mod simulated;
 
 pub use simulated::{StationBody, World, WorldPack};
 
-use energy::Estimate;
 use energy::gauge::Sample;
+use energy::{Channel, Estimate};
 use proto::{BayId, PackId, RobotId, SimDraw, SimSupply, SpareId};
 
 /// What the source knows after it moved on.
@@ -36,6 +36,10 @@ pub struct PackReading {
     pub sample: Sample,
     /// Whether its protection has opened.
     pub depleted: bool,
+    /// Whether it is in its place; the sample counts only then.
+    pub connected: bool,
+    /// Another pack was put in its place; its state of charge as written on it.
+    pub exchanged: Option<Estimate>,
 }
 
 /// A finished lift movement.
@@ -86,6 +90,11 @@ pub trait Source: Send {
 
     /// Moves on by `dt_s` seconds; nothing when the source has ended.
     fn advance(&mut self, dt_s: f64) -> Option<Observation>;
+
+    /// Inputs of the station's load in the last step, for a log; none where nobody measures them.
+    fn load_inputs(&self, _channels: &[Channel]) -> Option<Vec<f64>> {
+        None
+    }
 
     /// What a simulated robot takes from its bay. Real stations measure it.
     fn draw(&mut self, _robot: &RobotId, _draw: &SimDraw) {}

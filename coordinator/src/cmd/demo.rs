@@ -72,7 +72,7 @@ pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
             let config = robot_agent::Config::read(&args.config)?;
             let (agent, source) = config.build(Some(&args.config))?;
             tokio::select! {
-                ran = robot_agent::run(&config, agent, source) => ran?,
+                ran = robot_agent::run(&config, agent, source, None) => ran?,
                 () = parent_ended() => {}
             }
         }
@@ -80,7 +80,7 @@ pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
             let config = station_agent::Config::read(&args.config)?;
             let (agent, source) = config.build_simulated(Some(&args.config))?;
             tokio::select! {
-                ran = station_agent::run(&config, agent, Box::new(source)) => ran?,
+                ran = station_agent::run(&config, agent, Box::new(source), None) => ran?,
                 () = parent_ended() => {}
             }
         }

@@ -38,14 +38,15 @@ impl Core {
         let phase = state.phase;
         robot.state = Some(state.clone());
         robot.lost = false;
-        self.record(Record::RobotState { robot: id.clone(), state });
+        self.record(Record::RobotState { robot: id.clone(), state: state.clone() });
         match before {
             None => {
                 self.adopt(now, &id);
                 self.heard_robot(now, &id);
             }
             Some(before) if before != phase => {
-                self.event(now, EventKind::PhaseChanged, Some(&id), None, None, format!("{id}: {before} -> {phase}"));
+                let why = state.note.filter(|_| phase == RobotPhase::Stranded).map_or_else(String::new, |note| format!(": {note}"));
+                self.event(now, EventKind::PhaseChanged, Some(&id), None, None, format!("{id}: {before} -> {phase}{why}"));
                 if phase == RobotPhase::Stranded {
                     self.replan(format!("{id} is stranded"));
                 }
@@ -107,6 +108,9 @@ impl Core {
             self.replan(format!("{id} switched to {pack}"));
         }
         for (was, is) in before.packs.iter().zip(&state.packs) {
+            if is.connected != was.connected && is.pack == was.pack {
+                self.replan(format!("{} of {id} {}", is.pack, if is.connected { "is there again" } else { "is away" }));
+            }
             if is.depleted && !was.depleted && is.pack == was.pack {
                 self.event(now, EventKind::PackDepleted, None, Some(&id), Some(&is.pack), format!("{} of {id} is depleted", is.pack));
                 self.replan(format!("{} of {id} is depleted", is.pack));

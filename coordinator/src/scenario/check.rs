@@ -100,6 +100,8 @@ fn check_station(station: &StationEntry) -> Result<(), String> {
     }
     station.charging.check().map_err(|error| format!("station {id}: {error}"))?;
     station.selector.map_or(Ok(()), |selector| selector.check()).map_err(|error| format!("station {id}: {error}"))?;
+    station.depot.map_or(Ok(()), |depot| depot.check()).map_err(|error| format!("station {id}: {error}"))?;
+    station.vehicle.as_ref().map_or(Ok(()), |vehicle| vehicle.stretches().map(|_| ())).map_err(|error| format!("station {id}: {error}"))?;
     if station.packs.is_empty() {
         return Err(format!("station {id}: packs: at least one is needed"));
     }
@@ -121,6 +123,14 @@ fn check_station(station: &StationEntry) -> Result<(), String> {
     Ok(())
 }
 
+fn known(stations: &[&str], key: &str, station: &str) -> Result<(), String> {
+    if stations.contains(&station) {
+        return Ok(());
+    }
+    let hint = energy::document::hint(station, stations.iter().copied());
+    Err(format!("{key} names the unknown station {station}{hint} Known: {}", stations.join(", ")))
+}
+
 fn check_robot(robot: &RobotEntry, stations: &[&str]) -> Result<(), String> {
     let id = &robot.id;
     if robot.count.is_some_and(|count| count == 0 || count > COUNT_MAX) {
@@ -137,15 +147,22 @@ fn check_robot(robot: &RobotEntry, stations: &[&str]) -> Result<(), String> {
         fraction(&format!("robot {id}: soc"), soc)?;
     }
     for (station, values) in &robot.travel_s {
-        if !stations.contains(&station.as_ref()) {
-            let hint = energy::document::hint(station.as_ref(), stations.iter().copied());
-            return Err(format!("robot {id}: travel_s names the unknown station {station}{hint} Known: {}", stations.join(", ")));
-        }
+        known(stations, &format!("robot {id}: travel_s"), station.as_ref())?;
         each(&format!("travel_s.{station}"), values)?;
         for &value in values.all() {
             not_negative(&format!("robot {id}: travel_s.{station}"), value)?;
         }
     }
-    robot.age.check().map_err(|error| format!("robot {id}: {error}"))?;
-    not_negative(&format!("robot {id}: mission.weight"), robot.mission.weight)
+    let named = |error: anyhow::Error| format!("robot {id}: {error}");
+    robot.age.check().map_err(named)?;
+    robot.charger.map_or(Ok(()), |charger| charger.check()).map_err(named)?;
+    robot.radio.map_or(Ok(()), |radio| radio.check()).map_err(named)?;
+    robot.way.as_ref().map_or(Ok(()), robot_agent::Ways::check).map_err(named)?;
+    for station in robot.way.iter().flat_map(|way| way.to.keys()) {
+        known(stations, &format!("robot {id}: way.to"), station.as_ref())?;
+        if robot.travel_s.contains_key(station) {
+            return Err(format!("robot {id}: way.to.{station}: travel_s.{station} is given too; one of them says how long it takes"));
+        }
+    }
+    robot.mission.check().map_err(named)
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, ensure};
+use energy::charger::PowerPath;
 use node::files::{ModelRef, ReducedModel};
 use node::{ClockConfig, NetworkConfig};
 
@@ -70,6 +71,11 @@ impl Scenario {
             coordinator.stations.insert(entry.id.clone(), config);
             stations.push(self.station_config(entry, seed, &believed, &truth)?);
         }
+        for robot in &robots {
+            for station in &stations {
+                check_power_path(robot, station)?;
+            }
+        }
         Ok(Deployment { coordinator, robots, stations })
     }
 
@@ -89,6 +95,7 @@ impl Scenario {
             battery: believed(&entry.battery),
             load: Some(believed(&entry.load)),
             mission: entry.mission.clone(),
+            way: entry.way.clone(),
             travel_s: entry.travel_s.iter().map(|(station, values)| (station.clone(), values.at(index))).collect(),
             publish: self.publish,
             source: robot_agent::SourceConfig::Sim {
@@ -96,6 +103,8 @@ impl Scenario {
                 load: truth(&entry.load),
                 soc: entry.soc.at(index),
                 age: entry.age,
+                charger: entry.charger,
+                radio: entry.radio,
                 temperature_degc: self.temperature_degc,
                 seed,
             },
@@ -135,6 +144,8 @@ impl Scenario {
                 swap_s: entry.swap_s,
                 charging: entry.charging.named(|name| truth(name)),
                 selector: entry.selector,
+                depot: entry.depot,
+                vehicle: entry.vehicle.as_ref().map(|vehicle| vehicle.named(|name| truth(name))),
                 temperature_degc: self.temperature_degc,
                 seed,
             },
@@ -153,7 +164,10 @@ impl Scenario {
         let mut names: Vec<&str> = stations
             .flat_map(|station| {
                 let packs = station.packs.iter().map(|pack| pack.battery.as_str());
-                std::iter::once(station.load.as_str()).chain(packs).chain(station.charging.spare_battery.as_deref())
+                std::iter::once(station.load.as_str())
+                    .chain(packs)
+                    .chain(station.charging.spare_battery.as_deref())
+                    .chain(station.vehicle.as_ref().map(|vehicle| vehicle.load.as_str()))
             })
             .chain(robots.flat_map(|robot| [robot.battery.as_str(), robot.load.as_str()]))
             .collect();
@@ -217,6 +231,28 @@ impl Scenario {
         };
         if without.is_empty() { ModelRef::Name(model) } else { ModelRef::Reduced(ReducedModel { model, without }) }
     }
+}
+
+/// Where a robot takes its own load is a matter of its charger and of the station's load: the two must
+/// agree.
+fn check_power_path(robot: &robot_agent::Config, station: &station_agent::Config) -> anyhow::Result<()> {
+    let robot_agent::SourceConfig::Sim { charger: Some(charger), .. } = &robot.source else { return Ok(()) };
+    let goes = robot.travel_s.contains_key(&station.id) || robot.way.as_ref().is_some_and(|way| way.to.contains_key(&station.id));
+    let station_agent::SourceConfig::Sim { load, .. } = &station.source;
+    let load = load.load(None)?;
+    let (own, theirs) = (charger.power_path(), energy::service::power_path(&load));
+    let effect = |path| if path == PowerPath::Direct { "robot_own_load" } else { "path_selection" };
+    ensure!(
+        !goes || theirs.is_none_or(|theirs| theirs == own),
+        "robot {}: charger.path: the load `{}` of station {} has the effect `{}`, but this path wants `{}`: name another load, such as {}",
+        robot.id,
+        load.name,
+        station.id,
+        effect(theirs.unwrap_or(own)),
+        effect(own),
+        if own == PowerPath::Direct { "mds-station" } else { "mds-station-path-selection" }
+    );
+    Ok(())
 }
 
 impl Deployment {

@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use energy::DocumentError;
 use energy::document::Document;
 use energy::gauge::Kind;
-use node::{Age, Charging, Publish, SelectorConfig};
+use node::mission::Mission;
+use node::{Age, Charging, Depot, Publish, SelectorConfig, Vehicle};
 use proto::{PackId, RobotId, SiteId, SpareId, StationId};
+use robot_agent::{ChargerConfig, Radio, Ways};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -99,9 +101,15 @@ pub struct StationEntry {
     /// What its converters and chargers can do.
     #[serde(default)]
     pub charging: Charging<String>,
-    /// What happens while it changes packs; nothing when this is left out.
+    /// When it changes packs, and what happens meanwhile.
     #[serde(default)]
     pub selector: Option<SelectorConfig>,
+    /// Where its packs are exchanged; they stay when this is left out.
+    #[serde(default)]
+    pub depot: Option<Depot>,
+    /// What it drives; it stands when this is left out.
+    #[serde(default)]
+    pub vehicle: Option<Vehicle<String>>,
 }
 
 /// A pack of a station.
@@ -153,11 +161,20 @@ pub struct RobotEntry {
     /// What its pack has lived through in truth.
     #[serde(default)]
     pub age: Age,
+    /// The charger on board; without it the battery takes its rated charge in any case.
+    #[serde(default)]
+    pub charger: Option<ChargerConfig>,
+    /// Its radio; without it the coordinator hears it everywhere.
+    #[serde(default)]
+    pub radio: Option<Radio>,
     /// Seconds of travel to each station: one for all or one each.
     pub travel_s: BTreeMap<StationId, OneOrEach>,
+    /// Ways to stations of which more than the time is known.
+    #[serde(default)]
+    pub way: Option<Ways>,
     /// Its work.
     #[serde(default)]
-    pub mission: robot_agent::Mission,
+    pub mission: Mission,
 }
 
 /// One number for all robots of an entry, or one for each.

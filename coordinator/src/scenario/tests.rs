@@ -53,12 +53,12 @@ fn known_keys(error: &str) -> Option<BTreeSet<String>> {
 }
 
 /// Keys of the format that a file does not use, by the table that could hold them, and how many
-/// tables have known keys.
+/// tables have known keys. Of several tables at one place (robots, legs) one that uses a key is enough.
 fn unused_keys(text: &str) -> (BTreeMap<String, Vec<String>>, usize) {
     let root: Value = toml::from_str(text).map(Value::Table).unwrap();
     let mut places = Vec::new();
     tables(&root, &[], &mut places);
-    let (mut unused, mut structs) = (BTreeMap::new(), 0);
+    let (mut unused, mut structs): (BTreeMap<String, BTreeSet<String>>, usize) = (BTreeMap::new(), 0);
     for place in places {
         let mut changed = root.clone();
         let table = table_at(&mut changed, &place);
@@ -67,12 +67,13 @@ fn unused_keys(text: &str) -> (BTreeMap<String, Vec<String>>, usize) {
         let error = parse(&toml::to_string(&changed).unwrap()).expect_err("an unknown key or a wrong value");
         let Some(known) = known_keys(&error).or_else(|| keys_of_a_range(&error, &present)) else { continue };
         structs += 1;
-        let lacking: Vec<String> = known.difference(&present).cloned().collect();
-        if !lacking.is_empty() {
-            unused.insert(format!("{place:?}"), lacking);
-        }
+        let lacking: BTreeSet<String> = known.difference(&present).cloned().collect();
+        let keys: Vec<&str> = place.iter().filter_map(|step| if let Step::Key(key) = step { Some(key.as_str()) } else { None }).collect();
+        let still = unused.entry(keys.join(".")).or_insert_with(|| lacking.clone());
+        still.retain(|key| lacking.contains(key));
     }
-    (unused, structs)
+    unused.retain(|_, lacking| !lacking.is_empty());
+    (unused.into_iter().map(|(place, lacking)| (place, lacking.into_iter().collect())).collect(), structs)
 }
 
 /// The error of an untagged enum hides which of its variants came near, so the range is asked
@@ -90,8 +91,8 @@ fn default_toml_names_every_key_of_the_format() {
     let (unused, structs) = unused_keys(DEFAULT);
     assert!(unused.is_empty(), "scenarios/default.toml lacks {unused:#?}");
     // The file, policy, publish, three changes, station, pack, two ages, spare, charging, selector, robot, mission,
-    // run, range.
-    assert_eq!(structs, 17, "has serde's message changed, or is a new table missing here?");
+    // run, range; depot, vehicle and its leg; a second pack; a second robot with charger, radio, way, piece, mission, leg.
+    assert_eq!(structs, 28, "has serde's message changed, or is a new table missing here?");
 }
 
 #[test]
@@ -134,7 +135,7 @@ fn values_in_default_toml_are_the_defaults() {
     assert_eq!(written.publish, least.publish);
     assert_eq!((&written.site, written.seed, written.temperature_degc), (&least.site, least.seed, least.temperature_degc));
     assert_eq!((&written.world, &written.believed), (&least.world, &least.believed));
-    assert_eq!(written.robot[0].get_ref().mission, robot_agent::Mission::default());
+    assert_eq!(written.robot[0].get_ref().mission, node::mission::Mission::default());
     assert_eq!(written.robot[0].get_ref().gauge, energy::gauge::Kind::default());
     assert_eq!(written.station[0].get_ref().packs[0].gauge, energy::gauge::Kind::default());
     let station = "schema = 1\nname = \"s\"\nduration_s = 1\n[[station]]\nid = \"s\"\nload = \"mds-station\"\nbays = 1\nload_s = 1\nunload_s = 1\npacks = [{ id = \"p\", battery = \"mds-3s4p-7600mah\", soc = 1.0 }]\n";
@@ -174,4 +175,39 @@ fn a_hidden_effect_is_left_out_of_every_belief_and_of_no_truth() {
     assert!(believed.effects().all(|effect| effect.spec().id != "lift"));
     let station_agent::SourceConfig::Sim { load, .. } = &deployment.stations[0].source;
     assert!(load.load(None).unwrap().effects().any(|effect| effect.spec().id == "lift"));
+}
+
+#[test]
+fn mistakes_in_the_physics_of_a_fleet_are_named_with_their_line_and_what_is_allowed() {
+    let with = |old: &str, new: &str| {
+        assert!(DEFAULT.contains(old), "{old}");
+        parse(&DEFAULT.replace(old, new)).unwrap_err()
+    };
+    for (old, new, said) in [
+        ("\nbelow_soc = 0.1\n", "\nbelow_soc = 1.5\n", "station mds-1: depot.below_soc = 1.5: must be between 0 and 1"),
+        ("\nat_once = 1\n", "\nat_once = 0\n", "station mds-1: depot.at_once = 0"),
+        ("\noverlap_s = 0\n", "\noverlap_s = 0.1\n", "change = \"make_before_break\" has"),
+        ("\"break_before_make\"\n#", "\"brake_before_make\"\n#", "unknown variant `brake_before_make`"),
+        ("\nfor_s = 20\n", "\nfor_s = 0\n", "station mds-1: vehicle.profile[0].for_s = 0: must be above 0"),
+        ("{ speed_mps = 0.3, floor_class", "{ sped_mps = 0.3, floor_class", "mission.profile[0].inputs.sped_mps: unknown channel"),
+        (
+            "\nsensitivity_dbm = -85\n",
+            "\nsensitivity_dbm = -850\n",
+            "robot scout: radio.sensitivity_dbm = -850: must be between -200 and 100",
+        ),
+        ("[[robot.way.to.mds-1]]", "[[robot.way.to.mds-2]]", "robot scout: way.to names the unknown station mds-2"),
+        ("\ntravel_s = {}\n", "\ntravel_s = { mds-1 = 60 }\n", "way.to.mds-1: travel_s.mds-1 is given too"),
+        ("path = \"direct\"", "path = \"both\"", "unknown variant `both`, expected `direct` or `selected`"),
+    ] {
+        let error = with(old, new);
+        assert!(error.contains(said) && error.contains("default.toml:"), "{error}");
+    }
+}
+
+#[test]
+fn a_power_path_that_the_stations_load_does_not_have_is_refused() {
+    let text = DEFAULT.replace("path = \"direct\"", "path = \"selected\"");
+    let scenario = parse(&text).unwrap();
+    let error = scenario.deploy(&scenario.runs()[0], 1).unwrap_err().to_string();
+    assert!(error.contains("has the effect `robot_own_load`, but this path wants `path_selection`"), "{error}");
 }

@@ -40,7 +40,8 @@ impl Measured {
         self.swaps += 1;
     }
 
-    pub(super) fn finish(&mut self, stranded: usize, pack_energy_wh: f64, mission_s: f64, socs: Vec<(String, f64)>) {
+    /// Ends the count with what bodies hold: totals by metric, and each pack's true state of charge.
+    pub(super) fn finish(&mut self, totals: &[(&str, f64)], socs: Vec<(String, f64)>) {
         // A promise that was broken and then kept after all is a kept one.
         let broken = self.broken.difference(&self.served).count();
         let promised = self.first_plan.as_ref().map_or(0, |plan| plan.services.len());
@@ -50,14 +51,11 @@ impl Measured {
             ("robots_promised", f64::from(per_pack)),
             ("robots_served", self.served.len() as f64),
             ("promises_broken", broken as f64),
-            ("robots_stranded", stranded as f64),
             ("packs_depleted", f64::from(self.depleted)),
             ("pack_switches", f64::from(self.switches)),
             ("swaps", f64::from(self.swaps)),
-            ("pack_energy_wh", pack_energy_wh),
-            ("mission_h", mission_s / energy::units::S_PER_H),
         ];
-        self.metrics.extend(counted.map(|(name, value)| (name.to_owned(), value)));
+        self.metrics.extend(counted.iter().chain(totals).map(|&(name, value)| (name.to_owned(), value + 0.0)));
         let after = std::mem::take(&mut self.socs_after_services);
         let after = if after.is_empty() { socs.clone() } else { after };
         self.metrics.extend(after.into_iter().map(|(pack, soc)| (format!("soc_after_services.{pack}"), soc)));

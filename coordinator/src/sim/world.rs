@@ -5,13 +5,14 @@ use std::fmt::Write as _;
 
 use energy::Channel;
 use energy::units::S_PER_H;
+use node::Telemetry;
 use proto::{Event, RobotId, StationId, Timestamp};
-use robot_agent::source::{Place, RobotBody, Source as _};
+use robot_agent::source::{RobotBody, Source as _};
 use station_agent::source::{Source as _, StationBody};
 
+use super::logs::{self, StationLogs};
 use super::measure::Measured;
 use super::net::{Message, Net};
-use super::telemetry::Telemetry;
 use crate::core::{Core, Input, Numbering, Output};
 use crate::scenario::Deployment;
 use crate::store::Record;
@@ -49,15 +50,9 @@ impl Outcome {
     }
 }
 
-/// Inputs of a station's model, as its log has them.
-const INPUTS: [Channel; 6] = [
-    Channel::ChargePowerW,
-    Channel::RobotsDocked,
-    Channel::RobotsCharging,
-    Channel::BaySquaredCurrentA2,
-    Channel::SelectorEvents,
-    Channel::LiftActive,
-];
+/// How long a link must have failed until the coordinator takes a robot for lost, s: the lease of the
+/// live network.
+const LEASE_S: f64 = 10.0;
 
 struct Robot {
     agent: robot_agent::Agent,
@@ -65,12 +60,20 @@ struct Robot {
     mission_s: f64,
     /// Packs that it was given so far: each has its own log.
     exchanges: u32,
+    /// How long it has been out of its radio's reach, s.
+    unheard_s: f64,
+    /// How long that was in all, s.
+    unheard_all_s: f64,
+    /// Whether it ever stood still because a rail could not deliver.
+    browned_out: bool,
 }
 
 struct Station {
     agent: station_agent::Agent,
     body: StationBody,
     energy_wh: f64,
+    drive_wh: f64,
+    logs: StationLogs,
 }
 
 struct World {
@@ -111,29 +114,37 @@ pub fn simulate(
         }
     }
     let World { robots, stations, telemetry, mut measured, .. } = world;
-    let stranded = robots.values().filter(|robot| robot.body.stranded()).count();
-    let mission_s = robots.values().map(|robot| robot.mission_s).sum();
-    let socs = socs(&stations);
-    let energy_wh = stations.values().map(|station| station.energy_wh).sum();
-    measured.finish(stranded, energy_wh, mission_s, socs);
+    let hours = |s: fn(&Robot) -> f64| robots.values().map(s).sum::<f64>() / S_PER_H;
+    let count = |so: fn(&Robot) -> bool| robots.values().filter(|robot| so(robot)).count();
+    let sum = |of: fn(&Station) -> f64| stations.values().map(of).sum::<f64>();
+    let totals = [
+        ("robots_stranded", count(|robot| robot.body.stranded()) as f64),
+        ("robots_browned_out", count(|robot| robot.browned_out) as f64),
+        ("out_of_reach_h", hours(|robot| robot.unheard_all_s)),
+        ("mission_h", hours(|robot| robot.mission_s)),
+        ("pack_energy_wh", sum(|station| station.energy_wh)),
+        ("drive_energy_wh", sum(|station| station.drive_wh)),
+        ("path_selection_saves_wh", sum(|station| station.body.path_selection_saves_wh())),
+        ("depot_exchanges", sum(|station| f64::from(station.logs.exchanges()))),
+    ];
+    measured.finish(&totals, socs(&stations));
     Ok(Outcome { measured, events, start, schedule: core.schedule().clone(), telemetry })
 }
 
-/// What a robot's load log holds beside its power: whatever an effect of a robot may ask for.
-const LOAD_INPUTS: [Channel; 12] = [
-    Channel::SpeedMps,
-    Channel::AccelMps2,
-    Channel::PitchRad,
-    Channel::PayloadKg,
-    Channel::YawRateRadps,
-    Channel::FloorClass,
-    Channel::TailAngleRad,
-    Channel::CpuMhz,
-    Channel::CpuUtil,
-    Channel::RadioTxDbm,
-    Channel::RadioDuty,
-    Channel::CameraOn,
-];
+impl Robot {
+    /// Counts a step in or out of reach; says when the coordinator must take it for lost, or as back.
+    fn reach(&mut self) -> Option<bool> {
+        if self.body.in_reach() {
+            let was_lost = self.unheard_s >= LEASE_S;
+            self.unheard_s = 0.0;
+            return was_lost.then_some(true);
+        }
+        let before_s = self.unheard_s;
+        self.unheard_s += STEP_S;
+        self.unheard_all_s += STEP_S;
+        (before_s < LEASE_S && self.unheard_s >= LEASE_S).then_some(false)
+    }
+}
 
 impl World {
     fn new(deployment: &Deployment, with_telemetry: bool, ambient_degc: f64, start: Timestamp) -> anyhow::Result<Self> {
@@ -142,24 +153,19 @@ impl World {
         for config in &deployment.robots {
             let (agent, body) = config.build_simulated(None)?;
             if let Some(telemetry) = &mut telemetry {
-                telemetry.battery(config.id.as_ref(), 0.0, agent.soc(), ambient_degc);
-                let inputs = LOAD_INPUTS.map(Channel::name).join(",");
-                telemetry.table(&load_stem(&config.id), &format!("power_w,{inputs}"));
+                logs::open_robot(telemetry, &config.id, agent.soc(), ambient_degc);
             }
-            robots.insert(config.id.clone(), Robot { agent, body, mission_s: 0.0, exchanges: 0 });
+            let robot = Robot { agent, body, mission_s: 0.0, exchanges: 0, unheard_s: 0.0, unheard_all_s: 0.0, browned_out: false };
+            robots.insert(config.id.clone(), robot);
         }
         let mut stations = BTreeMap::new();
         for config in &deployment.stations {
             let (agent, body) = config.build_simulated(None)?;
+            let logs = StationLogs::default();
             if let Some(telemetry) = &mut telemetry {
-                for (pack, soc) in agent.socs() {
-                    telemetry.battery(&pack_stem(&config.id, pack), 0.0, soc, ambient_degc);
-                }
-                let bays: String = (1..=config.bays.len()).map(|n| format!(",bay_{n}_robot,bay_{n}_current_a,bay_{n}_voltage_v")).collect();
-                let columns = INPUTS.map(Channel::name).join(",") + ",pack_current_a,pack_voltage_v,pack_power_w";
-                telemetry.table(config.id.as_ref(), &format!("{columns}{bays}"));
+                logs.open(telemetry, &config.id, &agent, config.bays.len(), ambient_degc);
             }
-            stations.insert(config.id.clone(), Station { agent, body, energy_wh: 0.0 });
+            stations.insert(config.id.clone(), Station { agent, body, energy_wh: 0.0, drive_wh: 0.0, logs });
         }
         Ok(Self { robots, stations, net: Net::default(), telemetry, measured: Measured::default(), ambient_degc, start })
     }
@@ -173,7 +179,8 @@ impl World {
                     self.drain_core(at, core, events);
                 }
                 Message::Robot(id, command) => {
-                    if let Some(robot) = self.robots.get_mut(&id) {
+                    // Out of reach it hears nothing; the coordinator asks again.
+                    if let Some(robot) = self.robots.get_mut(&id).filter(|robot| robot.body.in_reach()) {
                         robot.agent.handle(at, robot_agent::Input::Command(command));
                         drain_robot(&id, robot, &mut self.net, at);
                     }
@@ -197,10 +204,12 @@ impl World {
             if observation.swapped.is_some() {
                 self.measured.swap();
             }
-            station.energy_wh += station.body.truth(Channel::PackPowerW) * STEP_S / S_PER_H * f64::from(u8::from(observation.powered));
-            if let Some(telemetry) = &mut self.telemetry {
-                log_station(telemetry, id, station, &observation, time_s, self.ambient_degc);
-            }
+            let fed = f64::from(u8::from(observation.powered));
+            let driving_w = station.body.driving_w().unwrap_or(0.0);
+            station.energy_wh += (station.body.truth(Channel::PackPowerW) + driving_w) * STEP_S / S_PER_H * fed;
+            station.drive_wh += driving_w * STEP_S / S_PER_H * fed;
+            let Station { agent, body, logs, .. } = station;
+            logs.rows(self.telemetry.as_mut(), id, agent, body, &observation, time_s, self.ambient_degc);
             for (robot, supply) in station.body.supplies() {
                 if let Some(robot) = self.robots.get_mut(&robot) {
                     robot.body.supply(&supply);
@@ -214,17 +223,14 @@ impl World {
             if robot.body.at_work() {
                 robot.mission_s += STEP_S;
             }
-            if let (Some(telemetry), Some(soc)) = (&mut self.telemetry, observation.exchanged) {
-                robot.exchanges += 1;
-                telemetry.battery(&battery_stem(id, robot.exchanges), time_s - STEP_S, soc, self.ambient_degc);
+            robot.browned_out |= robot.body.browned_out();
+            let news = robot.reach();
+            if let Some(alive) = news {
+                self.net.send(now, Message::Up(Input::RobotAlive(id.clone(), alive)));
             }
-            if let (Some(telemetry), Some(sample)) = (&mut self.telemetry, &observation.sample) {
-                telemetry.battery_row(&battery_stem(id, robot.exchanges), time_s, sample, self.ambient_degc);
-                if observation.place != Place::InBay && !observation.depleted {
-                    let inputs = robot.body.inputs(LOAD_INPUTS).map(|value| value.to_string()).join(",");
-                    let power_w = sample.current_a * sample.voltage_v;
-                    telemetry.row(&load_stem(id), format_args!("{time_s},{power_w:.4},{inputs}"));
-                }
+            robot.exchanges += u32::from(observation.exchanged.is_some());
+            if let Some(telemetry) = &mut self.telemetry {
+                logs::robot_rows(telemetry, id, &robot.body, robot.exchanges, &observation, time_s, self.ambient_degc);
             }
             robot.agent.handle(now, robot_agent::Input::Observed(observation));
             drain_robot(id, robot, &mut self.net, now);
@@ -263,23 +269,12 @@ fn socs(stations: &BTreeMap<StationId, Station>) -> Vec<(String, f64)> {
     stations.iter().flat_map(|(id, station)| station.body.true_socs().map(move |(pack, soc)| (name(id, pack), soc))).collect()
 }
 
-/// A robot's first pack has the robot's name, the others are counted from 2.
-fn battery_stem(robot: &RobotId, exchanges: u32) -> String {
-    if exchanges == 0 { robot.to_string() } else { format!("{robot}-pack-{}", exchanges + 1) }
-}
-
-fn load_stem(robot: &RobotId) -> String {
-    format!("{robot}-load")
-}
-
-fn pack_stem(station: &StationId, pack: &proto::PackId) -> String {
-    format!("{station}-{pack}")
-}
-
 fn drain_robot(id: &RobotId, robot: &mut Robot, net: &mut Net, now: Timestamp) {
     use robot_agent::Output as O;
+    let heard = robot.body.in_reach();
     while let Some(output) = robot.agent.poll() {
         match output {
+            O::Gauge(_) | O::State(_) | O::Reply(_) if !heard => {}
             O::Gauge(gauge) => net.send(now, Message::Up(Input::RobotGauge(id.clone(), gauge))),
             O::State(state) => net.send(now, Message::Up(Input::RobotState(id.clone(), state))),
             O::Reply(reply) => net.send(now, Message::Up(Input::Reply(reply))),
@@ -298,33 +293,4 @@ fn drain_station(id: &StationId, station: &mut Station, net: &mut Net, now: Time
             O::Act(act) => station.body.act(&act),
         }
     }
-}
-
-fn log_station(
-    telemetry: &mut Telemetry,
-    id: &StationId,
-    station: &Station,
-    observation: &station_agent::source::Observation,
-    time_s: f64,
-    ambient_degc: f64,
-) {
-    for reading in &observation.packs {
-        telemetry.battery_row(&pack_stem(id, &reading.pack), time_s, &reading.sample, ambient_degc);
-    }
-    let active = observation.packs.iter().find(|reading| observation.active_pack.as_ref() == Some(&reading.pack));
-    let Some(sample) = active.map(|reading| reading.sample).filter(|_| observation.powered) else { return };
-    let [charge_w, docked, charging, squared_a2, events, lift] = INPUTS.map(|channel| station.body.truth(channel));
-    let (current_a, voltage_v) = (sample.current_a, sample.voltage_v);
-    // An empty sum is -0.
-    let charge_w = charge_w + 0.0;
-    let mut row = format!(
-        "{time_s},{charge_w:.4},{docked},{charging},{squared_a2:.5},{events},{lift},{current_a:.4},{voltage_v:.4},{:.4}",
-        current_a * voltage_v
-    );
-    for bay in station.agent.bays() {
-        let draw = bay.and_then(|robot| station.body.draws().find(|(id, _)| *id == robot).and_then(|(_, draw)| draw));
-        let (current_a, voltage_v) = draw.map_or((0.0, 0.0), |draw| (draw.charge_current_a, draw.voltage_v));
-        write!(row, ",{},{current_a:.4},{voltage_v:.4}", bay.map_or("", AsRef::as_ref)).expect("a text can be written to");
-    }
-    telemetry.row(id.as_ref(), format_args!("{row}"));
 }

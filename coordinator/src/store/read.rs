@@ -247,6 +247,7 @@ fn gauge(row: &SqliteRow) -> Result<Gauge, sqlx::Error> {
         time_to_empty_s: perhaps("time_to_empty_s", "time_to_empty_s_sigma")?,
         time_to_full_s: perhaps("time_to_full_s", "time_to_full_s_sigma")?,
         soh: estimate("soh", "soh_sigma")?,
+        cycles: row.try_get("cycles")?,
         voltage_v: row.try_get("voltage_v")?,
         current_a: row.try_get("current_a")?,
         temperature_degc: row.try_get("temperature_degc")?,

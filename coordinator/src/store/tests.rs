@@ -41,6 +41,7 @@ fn gauge(seq: u64) -> Gauge {
         time_to_empty_s: Some(Estimate::new(5_270.0, 180.0)),
         time_to_full_s: None,
         soh: Estimate::new(0.875, 0.0),
+        cycles: Some(12.5),
         voltage_v: 7.41,
         current_a: -1.13,
         temperature_degc: 27.5,

@@ -19,7 +19,7 @@ const ROWS_PER_INSERT: usize = 64;
 macro_rules! gauge_columns {
     () => {
         "at_ms, seq, soc, soc_sigma, remaining_wh, remaining_wh_sigma, full_wh, full_wh_sigma, \
-         time_to_empty_s, time_to_empty_s_sigma, time_to_full_s, time_to_full_s_sigma, soh, soh_sigma, \
+         time_to_empty_s, time_to_empty_s_sigma, time_to_full_s, time_to_full_s_sigma, soh, soh_sigma, cycles, \
          voltage_v, current_a, temperature_degc, power_w, cells_series, source"
     };
 }
@@ -169,6 +169,7 @@ fn bind_gauge(row: &mut Separated<'_, Sqlite, &'static str>, gauge: &Gauge) {
         row.push_bind(time_s.map(|t| t.value)).push_bind(time_s.map(|t| t.sigma));
     }
     bind_estimate(row, gauge.soh);
+    row.push_bind(gauge.cycles);
     row.push_bind(gauge.voltage_v).push_bind(gauge.current_a).push_bind(gauge.temperature_degc).push_bind(gauge.power_w);
     row.push_bind(i64::from(gauge.cells_series)).push_bind(gauge.source.as_str());
 }

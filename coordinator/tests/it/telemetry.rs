@@ -157,3 +157,20 @@ fn the_load_log_of_a_robot_is_what_its_load_model_says() {
     // Again the gain of a pack gauge: 0.5 % of 4 W, as large as the floor.
     assert!(comparison.errors[0].ratio.unwrap() < 3.0, "{:?}", comparison.words);
 }
+
+#[test]
+fn the_log_of_a_live_agent_is_read_as_the_simulations_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = without_specimens(folder.path(), EXPLORER);
+    let mut body = node::body::PackBody::new(Arc::clone(&model), energy::Start::at_soc(0.8), 1);
+    let mut live = node::LiveLog::new(folder.path().join("logs"));
+    for second in 1..=600 {
+        let sample = body.step(1.0, node::body::Task::Power(4.0)).unwrap();
+        let now = proto::Timestamp::from_unix_ms(1000 * second);
+        live.battery(now, "r1", &sample, energy::Estimate::new(0.8, 0.001), None);
+    }
+    live.flush().unwrap();
+    let log = log(&folder.path().join("logs"), "r1");
+    let comparison = compared(&model, &log, Channel::VoltageV);
+    assert_eq!(comparison.verdict, Verdict::WithinFloor, "{:?}", comparison.words);
+}

@@ -8,8 +8,9 @@
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
+use crate::forecast::propagate_loads;
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model, Run, Start, propagate};
+use crate::{Channel, Estimate, Model, Run, Start};
 
 /// Steps in which a change of speed is followed: power is at most cubic in the speed, so the
 /// midpoint rule is then right to 0.1 %.
@@ -95,7 +96,7 @@ fn per_metre_j(run: &mut Run<f64>, speed_mps: f64) -> f64 {
 /// pitch, floor, payload, states of the computer.
 #[must_use]
 pub fn energy_per_metre(model: &Arc<Model>, inputs: &[(Channel, f64)], speed_mps: f64) -> Estimate {
-    propagate(&model.estimates(), |values| per_metre_j(&mut run_at(model, values, inputs), speed_mps))
+    propagate_loads(model, |model, values| per_metre_j(&mut run_at(model, values, inputs), speed_mps))
 }
 
 /// The speed within the range (both > 0) at which a metre costs least.
@@ -181,34 +182,50 @@ fn stretches(pace: Pace, way: &[Segment]) -> Vec<(Stretch, &Segment)> {
     found
 }
 
-/// Steps one stretch and gives its energy (J) and time (s).
-fn step_stretch(run: &mut Run<f64>, stretch: Stretch, segment: &Segment, pace: Pace) -> (f64, f64) {
-    let channels = &mut run.channels;
-    channels[Channel::PayloadKg] = segment.payload_kg;
-    channels[Channel::FloorClass] = f64::from(segment.floor_class);
-    let (time_s, steps, from_mps, to_mps) = match stretch {
-        Stretch::Turn { time_s } => {
-            channels[Channel::YawRateRadps] = pace.yaw_rate_radps.copysign(segment.turn_rad);
-            (time_s, (time_s / STEP_MAX_S).ceil() as u32, 0.0, 0.0)
+/// What a robot does for a while of its way: inputs that hold for `time_s`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// How long, s.
+    pub time_s: f64,
+    /// Speed, acceleration, yaw rate, pitch, floor and payload, by channel of the robot's model.
+    pub inputs: [(Channel, f64); 6],
+}
+
+/// A way as what the robot does, one moment after the other; it begins and ends at a standstill.
+/// While the speed changes, a moment's is that of its middle.
+///
+/// # Panics
+/// When the pace is not above zero.
+#[must_use]
+pub fn moments(pace: Pace, way: &[Segment]) -> Vec<Moment> {
+    assert!(pace.accel_mps2 > 0.0 && pace.yaw_rate_radps > 0.0, "a pace above zero: {pace:?}");
+    let mut moments = Vec::new();
+    for (stretch, segment) in stretches(pace, way) {
+        let (time_s, steps, from_mps, to_mps, yaw_rate_radps) = match stretch {
+            Stretch::Turn { time_s } => {
+                (time_s, (time_s / STEP_MAX_S).ceil() as u32, 0.0, 0.0, pace.yaw_rate_radps.copysign(segment.turn_rad))
+            }
+            Stretch::Drive { from_mps, to_mps, length_m } => {
+                let time_s = 2.0 * length_m / (from_mps + to_mps);
+                let steps = if from_mps == to_mps { (time_s / STEP_MAX_S).ceil() as u32 } else { RAMP_STEPS };
+                (time_s, steps, from_mps, to_mps, 0.0)
+            }
+        };
+        let steps = steps.max(1);
+        for step in 0..steps {
+            let share = (f64::from(step) + 0.5) / f64::from(steps);
+            let inputs = [
+                (Channel::SpeedMps, from_mps + (to_mps - from_mps) * share),
+                (Channel::AccelMps2, (to_mps - from_mps) / time_s),
+                (Channel::YawRateRadps, yaw_rate_radps),
+                (Channel::PitchRad, segment.pitch_rad),
+                (Channel::FloorClass, f64::from(segment.floor_class)),
+                (Channel::PayloadKg, segment.payload_kg),
+            ];
+            moments.push(Moment { time_s: time_s / f64::from(steps), inputs });
         }
-        Stretch::Drive { from_mps, to_mps, length_m } => {
-            channels[Channel::YawRateRadps] = 0.0;
-            channels[Channel::PitchRad] = segment.pitch_rad;
-            let time_s = 2.0 * length_m / (from_mps + to_mps);
-            let steps = if from_mps == to_mps { (time_s / STEP_MAX_S).ceil() as u32 } else { RAMP_STEPS };
-            (time_s, steps, from_mps, to_mps)
-        }
-    };
-    let dt_s = time_s / f64::from(steps.max(1));
-    let mut energy_j = 0.0;
-    for step in 0..steps.max(1) {
-        let share = (f64::from(step) + 0.5) / f64::from(steps.max(1));
-        run.channels[Channel::SpeedMps] = from_mps + (to_mps - from_mps) * share;
-        run.channels[Channel::AccelMps2] = (to_mps - from_mps) / time_s;
-        run.step(dt_s);
-        energy_j += run.channels[Channel::PowerW] * dt_s;
     }
-    (energy_j, time_s)
+    moments
 }
 
 /// Energy and time of a way that begins and ends at a standstill. `inputs` hold throughout: states
@@ -221,19 +238,20 @@ fn step_stretch(run: &mut Run<f64>, stretch: Stretch, segment: &Segment, pace: P
 /// When the pace is not above zero.
 #[must_use]
 pub fn trip(model: &Arc<Model>, inputs: &[(Channel, f64)], pace: Pace, way: &[Segment]) -> Trip {
-    assert!(pace.accel_mps2 > 0.0 && pace.yaw_rate_radps > 0.0, "a pace above zero: {pace:?}");
-    let parts = stretches(pace, way);
-    let mut time_s = 0.0;
-    let energy_wh = propagate(&model.estimates(), |values| {
+    let moments = moments(pace, way);
+    let energy_wh = propagate_loads(model, |model, values| {
         let mut run = run_at(model, values, inputs);
-        let (mut energy_j, mut taken_s) = (0.0, 0.0);
-        for &(stretch, segment) in &parts {
-            let (part_j, part_s) = step_stretch(&mut run, stretch, segment, pace);
-            (energy_j, taken_s) = (energy_j + part_j, taken_s + part_s);
+        let mut energy_j = 0.0;
+        for moment in &moments {
+            for (channel, value) in moment.inputs {
+                run.channels[channel] = value;
+            }
+            run.step(moment.time_s);
+            energy_j += run.channels[Channel::PowerW] * moment.time_s;
         }
-        time_s = taken_s;
         energy_j / S_PER_H
     });
+    let time_s = moments.iter().map(|moment| moment.time_s).sum();
     Trip { energy_wh, time_s, distance_m: way.iter().map(|segment| segment.length_m.max(0.0)).sum() }
 }
 

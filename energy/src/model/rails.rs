@@ -66,6 +66,8 @@ struct RawLoad {
     name: String,
     kind: RawLoadKind,
     value: f64,
+    #[serde(default)]
+    sigma: f64,
     when: Option<Spanned<String>>,
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
@@ -260,9 +262,12 @@ fn load(document: &Document<'_>, raw: Spanned<RawLoad>) -> Result<Consumer, Docu
         RawLoadKind::Resistance => (ConsumerKind::Resistance, 1e-6),
     };
     let value = within(&format!("load `{}`: value ({})", raw.name, kind.unit()), raw.value, least, 1e9);
-    let value = value.map_err(|message| document.error_at(span, message))?;
+    let value = value.map_err(|message| document.error_at(span.clone(), message))?;
+    // A resistance that might be zero, or a load that might feed its rail, is no load.
+    let sigma = within(&format!("load `{}`: sigma ({})", raw.name, kind.unit()), raw.sigma, 0.0, value);
+    let sigma = sigma.map_err(|message| document.error_at(span, message))?;
     let when = raw.when.map(|name| channel(document, &raw.name, &name)).transpose()?;
-    Ok(Consumer { name: raw.name, kind, value, when })
+    Ok(Consumer { name: raw.name, kind, value, sigma, when })
 }
 
 fn channel(document: &Document<'_>, load: &str, name: &Spanned<String>) -> Result<Channel, DocumentError> {

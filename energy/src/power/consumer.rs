@@ -38,6 +38,8 @@ pub struct Consumer {
     pub kind: ConsumerKind,
     /// How much: A, W or ohm by kind; >= 0, a resistance > 0.
     pub value: f64,
+    /// Standard deviation of that, in the same unit, >= 0.
+    pub sigma: f64,
     /// Channel 0..1 that switches or scales the load (for a resistance, its conductance); always on without.
     pub when: Option<Channel>,
 }
@@ -99,7 +101,7 @@ mod tests {
     use super::*;
 
     fn load(kind: ConsumerKind, value: f64) -> Consumer {
-        Consumer { name: "test".to_owned(), kind, value, when: None }
+        Consumer { name: "test".to_owned(), kind, value, sigma: 0.0, when: None }
     }
 
     #[test]

@@ -110,6 +110,21 @@ impl PowerTree {
         self.rails.iter().position(|rail| rail.id == id)
     }
 
+    /// The tree with each load that is only roughly known one deviation above and one below its
+    /// value: one pair for each.
+    pub fn deviations(&self) -> impl Iterator<Item = [PowerTree; 2]> + '_ {
+        let places = self.rails.iter().enumerate().flat_map(|(rail, at)| (0..at.loads.len()).map(move |load| (rail, load)));
+        places.filter(|&(rail, load)| self.rails[rail].loads[load].sigma > 0.0).map(|(rail, load)| {
+            [1.0, -1.0].map(|sign| {
+                let mut changed = self.clone();
+                let known = &mut changed.rails[rail].loads[load];
+                // A resistance stays above zero.
+                known.value = (known.value + sign * known.sigma).max(1e-9);
+                changed
+            })
+        })
+    }
+
     /// The place of the rail that feeds a rail; none when that is the battery.
     #[must_use]
     pub fn parent(&self, index: usize) -> Option<usize> {

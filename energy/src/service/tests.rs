@@ -134,3 +134,23 @@ fn a_doubtful_state_of_charge_is_the_services_own_doubt() {
     let added_wh = (doubtful.need.own_variance - sure.need.own_variance).sqrt();
     assert!((1.2..1.5).contains(&added_wh), "{added_wh}");
 }
+
+#[test]
+fn the_other_power_path_differs_by_what_the_charger_loses_on_the_own_load() {
+    let direct = model("mds-station");
+    assert_eq!(
+        (power_path(&direct), power_path(&model("mds-station-path-selection"))),
+        (Some(PowerPath::Direct), Some(PowerPath::Selected))
+    );
+    let selected = Arc::new(with_other_path(&direct).unwrap());
+    let around = Circumstances::ALONE;
+    let service = |station: &Arc<Model>| {
+        let handling = Handling { load_s: 0.0, unload_s: 0.0, swap_s: 0.0 };
+        service_energy(station, handling, &model("explorer-3s1p-1320mah"), Estimate::exact(0.1), 0.98, &around)
+    };
+    let saved_wh = service(&direct).need.mean_wh - service(&selected).need.mean_wh;
+    // The closed form: P_own t (1 / eta_charger - 1) / eta_converter.
+    let by_hand_wh = crate::charger::saving_wh(4.19, service(&direct).charge_s / S_PER_H, 0.88, 0.84);
+    assert!((saved_wh - by_hand_wh).abs() < 1e-6, "{saved_wh} {by_hand_wh}");
+    assert!(with_other_path(&direct.without(|id| id == "robot_own_load")).is_none());
+}

@@ -233,3 +233,17 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn what_hangs_on_a_rail_and_is_only_roughly_known_adds_to_the_robots_sigma() {
+    let text = "schema = 1\nsystem = \"robot\"\nname = \"r\"\n[robot]\nnominal_v = 10.0\n[[rail]]\nid = \"5v\"\nfrom = \"battery\"\nkind = \"linear\"\nvoltage_v = 5.0\n[[rail.load]]\nname = \"sensors\"\nkind = \"current\"\nvalue = 0.2\nsigma = 0.03\n";
+    let power = |text: &str| {
+        let model = Model::parse("r.toml", text, &|_| unreachable!()).map(Arc::new);
+        model.map(|model| energy::forecast::power_w(&model, &[])).map_err(|error| error.to_string())
+    };
+    // By hand: a linear regulator passes its current on, 10 V x (0.2 +- 0.03) A.
+    let known = power(text).unwrap();
+    assert!((known.value - 2.0).abs() < 1e-9 && (known.sigma - 0.3).abs() < 1e-9, "{known:?}");
+    let refused = power(&text.replace("sigma = 0.03", "sigma = 0.3")).unwrap_err();
+    assert!(refused.contains("load `sensors`: sigma (A) = 0.3: must be between 0 and 0.2"), "{refused}");
+}

@@ -28,6 +28,10 @@ pub struct Gauge {
     pub time_to_full_s: Option<Estimate>,
     /// State of health: present over rated capacity (0 to 1.5).
     pub soh: Estimate,
+    /// Full-equivalent cycles since the gauge began: charge drawn over capacity (zero or more); none
+    /// from a device that does not count them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycles: Option<f64>,
     /// Terminal voltage, V (0 to 2000).
     pub voltage_v: f64,
     /// Terminal current, A; discharge positive.
@@ -59,6 +63,9 @@ impl Message for Gauge {
         }
         check::estimate("soh", self.soh)?;
         check::within("soh.value", self.soh.value, 0.0, 1.5)?;
+        if let Some(cycles) = self.cycles {
+            check::not_negative("cycles", cycles)?;
+        }
         check::within("voltage_v", self.voltage_v, 0.0, 2_000.0)?;
         check::finite("current_a", self.current_a)?;
         // Narrow enough that room temperature in kelvin does not pass for Celsius.

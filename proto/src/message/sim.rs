@@ -52,6 +52,10 @@ pub struct SimDraw {
     /// State of charge of the battery that it left at its last exchange, a fraction (-0.05 to 1.05).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_soc: Option<f64>,
+    /// Power that the robot takes from its bay beside its battery, W (zero or more); none when its
+    /// body does not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub own_load_w: Option<f64>,
 }
 
 impl Message for SimDraw {
@@ -61,6 +65,7 @@ impl Message for SimDraw {
         check::not_negative("charge_power_w", self.charge_power_w)?;
         check::not_negative("charge_current_a", self.charge_current_a)?;
         check::not_negative("voltage_v", self.voltage_v)?;
-        self.left_soc.map_or(Ok(()), |soc| check::within("left_soc", soc, -0.05, 1.05))
+        self.left_soc.map_or(Ok(()), |soc| check::within("left_soc", soc, -0.05, 1.05))?;
+        self.own_load_w.map_or(Ok(()), |own_load_w| check::not_negative("own_load_w", own_load_w))
     }
 }

@@ -222,3 +222,16 @@ proptest! {
         prop_assert_eq!(back, gauge);
     }
 }
+
+#[test]
+fn messages_from_before_a_field_was_added_are_read() {
+    let mut old: Value = serde_json::from_slice(&encode(&examples::gauge())).unwrap();
+    old.as_object_mut().unwrap().remove("cycles");
+    let gauge = decode::<Gauge>(&serde_json::to_vec(&old).unwrap()).unwrap();
+    assert_eq!(gauge, Gauge { cycles: None, ..examples::gauge() });
+    let mut old: Value = serde_json::from_slice(&encode(&examples::sim_draw())).unwrap();
+    old.as_object_mut().unwrap().remove("own_load_w");
+    let draw = decode::<SimDraw>(&serde_json::to_vec(&old).unwrap()).unwrap();
+    assert_eq!(draw, SimDraw { own_load_w: None, ..examples::sim_draw() });
+    assert!(refused::<Gauge>(&gauge_with("cycles", json!(-1.0))).to_string().contains("cycles"));
+}

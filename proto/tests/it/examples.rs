@@ -43,6 +43,7 @@ pub fn gauge() -> Gauge {
         time_to_empty_s: Some(Estimate::new(5_270.0, 180.0)),
         time_to_full_s: None,
         soh: Estimate::new(0.93, 0.02),
+        cycles: Some(117.4),
         voltage_v: 7.41,
         current_a: 1.13,
         temperature_degc: 27.5,
@@ -185,5 +186,13 @@ pub fn sim_supply() -> SimSupply {
 }
 
 pub fn sim_draw() -> SimDraw {
-    SimDraw { at: at(11), charge_power_w: 14.8, charge_current_a: 1.85, voltage_v: 8.0, charging: true, left_soc: Some(0.11) }
+    SimDraw {
+        at: at(11),
+        charge_power_w: 14.8,
+        charge_current_a: 1.85,
+        voltage_v: 8.0,
+        charging: true,
+        left_soc: Some(0.11),
+        own_load_w: Some(4.2),
+    }
 }

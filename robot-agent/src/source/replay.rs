@@ -130,7 +130,7 @@ impl Source for Replay {
             voltage_v: row.voltage_v,
             temperature_degc: row.temperature_degc,
         });
-        Some(Observation { sample, place: Place::Mission, powered: false, exchanged: None, depleted: false })
+        Some(Observation { sample, place: Place::Mission, powered: false, exchanged: None, depleted: false, why_down: None })
     }
 }
 

@@ -47,13 +47,14 @@ fn bench() -> Bench {
     let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
     let gauge = || Kind::CoulombCounter.open(Arc::clone(&model), energy::Estimate::new(0.9, 0.01), 25.0);
     let profile = Profile {
+        rule: node::UNTIL_EMPTY,
         bays: vec![bay(1), bay(2)],
         spares: [1, 2].map(|number| (spare(number), proto::Estimate::new(0.98, 0.01))).into(),
         publish: Publish::default(),
         source: "test".to_owned(),
     };
     let sample = Sample { dt_s: 1.0, current_a: 0.5, voltage_v: 12.0, temperature_degc: 25.0 };
-    let packs = [1, 2].map(|number| PackReading { pack: pack(number), sample, depleted: false });
+    let packs = [1, 2].map(|number| PackReading { pack: pack(number), sample, depleted: false, connected: true, exchanged: None });
     let shown = Observation {
         packs: packs.into(),
         active_pack: Some(pack(1)),
@@ -221,4 +222,31 @@ fn the_same_command_id_acts_once_and_is_answered_twice() {
     // A late copy does not load the robot again.
     assert_eq!(bench.give(command), (first, vec![]));
     assert_eq!(bench.phases(), [BayPhase::Free, BayPhase::Free]);
+}
+
+#[test]
+fn a_low_pack_is_left_for_a_good_one_and_a_request_wins_by_the_same_rule() {
+    let mut bench = bench();
+    bench.agent.profile.rule = Rule { leave_below_v: 9.6, take_above_v: 10.8 };
+    let volts = |shown: &mut Observation, volts: [f64; 2]| {
+        shown.packs.iter_mut().zip(volts).for_each(|(pack, voltage_v)| pack.sample.voltage_v = voltage_v);
+    };
+    assert_eq!(bench.observe(|shown| volts(shown, [9.7, 12.0])), []);
+    assert_eq!(bench.observe(|shown| volts(shown, [9.5, 10.0])), [], "the other is not good: better stay");
+    assert_eq!(bench.observe(|shown| volts(shown, [9.5, 12.0])), [Act::Select { pack: pack(2) }]);
+    assert_eq!(bench.ask(StationAction::SelectPack { pack: pack(2) }).0, Outcome::Accepted);
+}
+
+#[test]
+fn a_pack_that_is_away_is_told_of_and_not_selected_and_its_gauge_starts_anew() {
+    let mut bench = bench();
+    bench.observe(|shown| shown.packs[1].connected = false);
+    let (outcome, acts) = bench.ask(StationAction::SelectPack { pack: pack(2) });
+    assert!(matches!(&outcome, Outcome::Rejected { detail, .. } if detail == "pack pack-2 is away") && acts.is_empty(), "{outcome:?}");
+    let state = bench.agent.state_message(bench.now);
+    assert_eq!(state.packs.iter().map(|pack| pack.connected).collect::<Vec<_>>(), [true, false]);
+    bench.observe(|shown| shown.packs[1].exchanged = Some(energy::Estimate::new(0.3, 0.01)));
+    let soc = bench.agent.socs().nth(1).unwrap().1;
+    assert!((soc.value - 0.3).abs() < 0.01, "{soc:?}");
+    assert_eq!(bench.ask(StationAction::SelectPack { pack: pack(2) }).0, Outcome::Accepted);
 }

@@ -1,19 +1,24 @@
 //! A simulated docking station: packs behind a selector, bays, one lift, a swap place.
 
+mod depot;
+mod drive;
+mod feed;
+mod paths;
 mod recharge;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use energy::charger::{fair_level, share_fairly};
-use energy::service::{Situation, charge_w_within};
 use energy::{Channel, Estimate, Model, Run, Start};
-use node::body::{PackBody, Task};
-use node::{Age, SelectorConfig};
+use node::body::PackBody;
+use node::mission::Stretch;
+use node::{Age, Depot, SelectorConfig};
 use proto::{PackId, RobotId, SimDraw, SimSupply, SpareId, Timestamp};
 
-use self::recharge::{PackCharger, Shelf, label};
-use super::{Act, Lifted, Observation, PackReading, Source, Swapped};
+use self::drive::Drive;
+use self::paths::Paths;
+use self::recharge::{PackCharger, Shelf};
+use super::{Act, Lifted, Observation, Source, Swapped};
 
 /// What is true of a simulated station, whatever its agent believes.
 #[derive(Debug, Clone)]
@@ -39,6 +44,10 @@ pub struct World {
     pub spare_battery: Option<Arc<Model>>,
     /// What happens while it changes packs; none for changes that nobody notices.
     pub selector: Option<SelectorConfig>,
+    /// Where packs are exchanged; none where they stay.
+    pub depot: Option<Depot>,
+    /// What drives it, what it does, and the mass of a robot aboard, kg; none for one that stands.
+    pub vehicle: Option<(Arc<Model>, Vec<Stretch>, f64)>,
     /// Temperature of packs and surroundings, °C.
     pub temperature_degc: f64,
     /// Chooses the gauge ICs' specimens and noise.
@@ -63,16 +72,22 @@ struct Pack {
     body: PackBody,
     charger: PackCharger,
     depleted: bool,
+    /// Time until it comes back from the depot, s.
+    away_s: Option<f64>,
+    /// Another pack is in its place since the last observation.
+    exchanged: Option<Estimate>,
 }
 
-/// A pack that gave out counts again when its charger has brought it back to this state of charge.
-const RELEASE_SOC: f64 = 0.1;
-/// A robot that takes at least this share of its limit might take more.
-const AT_LIMIT: f64 = 0.98;
+impl Pack {
+    fn usable(&self) -> bool {
+        !self.depleted && self.away_s.is_none()
+    }
+}
 
 /// A station's body.
 pub struct StationBody {
     load: Run<f64>,
+    paths: Paths,
     packs: Vec<Pack>,
     active: usize,
     spares: BTreeMap<SpareId, f64>,
@@ -90,6 +105,8 @@ pub struct StationBody {
     /// Packs that robots left and that are spares again since the last observation.
     charged: Vec<(SpareId, Estimate)>,
     selector: Option<SelectorConfig>,
+    depot: Option<Depot>,
+    drive: Option<Drive>,
     /// Changes of the active pack since the last step.
     switched: u32,
     /// Time until it has started again, s.
@@ -110,8 +127,11 @@ impl StationBody {
                 world.seed.wrapping_add(index as u64 * 7919),
             ),
             depleted: false,
+            away_s: None,
+            exchanged: None,
         };
         Self {
+            paths: Paths::new(&world.load),
             load: Run::new(world.load, Start::at_soc(0.0)),
             packs: world.packs.into_iter().enumerate().map(pack).collect(),
             active: 0,
@@ -128,6 +148,8 @@ impl StationBody {
             shelf: Shelf::new(world.spare_battery, world.temperature_degc, world.seed),
             charged: Vec::new(),
             selector: world.selector,
+            depot: world.depot,
+            drive: world.vehicle.map(|(load, stretches, robot_kg)| Drive::new(load, stretches, robot_kg)),
             switched: 0,
             down_s: 0.0,
             now_s: 0.0,
@@ -150,134 +172,34 @@ impl StationBody {
         self.load.channels[channel]
     }
 
+    /// Power that driving takes beside the station's load, W, when it drives.
+    #[must_use]
+    pub fn driving_w(&self) -> Option<f64> {
+        self.drive.as_ref().and_then(Drive::power_w)
+    }
+
+    /// Inputs of its drive in the last step; 0 without one.
+    #[must_use]
+    pub fn drive_inputs<const N: usize>(&self, channels: [Channel; N]) -> [f64; N] {
+        self.drive.as_ref().map_or([0.0; N], |drive| drive.inputs(channels))
+    }
+
+    /// Energy that its packs were or would be spared by robots that select their power path, over
+    /// those that are connected directly, Wh so far; 0 when its model knows of no own load.
+    #[must_use]
+    pub fn path_selection_saves_wh(&self) -> f64 {
+        self.paths.saved_wh()
+    }
+
     /// What each docked robot takes.
     pub fn draws(&self) -> impl Iterator<Item = (&RobotId, Option<&SimDraw>)> {
         self.docked.iter().map(|(robot, draw)| (robot, draw.as_ref()))
     }
 
-    /// What goes on in the bays: what robots drew in the step before, and what packs that robots
-    /// left take where no supply charges them.
-    fn situation(&self) -> Situation {
-        let mut now = Situation {
-            docked: self.docked.len() as f64,
-            lift: if self.powered { f64::from(u8::from(self.lift.is_some()) + u8::from(self.swap.is_some())) } else { 0.0 },
-            pack_v: self.packs.get(self.active).map_or(0.0, |pack| pack.body.truth(Channel::TerminalVoltageV)),
-            ..Situation::default()
-        };
-        let robots = self.docked.values().flatten().map(|draw| (draw.charge_power_w, draw.charge_current_a));
-        let left = self.shelf.draws().filter(|_| self.recharge_w <= 0.0);
-        for (charge_w, current_a) in robots.chain(left).filter(|(charge_w, _)| self.powered && *charge_w > 0.0) {
-            now.charge_w += charge_w;
-            now.charging += 1.0;
-            now.squared_a2 += current_a.powi(2);
-        }
-        now
-    }
-
-    /// Shares what the converters have left for batteries: each gets what it takes, up to a common
-    /// level. Who takes as much as it may is taken to want more.
-    fn share_converters(&mut self, now: &Situation) {
-        if self.converter_w_max.is_infinite() {
-            return;
-        }
-        let per_w2 = if now.charge_w > 0.0 { now.squared_a2 / now.charge_w.powi(2) } else { 0.0 };
-        let at = |charge_w: f64| Situation { charge_w, squared_a2: per_w2 * charge_w.powi(2), ..*now };
-        let limit_w = charge_w_within(&mut self.load, self.converter_w_max, at);
-        let before_w = self.bay_w_max;
-        let wants_w = |drawn_w: f64| if drawn_w >= AT_LIMIT * before_w { f64::INFINITY } else { drawn_w };
-        let robots = self.docked.values().map(|draw| draw.as_ref().map_or(f64::INFINITY, |draw| wants_w(draw.charge_power_w)));
-        let left = self.shelf.draws().filter(|_| self.recharge_w <= 0.0).map(|(charge_w, _)| wants_w(charge_w));
-        self.bay_w_max = fair_level(limit_w, &robots.chain(left).collect::<Vec<f64>>());
-    }
-
-    /// Steps the active pack under the station's load; when it gives out, the selector hands the
-    /// load to the next, as an uninterruptible supply does (Kottas, section B.2.2), unless the
-    /// selector's gap is too long for its capacitor.
-    fn feed(&mut self, dt_s: f64) -> Vec<PackReading> {
-        let now = self.situation();
-        self.share_converters(&now);
-        now.set(&mut self.load);
-        self.load.channels[Channel::SelectorEvents] = f64::from(std::mem::take(&mut self.switched));
-        self.load.step(dt_s);
-        let power_w = self.load.channels[Channel::PackPowerW];
-        let mut samples: Vec<_> = self.packs.iter().map(|_| None).collect();
-        let before = self.active;
-        self.powered = false;
-        self.down_s = (self.down_s - dt_s).max(0.0);
-        let up = self.down_s <= 0.0;
-        for index in (self.active..self.packs.len()).chain(0..self.active).filter(|_| up) {
-            let pack = &mut self.packs[index];
-            if pack.depleted {
-                continue;
-            }
-            match pack.body.step(dt_s, Task::Power(power_w)) {
-                Ok(sample) => {
-                    samples[index] = Some(sample);
-                    (self.active, self.powered) = (index, true);
-                    break;
-                }
-                Err(_) => {
-                    pack.depleted = true;
-                    samples[index] = Some(pack.body.sample(dt_s));
-                }
-            }
-        }
-        self.changed(before, power_w);
-        self.recharge(&mut samples, dt_s);
-        let rest = |(pack, sample): (&mut Pack, Option<_>)| PackReading {
-            pack: pack.id.clone(),
-            sample: sample.unwrap_or_else(|| match pack.body.step(dt_s, Task::Rest) {
-                Ok(sample) => sample,
-                Err(_) => pack.body.sample(dt_s),
-            }),
-            depleted: pack.depleted,
-        };
-        self.packs.iter_mut().zip(samples).map(rest).collect()
-    }
-
-    /// A change of packs has happened: the station lives through it, or starts again.
-    fn changed(&mut self, before: usize, power_w: f64) {
-        if self.active == before {
-            return;
-        }
-        self.switched += 1;
-        let Some(selector) = self.selector else { return };
-        let [from_v, to_v] = [before, self.active].map(|index| self.packs[index].body.truth(Channel::TerminalVoltageV));
-        if !selector.device().transition(from_v, to_v, power_w).survives {
-            self.down_s = selector.restart_s;
-        }
-    }
-
-    /// Charges what does not feed the station: from the supply its own packs and those that robots
-    /// left; without a supply these alone, through the station's converters.
-    fn recharge(&mut self, samples: &mut [Option<energy::gauge::Sample>], dt_s: f64) {
-        let mut asked_w = self.shelf.asks_w();
-        if self.recharge_w > 0.0 {
-            let left = asked_w.len();
-            let resting = |(pack, sample): (&mut Pack, &Option<_>)| if sample.is_none() { pack.charger.asks_w(&pack.body) } else { 0.0 };
-            asked_w.extend(self.packs.iter_mut().zip(samples.iter()).map(resting));
-            let mut given_w = vec![0.0; asked_w.len()];
-            share_fairly(self.recharge_w, &asked_w, &mut given_w);
-            self.shelf.step(&given_w[..left], dt_s);
-            for ((pack, sample), &given_w) in self.packs.iter_mut().zip(samples.iter_mut()).zip(&given_w[left..]) {
-                if sample.is_none() {
-                    *sample = Some(pack.charger.step(&mut pack.body, given_w, dt_s));
-                    pack.depleted &= pack.body.truth(Channel::Soc) < RELEASE_SOC;
-                }
-            }
-        } else {
-            let given_w = if self.powered { self.bay_w_max } else { 0.0 };
-            self.shelf.step(&vec![given_w; asked_w.len()], dt_s);
-        }
-        for (spare, soc) in self.shelf.full() {
-            self.charged.push((spare.clone(), label(soc)));
-            self.spares.insert(spare, soc);
-        }
-    }
-
     /// Moves the lift on; it stands still without power.
     fn lift(&mut self, dt_s: f64) -> Option<Lifted> {
-        let (_, left_s) = self.lift.as_mut().filter(|_| self.powered)?;
+        let moves = self.powered && self.driving_w().is_none();
+        let (_, left_s) = self.lift.as_mut().filter(|_| moves)?;
         *left_s -= dt_s;
         if *left_s > 0.0 {
             return None;
@@ -293,7 +215,8 @@ impl StationBody {
     }
 
     fn swap(&mut self, dt_s: f64) -> Option<Swapped> {
-        let (_, _, left_s) = self.swap.as_mut().filter(|_| self.powered)?;
+        let moves = self.powered && self.driving_w().is_none();
+        let (_, _, left_s) = self.swap.as_mut().filter(|_| moves)?;
         *left_s -= dt_s;
         if *left_s > 0.0 {
             return None;
@@ -324,7 +247,8 @@ impl Source for StationBody {
             }
             Act::Swap { robot, spare } => self.swap = Some((robot.clone(), spare.clone(), self.times_s[2])),
             Act::Select { pack } => {
-                if let Some(index) = self.packs.iter().position(|known| known.id == *pack) {
+                // What is not there, or can give nothing, is not taken.
+                if let Some(index) = self.packs.iter().position(|known| known.id == *pack && known.usable()) {
                     let before = std::mem::replace(&mut self.active, index);
                     let power_w = self.load.channels[Channel::PackPowerW];
                     self.changed(before, power_w);
@@ -335,6 +259,7 @@ impl Source for StationBody {
 
     fn advance(&mut self, dt_s: f64) -> Option<Observation> {
         self.now_s += dt_s;
+        self.exchange_packs(dt_s);
         let lift_active = (self.lift.is_some() || self.swap.is_some()) && self.powered;
         let packs = self.feed(dt_s);
         let (lifted, swapped) = (self.lift(dt_s), self.swap(dt_s));
@@ -350,6 +275,11 @@ impl Source for StationBody {
             lift_active,
             charged: std::mem::take(&mut self.charged),
         })
+    }
+
+    fn load_inputs(&self, channels: &[Channel]) -> Option<Vec<f64>> {
+        // While it drives, the station's model does not say all that its pack gives.
+        self.driving_w().is_none().then(|| channels.iter().map(|&channel| self.load.channels[channel]).collect())
     }
 
     fn draw(&mut self, robot: &RobotId, draw: &SimDraw) {

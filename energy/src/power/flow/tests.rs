@@ -5,7 +5,7 @@ use crate::power::{Consumer, ConsumerKind, ConverterLoss, EfficiencyTable, Ldo, 
 use crate::real::{Dual, derivative, variable};
 
 fn rail(id: &str, from: &str, kind: RailKind, loads: &[(ConsumerKind, f64)]) -> Rail {
-    let loads = loads.iter().map(|&(kind, value)| Consumer { name: "load".to_owned(), kind, value, when: None }).collect();
+    let loads = loads.iter().map(|&(kind, value)| Consumer { name: "load".to_owned(), kind, value, sigma: 0.0, when: None }).collect();
     Rail { id: id.to_owned(), from: from.to_owned(), kind, current_a_max: f64::INFINITY, loads, source: None }
 }
 

@@ -1,0 +1,118 @@
+//! Logs of a running agent: what its source showed, row by row on disk, as the lab reads it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use energy::gauge::Sample;
+use energy::{Channel, Estimate};
+use proto::{Gauge, Timestamp};
+
+use crate::Telemetry;
+
+/// A folder of logs in the making. Times count from the first row of all.
+#[derive(Debug)]
+pub struct LiveLog {
+    folder: PathBuf,
+    telemetry: Telemetry,
+    start: Option<Timestamp>,
+    batteries: BTreeMap<String, Battery>,
+    tables: Vec<String>,
+}
+
+#[derive(Debug, Default)]
+struct Battery {
+    /// Packs that were put in so far: each has its own log.
+    exchanges: u32,
+    /// Full-equivalent cycles, by the last word of its gauge.
+    cycles: f64,
+    opened: bool,
+}
+
+impl LiveLog {
+    /// Logs into this folder, which is made with the first row.
+    #[must_use]
+    pub fn new(folder: PathBuf) -> Self {
+        Self { folder, telemetry: Telemetry::default(), start: None, batteries: BTreeMap::new(), tables: Vec::new() }
+    }
+
+    fn time_s(&mut self, now: Timestamp, dt_s: f64) -> f64 {
+        now.seconds_since(*self.start.get_or_insert(now.plus_s(-dt_s)))
+    }
+
+    /// A battery's sample, before its gauge has seen it: `soc` is what the gauge starts from, and
+    /// `exchanged` the charge of another pack that was just put in.
+    pub fn battery(&mut self, now: Timestamp, name: &str, sample: &Sample, soc: Estimate, exchanged: Option<Estimate>) {
+        let time_s = self.time_s(now, sample.dt_s);
+        let battery = self.batteries.entry(name.to_owned()).or_default();
+        battery.exchanges += u32::from(exchanged.is_some() && battery.opened);
+        let stem = stem(name, battery.exchanges);
+        if !battery.opened || exchanged.is_some() {
+            self.telemetry.live_battery(&stem, time_s - sample.dt_s, exchanged.unwrap_or(soc), sample.temperature_degc);
+            battery.opened = true;
+        }
+        self.telemetry.live_battery_row(&stem, time_s, sample, battery.cycles);
+    }
+
+    /// What a battery's gauge says: the cycles that it has counted.
+    pub fn gauge(&mut self, name: &str, gauge: &Gauge) {
+        if let (Some(battery), Some(cycles)) = (self.batteries.get_mut(name), gauge.cycles) {
+            battery.cycles = cycles;
+        }
+    }
+
+    /// A row of any other log: channels with their values, then further columns as text.
+    pub fn row(&mut self, now: Timestamp, dt_s: f64, stem: &str, channels: &[(Channel, f64)], further: &[(String, String)]) {
+        let time_s = self.time_s(now, dt_s);
+        if !self.tables.iter().any(|known| known == stem) {
+            let names: Vec<&str> =
+                channels.iter().map(|(channel, _)| channel.name()).chain(further.iter().map(|(name, _)| name.as_str())).collect();
+            self.telemetry.table(stem, &names.join(","));
+            self.tables.push(stem.to_owned());
+        }
+        let mut row = format!("{time_s}");
+        for (_, value) in channels {
+            write!(row, ",{:.5}", value + 0.0).expect("a text can be written to");
+        }
+        for (_, text) in further {
+            write!(row, ",{text}").expect("a text can be written to");
+        }
+        self.telemetry.row(stem, format_args!("{row}"));
+    }
+
+    /// Puts what is new on disk.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to, or holds logs of another run.
+    pub fn flush(&mut self) -> anyhow::Result<()> {
+        self.telemetry.append(&self.folder)
+    }
+}
+
+fn stem(name: &str, exchanges: u32) -> String {
+    if exchanges == 0 { name.to_owned() } else { format!("{name}-pack-{}", exchanges + 1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_pack_has_another_log_and_cycles_are_those_of_the_gauge() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |seconds: i64| Timestamp::from_unix_ms(1_767_225_600_000 + 1000 * seconds);
+        let mut log = LiveLog::new(folder.path().to_owned());
+        let sample = Sample { dt_s: 1.0, current_a: 0.4, voltage_v: 11.5, temperature_degc: 25.0 };
+        let soc = Estimate::new(0.5, 0.01);
+        log.battery(at(0), "r1", &sample, soc, None);
+        log.battery(at(1), "r1", &sample, soc, None);
+        log.battery(at(2), "r1", &sample, soc, Some(Estimate::new(0.98, 0.02)));
+        log.row(at(2), 1.0, "r1-load", &[(Channel::PowerW, 4.6), (Channel::SpeedMps, 0.1)], &[("note".to_owned(), "x".to_owned())]);
+        log.flush().unwrap();
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        assert_eq!(read("r1.csv").lines().count(), 4);
+        assert!(read("r1-pack-2.csv").ends_with("\n2,,,,\n3,0.4000,11.5000,25.00,0.0000\n"), "{}", read("r1-pack-2.csv"));
+        assert!(read("r1-pack-2.toml").contains("soc_initial = 0.98\n"));
+        assert_eq!(read("r1-load.csv"), "time_s,power_w,speed_mps,note\n3,4.60000,0.10000,x\n");
+    }
+}
