@@ -7,13 +7,14 @@ mod cells;
 mod file;
 mod protection;
 mod rails;
+mod variant;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use serde::Deserialize;
 
-use crate::effect::{Effect, EffectSpec, Phase, Steps, catalogue, find};
+use crate::effect::{Effect, Phase, Steps, catalogue};
 use crate::real::Dual;
 use crate::system::{BatteryFacts, Facts, System};
 use crate::{Channel, Estimate};
@@ -214,82 +215,6 @@ impl Model {
             prepared_count,
             predicts_temperature,
         })
-    }
-
-    /// The same model without some of its effects.
-    #[must_use]
-    pub fn without(&self, leave_out: impl Fn(&str) -> bool) -> Model {
-        let kept = self.placed.iter().filter(|placed| !leave_out(placed.effect.spec().id));
-        let effects = kept.map(|placed| {
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
-            (index, self.parameters[placed.parameters.clone()].to_vec())
-        });
-        let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
-        Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect())
-            .expect("no effect appears twice")
-    }
-
-    /// The same model with one more effect of the catalogue, its parameters at their defaults and
-    /// free to be fitted; the others keep their values and their order.
-    ///
-    /// # Errors
-    /// When the system has no such effect or the model has it already.
-    pub fn with(&self, id: &str) -> Result<Model, String> {
-        let (index, effect) = find(self.system, id).ok_or_else(|| format!("a {} has no effect `{id}`", self.system.name()))?;
-        let spec = effect.spec();
-        let own = spec.parameters.iter().map(|p| Parameter { free: true, ..file::default_parameter(spec.id, p) });
-        let mut effects = vec![(index, own.collect())];
-        for placed in &self.placed {
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
-            effects.push((index, self.parameters[placed.parameters.clone()].to_vec()));
-        }
-        let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
-        Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects)
-    }
-
-    /// The same model with other values of its parameters, in the order of [`Model::parameters`].
-    ///
-    /// # Panics
-    /// When there are not as many values as parameters.
-    #[must_use]
-    pub fn with_values(mut self, values: &[f64]) -> Model {
-        assert_eq!(values.len(), self.parameters.len(), "one value per parameter of {}", self.name);
-        self.parameters.iter_mut().zip(values).for_each(|(parameter, &value)| parameter.value = value);
-        self
-    }
-
-    /// The same model with one effect in the place of another that has the same parameters; none
-    /// when it lacks the one or has the other already.
-    pub(crate) fn exchanged(&self, old: &str, new: &str) -> Option<Model> {
-        let (new_index, effect) = find(self.system, new)?;
-        let has = |id: &str| self.placed.iter().any(|placed| placed.effect.spec().id == id);
-        if !has(old) || has(new) {
-            return None;
-        }
-        let effects = self.placed.iter().map(|placed| {
-            let mut own = self.parameters[placed.parameters.clone()].to_vec();
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
-            if placed.effect.spec().id != old {
-                return (index, own);
-            }
-            own.iter_mut().for_each(|parameter| parameter.effect = effect.spec().id);
-            (new_index, own)
-        });
-        let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
-        Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect()).ok()
-    }
-
-    /// Some of the effects on other facts, and which of this model's parameters are left,
-    /// in their order.
-    pub(crate) fn part(&self, facts: Facts, keep: impl Fn(&EffectSpec) -> bool) -> (Model, Vec<usize>) {
-        let kept = || self.placed.iter().filter(|placed| keep(placed.effect.spec()));
-        let effects = kept().map(|placed| {
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
-            (index, self.parameters[placed.parameters.clone()].to_vec())
-        });
-        let model = Model::assemble(self.name.clone(), self.system, facts, self.sensors.clone(), self.uncertainty, effects.collect())
-            .expect("no effect appears twice");
-        (model, kept().flat_map(|placed| placed.parameters.clone()).collect())
     }
 
     /// All parameters of all effects, in order of evaluation.
