@@ -52,7 +52,7 @@ pub struct Solution {
 /// Steps after which the search gives up.
 const ITERATIONS_MAX: usize = 200;
 /// The same where a small fall is not worth a step.
-const ITERATIONS_ROUGH: usize = 25;
+const ITERATIONS_ROUGH: usize = 40;
 /// Cosine between residual and any column of the Jacobian that counts as a right angle.
 const COSINE_TOLERANCE: f64 = 1e-9;
 /// Relative fall of the cost that counts as none.
@@ -96,11 +96,11 @@ pub fn minimise_to(
         settled |= steepest <= COSINE_TOLERANCE;
         let mut next = None;
         while !settled && iteration < iterations_max && damping < DAMPING_MAX {
-            let step = solve(&normal, &gradient, &scale, damping, &moving);
-            if enough > 0.0 && promised(&normal, &gradient, &step, &moving) < enough {
+            let step = solve(&normal, &gradient, &scale, damping, &moving, &at, bounds);
+            if enough > 0.0 && promised(&normal, &gradient, &step) < enough {
                 break;
             }
-            let tried = clamp(add(&at, &moving, &step));
+            let tried = clamp(at.iter().zip(step.iter()).map(|(x, step)| x + step).collect());
             let found = problem.residual(&tried);
             if found.norm_squared() < cost {
                 damping = (damping / 10.0).max(1e-15);
@@ -120,9 +120,8 @@ pub fn minimise_to(
 }
 
 /// Fall of the sum of squares that the derivatives promise for a step.
-fn promised(normal: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>, moving: &[usize]) -> f64 {
-    let bend = |i: usize| (0..moving.len()).map(|j| normal[(moving[i], moving[j])] * step[j]).sum::<f64>();
-    -(0..moving.len()).map(|i| step[i] * (2.0 * gradient[moving[i]] + bend(i))).sum::<f64>()
+fn promised(normal: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>) -> f64 {
+    -(2.0 * gradient.dot(step) + step.dot(&(normal * step)))
 }
 
 /// The bound that a parameter rests on and against which the cost falls.
@@ -139,22 +138,46 @@ fn cosine(gradient: f64, column_squared: f64, cost: f64) -> f64 {
     if product > 0.0 { gradient.abs() / product } else { 0.0 }
 }
 
-fn solve(normal: &DMatrix<f64>, gradient: &DVector<f64>, scale: &[f64], damping: f64, moving: &[usize]) -> DVector<f64> {
-    let mut system = DMatrix::from_fn(moving.len(), moving.len(), |i, j| normal[(moving[i], moving[j])]);
-    for (i, &index) in moving.iter().enumerate() {
-        // A parameter that nothing depends on stays where it is.
-        system[(i, i)] += if scale[index] > 0.0 { damping * scale[index] } else { 1.0 };
+/// The step of all parameters. One that would leave its range goes to the bound, and the others
+/// are asked again what is best beside that: cut off alone, a step of parameters that belong
+/// together leads nowhere.
+fn solve(
+    normal: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    scale: &[f64],
+    damping: f64,
+    moving: &[usize],
+    at: &[f64],
+    bounds: &[(f64, f64)],
+) -> DVector<f64> {
+    let mut step = DVector::zeros(at.len());
+    let mut inside = moving.to_vec();
+    loop {
+        let mut system = DMatrix::from_fn(inside.len(), inside.len(), |i, j| normal[(inside[i], inside[j])]);
+        for (i, &index) in inside.iter().enumerate() {
+            // A parameter that nothing depends on stays where it is.
+            system[(i, i)] += if scale[index] > 0.0 { damping * scale[index] } else { 1.0 };
+        }
+        // What those at their bounds have moved already shifts the slope of the others.
+        let pulled = normal * &step;
+        let right = DVector::from_fn(inside.len(), |i, _| -gradient[inside[i]] - pulled[inside[i]]);
+        let Some(cholesky) = system.cholesky() else { return DVector::zeros(at.len()) };
+        let solution = cholesky.solve(&right);
+        let beyond = |&(i, &index): &(usize, &usize)| {
+            let x = at[index] + solution[i];
+            x < bounds[index].0 || x > bounds[index].1
+        };
+        let out: Vec<usize> = inside.iter().enumerate().map(|(i, index)| (i, index)).filter(beyond).map(|(i, _)| i).collect();
+        if out.is_empty() {
+            inside.iter().zip(solution.iter()).for_each(|(&index, &change)| step[index] = change);
+            return step;
+        }
+        for &i in &out {
+            let index = inside[i];
+            step[index] = (at[index] + solution[i]).clamp(bounds[index].0, bounds[index].1) - at[index];
+        }
+        inside = inside.iter().enumerate().filter(|(i, _)| !out.contains(i)).map(|(_, &index)| index).collect();
     }
-    let right = DVector::from_fn(moving.len(), |i, _| -gradient[moving[i]]);
-    system.cholesky().map_or_else(|| DVector::zeros(moving.len()), |cholesky| cholesky.solve(&right))
-}
-
-fn add(at: &[f64], moving: &[usize], step: &DVector<f64>) -> Vec<f64> {
-    let mut moved = at.to_vec();
-    for (i, &index) in moving.iter().enumerate() {
-        moved[index] += step[i];
-    }
-    moved
 }
 
 #[cfg(test)]

@@ -185,7 +185,7 @@ const EFFECTS_MAX: usize = 8;
 #[must_use]
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
     let frame = Arc::new(Frame::new(model, evidence));
-    let mut state = State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame));
+    let mut state = State::search(Arc::clone(&frame), &frame.start());
     let mut steps = Vec::new();
     loop {
         let step = Step::look(state, holdout);

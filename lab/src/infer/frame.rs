@@ -264,12 +264,6 @@ impl Frame {
         for (&index, &value) in self.free.iter().zip(x) {
             values[index] = value;
         }
-        for (known, &error) in self.known.iter().zip(&x[self.free.len()..]) {
-            if let Rough::Parameter(index) = known.what {
-                let parameter = &self.model.parameters()[index];
-                values[index] = (values[index] + error).clamp(parameter.min, parameter.max);
-            }
-        }
         values
     }
 
@@ -415,13 +409,13 @@ impl Frame {
     }
 
     fn unknown_of_parameter(&self, index: usize) -> Option<usize> {
-        self.free.iter().position(|&free| free == index).or_else(|| self.unknown_of(Rough::Parameter(index)))
+        self.free.iter().position(|&free| free == index)
     }
 
     /// Whether the walk of this log must carry derivatives by the unknown.
     fn moves_model(&self, unknown: usize, log: usize) -> bool {
         match self.what(unknown) {
-            None | Some(Rough::Parameter(_)) => true,
+            None => true,
             Some(Rough::Offset(channel) | Rough::Gain(channel)) => self.drives_model(channel, log),
             Some(Rough::SocInitial(own)) => own == log,
             // Of the model, but dear in every lane: taken by differences.
@@ -549,12 +543,14 @@ impl Frame {
         }
     }
 
-    fn delay_columns(&self, x: &[f64], all: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
+    /// Derivatives of what is shown late, from those of the `prompt` predictions.
+    fn delay_columns(&self, x: &[f64], prompt: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
         for (column, &unknown) in by.iter().enumerate() {
+            self.delay(x, columns.column_mut(column).as_mut_slice());
             let Some(Rough::Lag(channel)) = self.what(unknown) else { continue };
             for segment in self.evidence.segments.iter().filter(|segment| segment.channel == channel) {
                 for row in 0..segment.counts.len() {
-                    columns[(segment.begin + row, column)] = segment.slope(&all[segment.range()], row, x[unknown]);
+                    columns[(segment.begin + row, column)] = segment.slope(&prompt[segment.range()], row, x[unknown]);
                 }
             }
         }
@@ -575,3 +571,6 @@ const ROUGH_MAX: f64 = 3.0;
 const CAPACITY_STEP: f64 = 1e-4;
 /// Step over which the derivative by a temperature is taken, K.
 const TEMPERATURE_STEP_K: f64 = 1e-3;
+
+#[cfg(test)]
+mod tests;

@@ -102,6 +102,8 @@ impl Filter {
 /// Persistences that are tried, as multiples of the mean step.
 const TAU_STEPS: [f64; 7] = [1.5, 5.0, 15.0, 50.0, 150.0, 500.0, 2000.0];
 
+/// Factors between the points of that grid.
+const BESIDE: [f64; 2] = [0.55, 1.8];
 /// Largest persistence, as a share of the mean length of a log. What lasts longer is an error of
 /// the model: a disturbance that could last as long as the log would excuse any wrong level.
 const LONGEST: f64 = 0.1;
@@ -130,33 +132,51 @@ pub fn estimate(white: f64, logs: &[Rows<'_>]) -> Noise {
     if variance < 0.5 * white * white {
         return none;
     }
-    for tau_s in TAU_STEPS.map(|steps| steps * step_s).into_iter().filter(|&tau_s| tau_s <= longest_s.max(TAU_STEPS[1] * step_s)) {
-        // The size by golden section on its logarithm.
-        let at = |log_slow: f64| {
-            let noise = Noise { white, slow: log_slow.exp(), tau_s };
+    let largest = (3.0 * variance.sqrt()).max(white);
+    let sized = |tau_s: f64| {
+        least(0.02 * white, largest, |slow| {
+            let noise = Noise { white, slow, tau_s };
             (cost(noise), noise)
-        };
-        let largest = (3.0 * variance.sqrt()).max(white).ln();
-        let (mut low, mut high) = ((0.02 * white).ln(), largest);
-        let ratio = (5f64.sqrt() - 1.0) / 2.0;
-        let (mut a, mut b) = (at(high - ratio * (high - low)), at(low + ratio * (high - low)));
-        while high - low > 0.1 {
-            if a.0 < b.0 {
-                high = low + ratio * (high - low);
-                b = a;
-                a = at(high - ratio * (high - low));
-            } else {
-                low = high - ratio * (high - low);
-                a = b;
-                b = at(low + ratio * (high - low));
-            }
-        }
-        let found = if a.0 < b.0 { a } else { b };
+        })
+    };
+    let mut keep = |found: (f64, Noise)| {
         if found.0 < best.0 {
             best = found;
         }
+        best.1
+    };
+    let longest_s = longest_s.max(TAU_STEPS[1] * step_s);
+    for tau_s in TAU_STEPS.map(|steps| steps * step_s).into_iter().filter(|&tau_s| tau_s <= longest_s) {
+        keep(sized(tau_s));
+    }
+    // Between the points of the grid.
+    let coarse = keep((f64::INFINITY, none));
+    if coarse.slow > 0.0 {
+        for factor in BESIDE {
+            keep(sized((coarse.tau_s * factor).min(longest_s)));
+        }
     }
     best.1
+}
+
+/// The least cost over sizes between `low` and `high`, by golden section on their logarithm.
+fn least(low: f64, high: f64, at: impl Fn(f64) -> (f64, Noise)) -> (f64, Noise) {
+    let ratio = (5f64.sqrt() - 1.0) / 2.0;
+    let at = |log: f64| at(log.exp());
+    let (mut low, mut high) = (low.ln(), high.ln());
+    let (mut a, mut b) = (at(high - ratio * (high - low)), at(low + ratio * (high - low)));
+    while high - low > 0.1 {
+        if a.0 < b.0 {
+            high = low + ratio * (high - low);
+            b = a;
+            a = at(high - ratio * (high - low));
+        } else {
+            low = high - ratio * (high - low);
+            a = b;
+            b = at(low + ratio * (high - low));
+        }
+    }
+    if a.0 < b.0 { a } else { b }
 }
 
 #[cfg(test)]

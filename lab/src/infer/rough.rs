@@ -7,8 +7,6 @@ use crate::prepare::Prepared;
 /// One number that is known up to a normal deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rough {
-    /// A parameter of the model that is not free but has a deviation: its change, in its unit.
-    Parameter(usize),
     /// Constant offset of a sensor: what it shows beyond the truth, in the channel's unit. It shifts
     /// the prediction of a target and, the other way, an input.
     Offset(Channel),
@@ -55,9 +53,6 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
             all.push(Known { what, sigma });
         }
     };
-    for (index, parameter) in model.parameters().iter().enumerate().filter(|(_, parameter)| !parameter.free) {
-        know(Rough::Parameter(index), parameter.sigma);
-    }
     for (&channel, sensor) in &model.sensors {
         let measured = |log: &Prepared| {
             log.targets.iter().any(|target| target.channel == channel) || log.inputs.iter().any(|(input, _)| *input == channel)

@@ -41,18 +41,32 @@ pub struct State {
 
 /// Fall of the cost that is not worth another step: in units of two log-likelihoods, and as a share
 /// of the cost, which is far above its number of rows while the model is far from right.
-const ENOUGH: (f64, f64) = (0.02, 1e-5);
+const ENOUGH: (f64, f64) = (0.02, 1e-6);
+/// Slow noise, in floors, that needs no second look.
+const SLIGHT: f64 = 0.3;
 /// Rounds of fitting and asking for the noise again.
 const ROUNDS: usize = 3;
 /// Change of the cost by new noise that asks for no further round.
 const SETTLED: f64 = 1.0;
 
 impl State {
-    /// Fits all unknowns, beginning at `start` with the noise that is left there.
+    /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
+    /// that ends with slow noise, once more from where the sensors' noise alone leads. Slow noise
+    /// excuses what it has to explain: from either side the search may come to rest too early.
     #[must_use]
-    pub fn fit_from(frame: Arc<Frame>, start: &[f64]) -> State {
-        let noise = noises(&frame, &residual(&frame, start));
-        State::fit(frame, start, &noise)
+    pub fn search(frame: Arc<Frame>, start: &[f64]) -> State {
+        let begin = State::fit(Arc::clone(&frame), start, &noises(&frame, &residual(&frame, start)));
+        if begin.noise.iter().all(|(channel, noise)| noise.slow < SLIGHT * frame.evidence.floor(*channel)) {
+            return begin;
+        }
+        let white = State::white(&frame);
+        let filters = filters(&frame, &white);
+        let problem = Whitened { frame: &frame, filters: &filters };
+        let enough = ENOUGH.0 + ENOUGH.1 * problem.residual(&begin.x).norm_squared();
+        let x = minimise_to(&problem, &begin.x, &frame.bounds(), enough, &mut |_| {}).at;
+        let noise = noises(&frame, &residual(&frame, &x));
+        let again = State::fit(Arc::clone(&frame), &x, &noise);
+        if again.cost < begin.cost { again } else { begin }
     }
 
     /// Fits all unknowns, beginning at `start` and with this noise.

@@ -38,7 +38,7 @@ impl Trial {
         let several = if candidate.spec.parameters.len() > 1 { vec![&score.expected, &usual] } else { vec![&score.expected] };
         let fits = several.into_iter().map(|own| {
             let start = start(&frame, base, score, candidate, own);
-            State::fit_from(Arc::clone(&frame), &start)
+            State::search(Arc::clone(&frame), &start)
         });
         let state = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("there is one");
         Trial::of(base, state, candidate.spec, holdout)
@@ -78,9 +78,7 @@ pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
     let frame = Frame::new(Arc::new(model), Arc::clone(evidence));
     let mut x = frame.start();
     for (place, known) in frame.known.iter().enumerate().filter(|(_, known)| known.log().is_none()) {
-        // The values of rough parameters are already in the model.
-        let is_parameter = matches!(known.what, super::rough::Rough::Parameter(_));
-        x[frame.free.len() + place] = if is_parameter { 0.0 } else { seen.error(&state.x, known.what) };
+        x[frame.free.len() + place] = seen.error(&state.x, known.what);
     }
     let own: Vec<usize> =
         (0..frame.known.len()).filter(|&place| frame.known[place].log().is_some()).map(|place| frame.free.len() + place).collect();

@@ -1,0 +1,98 @@
+use super::*;
+use crate::measurement::{LogFacts, read_log};
+use crate::prepare::prepare;
+
+const MODEL: &str = r#"
+schema = 1
+system = "battery"
+name = "t"
+[battery]
+series = 2
+parallel = 1
+capacity_ah = 1.0
+full_v_per_cell = 4.2
+eod_v_per_cell = 3.0
+charge_current_a = 1.0
+charge_cutoff_a = 0.1
+ocv = { soc = [0.0, 0.4, 1.0], voltage_v = [3.0, 3.7, 4.1] }
+[sensor.voltage_v]
+sigma = 1e-3
+offset_sigma = 3e-3
+gain_sigma = 1e-3
+lag_sigma_s = 0.5
+[sensor.current_a]
+sigma = 1e-3
+offset_sigma = 1e-3
+gain_sigma = 3e-3
+[sensor.temperature_degc]
+sigma = 0.1
+offset_sigma = 1.0
+[uncertainty]
+ocv_sigma_v = 3e-3
+soc_initial_sigma = 0.01
+capacity_relative_sigma = 0.01
+[[effect]]
+id = "ohmic"
+resistance_ohm = { value = 0.1, source = "t", free = true }
+[[effect]]
+id = "arrhenius"
+activation_kj_per_mol = { value = 20.0, source = "t", free = true }
+[[effect]]
+id = "rc1"
+resistance_ohm = { value = 0.05, source = "t", free = true }
+tau_s = { value = 60.0, source = "t", free = true }
+"#;
+
+/// Two logs of pulses and rests, the second in the cold; a thermal effect in the model or not.
+fn frame(thermal: bool) -> Frame {
+    let more = "[[effect]]\nid = \"thermal\"\nconductance_w_per_k = { value = 0.05, source = \"t\", free = true }\n";
+    let text = if thermal { format!("{MODEL}{more}") } else { MODEL.to_owned() };
+    let model = Model::parse("m.toml", &text, &|_| Err(String::new())).unwrap();
+    let log = |name: &str, ambient_degc: f64| {
+        let mut text = "time_s,current_a,voltage_v,temperature_degc,ambient_degc\n".to_owned();
+        for row in 0..120 {
+            let current_a = [0.0, 1.0, -0.5, 2.0][row / 15 % 4] + 0.01 * (row % 7) as f64;
+            let voltage_v = 7.6 - 0.1 * current_a - 0.002 * row as f64;
+            text += &format!("{},{current_a},{voltage_v},{},{ambient_degc}\n", 5 * row, ambient_degc + 0.02 * row as f64);
+        }
+        let facts = LogFacts { soc_initial: Some(0.8), ..LogFacts::default() };
+        prepare(&model, &read_log(name, text.as_bytes(), facts).unwrap()).unwrap()
+    };
+    let logs = vec![log("a.csv", 25.0), log("b.csv", 5.0)];
+    let evidence = Evidence::new(&model, logs);
+    Frame::new(Arc::new(model), Arc::new(evidence))
+}
+
+/// Every derivative, of parameters and of what is only roughly known, against differences.
+#[test]
+fn derivatives_are_those_of_the_predictions() {
+    for thermal in [false, true] {
+        let frame = frame(thermal);
+        let mut x = frame.start();
+        // Off zero, where every correction is at work.
+        for (place, known) in frame.known.iter().enumerate() {
+            x[frame.free.len() + place] = 0.3 * known.sigma * [1.0, -1.0, 0.5][place % 3];
+        }
+        let by: Vec<usize> = (0..frame.unknowns()).collect();
+        let (predicted, columns) = frame.linearise(&x, &by);
+        let plain = frame.predict(&x);
+        assert!(predicted.iter().zip(&plain).all(|(a, b)| (a - b).abs() < 1e-12));
+        for unknown in by {
+            let what = frame.what(unknown);
+            let scale = if unknown < frame.free.len() { x[unknown].abs() } else { frame.known[unknown - frame.free.len()].sigma };
+            let h = 1e-4 * scale;
+            let beside = |side: f64| {
+                let mut moved = x.clone();
+                moved[unknown] += side * h;
+                frame.predict(&moved)
+            };
+            let (above, below) = (beside(1.0), beside(-1.0));
+            for row in 0..predicted.len() {
+                let slope = (above[row] - below[row]) / (2.0 * h);
+                let error = (columns[(row, unknown)] - slope).abs() * scale;
+                // A hundredth of a millivolt, or of a millikelvin, per deviation.
+                assert!(error < 1e-5 + 0.02 * slope.abs() * scale, "{what:?} row {row}: {} against {slope}", columns[(row, unknown)]);
+            }
+        }
+    }
+}
