@@ -273,12 +273,26 @@ impl Frame {
         self.known.iter().position(|known| known.what == what).map_or(0.0, |place| x[self.free.len() + place])
     }
 
-    /// Error of the OCV table at every knot, V per cell; empty when the table is exact.
+    /// Error of the OCV table, as points of SoC and V per cell to be joined by straight lines; empty
+    /// when the table is exact.
     #[must_use]
     pub fn ocv_error(&self, x: &[f64]) -> Vec<(f64, f64)> {
+        let errors = self.knot_errors(x);
+        if errors.is_empty() {
+            return Vec::new();
+        }
+        let between = self.knots.windows(2).flat_map(|pair| {
+            (0..POINTS_BETWEEN).map(move |point| pair[0] + (pair[1] - pair[0]) * point as f64 / POINTS_BETWEEN as f64)
+        });
+        let all = between.chain(self.knots.last().copied());
+        all.map(|soc| (soc, weights(&self.knots, soc).iter().map(|&(knot, weight)| errors[knot] * weight).sum())).collect()
+    }
+
+    /// Error of the OCV table at every knot, V per cell; empty when the table is exact.
+    fn knot_errors(&self, x: &[f64]) -> Vec<f64> {
         let table_is_rough = self.known.iter().any(|known| matches!(known.what, Rough::Ocv(_)));
-        let knots = if table_is_rough { self.knots.as_slice() } else { &[] };
-        knots.iter().enumerate().map(|(knot, &soc)| (soc, self.error(x, Rough::Ocv(knot)))).collect()
+        let count = if table_is_rough { self.knots.len() } else { 0 };
+        (0..count).map(|knot| self.error(x, Rough::Ocv(knot))).collect()
     }
 
     /// What the model predicts for every row.
@@ -482,7 +496,7 @@ impl Frame {
     ) {
         let segments: Vec<&Segment> = self.evidence.segments.iter().filter(|segment| segment.log == log).collect();
         let mut next = vec![0; segments.len()];
-        let (ocv, cells) = (self.ocv_error(x), self.cells());
+        let (ocv, cells) = (self.knot_errors(x), self.cells());
         let shown: Vec<(f64, f64)> = segments
             .iter()
             .map(|segment| (self.error(x, Rough::Offset(segment.channel)), self.error(x, Rough::Gain(segment.channel))))
@@ -500,7 +514,7 @@ impl Frame {
                 let mut value = now[sources[place]];
                 if segment.channel == Channel::VoltageV && !ocv.is_empty() {
                     for (knot, weight) in weights(&self.knots, now[Channel::Soc]) {
-                        value += weight * (ocv[knot].1 * cells);
+                        value += weight * (ocv[knot] * cells);
                     }
                 }
                 let (offset, gain) = shown[place];
@@ -516,7 +530,7 @@ impl Frame {
     fn additive(&self, row: usize, soc: f64, shown: f64, share: f64, x: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
         let place = self.evidence.segments.partition_point(|segment| segment.begin <= row) - 1;
         let channel = self.evidence.segments[place].channel;
-        let about = if channel == Channel::VoltageV && !self.knots.is_empty() { weights(&self.knots, soc) } else { [(usize::MAX, 0.0); 2] };
+        let about = if channel == Channel::VoltageV && !self.knots.is_empty() { weights(&self.knots, soc) } else { [(usize::MAX, 0.0); 4] };
         for (column, &unknown) in by.iter().enumerate() {
             columns[(row, column)] += share
                 * match self.what(unknown) {
@@ -567,6 +581,8 @@ impl Frame {
 /// Deviations that a rough number may be off: what would need more is not rough knowledge, it is
 /// an effect.
 const ROUGH_MAX: f64 = 3.0;
+/// Straight lines that stand for the curve between two knots.
+const POINTS_BETWEEN: usize = 4;
 /// Share of the capacity over which its derivative is taken.
 const CAPACITY_STEP: f64 = 1e-4;
 /// Step over which the derivative by a temperature is taken, K.

@@ -100,31 +100,57 @@ pub fn knots(table_soc: &[f64]) -> Vec<f64> {
     if table_soc.len() <= KNOTS.len() { table_soc.to_vec() } else { KNOTS.to_vec() }
 }
 
-/// The two knots about a state of charge with their weights, which sum to one; beyond the ends
-/// the last knot alone.
+/// The knots about a state of charge with their weights, which sum to one: a cubic between two
+/// knots with the slopes that their neighbours suggest (Catmull and Rom 1974, for uneven knots);
+/// beyond the ends the last knot alone. A curve through a handful of points is smooth: with
+/// straight lines, tables that err by 3 mV in waves of 25 % SoC would leave half a millivolt.
 #[must_use]
-pub fn weights<S: Real>(knots: &[f64], soc: S) -> [(usize, S); 2] {
+pub fn weights<S: Real>(knots: &[f64], soc: S) -> [(usize, S); 4] {
     let last = knots.len() - 1;
     let (one, none) = (S::from(1.0), S::from(0.0));
+    let end = |knot| [(knot, one), (knot, none), (knot, none), (knot, none)];
     if soc.re() <= knots[0] {
-        return [(0, one), (0, none)];
+        return end(0);
     }
     if soc.re() >= knots[last] {
-        return [(last, one), (last, none)];
+        return end(last);
     }
     let high = knots.partition_point(|&knot| knot <= soc.re());
-    let share = (soc - knots[high - 1]) * (knots[high] - knots[high - 1]).recip();
-    [(high - 1, one - share), (high, share)]
+    let low = high - 1;
+    let (before, after) = (low.saturating_sub(1), (high + 1).min(last));
+    let width = knots[high] - knots[low];
+    let t = (soc - knots[low]) * width.recip();
+    let (t2, t3) = (t * t, t * t * t);
+    // Hermite's cubic: what the values and the slopes at both ends count.
+    let (value_low, value_high) = (t3 * 2.0 - t2 * 3.0 + 1.0, t2 * 3.0 - t3 * 2.0);
+    let slope_low = (t3 - t2 * 2.0 + t) * (width / (knots[high] - knots[before]));
+    let slope_high = (t3 - t2) * (width / (knots[after] - knots[low]));
+    [(before, -slope_low), (low, value_low - slope_high), (high, value_high + slope_low), (after, slope_high)]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn at(knots: &[f64], values: &[f64], soc: f64) -> f64 {
+        weights(knots, soc).iter().map(|&(knot, weight)| values[knot] * weight).sum()
+    }
+
     #[test]
-    fn a_correction_runs_straight_between_knots_and_stays_beyond_them() {
-        let knots = [0.0, 0.5, 1.0];
-        let at = |soc: f64| weights(&knots, soc).iter().map(|&(knot, weight)| [3.0, 1.0, 2.0][knot] * weight).sum::<f64>();
-        assert_eq!([at(-0.1), at(0.0), at(0.25), at(0.75), at(1.0), at(1.2)], [3.0, 3.0, 2.0, 1.5, 2.0, 2.0]);
+    fn a_correction_goes_through_its_knots_and_stays_beyond_them() {
+        let (knots, values) = ([0.0, 0.2, 0.5, 1.0], [3.0, -1.0, 1.0, 2.0]);
+        let found = [-0.1, 0.0, 0.2, 0.5, 1.0, 1.2].map(|soc| at(&knots, &values, soc));
+        assert!(found.iter().zip([3.0, 3.0, -1.0, 1.0, 2.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    }
+
+    #[test]
+    fn a_line_stays_a_line_and_a_wave_of_a_third_is_met_within_a_fiftieth() {
+        let knots: Vec<f64> = (0..=20).map(|knot| f64::from(knot) * 0.05).collect();
+        let wave = |soc: f64| (6.0 * std::f64::consts::PI * soc).sin();
+        let (line, waves) = (knots.clone(), knots.iter().map(|&soc| wave(soc)).collect::<Vec<_>>());
+        let between = (20..180).map(|place| f64::from(place) / 200.0);
+        let errors = between.map(|soc| ((at(&knots, &line, soc) - soc).abs(), (at(&knots, &waves, soc) - wave(soc)).abs()));
+        let worst = errors.fold((0.0, 0.0), |worst: (f64, f64), e| (worst.0.max(e.0), worst.1.max(e.1)));
+        assert!(worst.0 < 1e-12 && worst.1 < 0.02, "{worst:?}");
     }
 }
