@@ -4,7 +4,8 @@
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use energy::{Batch, Channel, Run, Start};
+use energy::real::{LANES, variable};
+use energy::{Batch, Channel, Dual, Run, Start};
 
 #[path = "../tests/drive/mod.rs"]
 mod drive;
@@ -46,6 +47,37 @@ fn lone_pack(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn lone_pack_with_hysteresis(bencher: Bencher<'_, '_>) {
     lone(bencher, drive::HYSTERESIS);
+}
+
+/// The same hour with eight derivatives, as a fit walks a log: by the state of charge at its start
+/// and by the model's last seven parameters.
+fn derivatives(bencher: Bencher<'_, '_>, more: &str) {
+    let (model, profile) = (drive::model(more), drive::profile());
+    let values = model.values();
+    let first = values.len() - LANES;
+    let dual = |i: usize| if i <= first { Dual::from(values[i]) } else { variable(values[i], i - first) };
+    let start = Start { soc: variable(drive::SOC, 0), ..Start::at_soc(drive::SOC).lifted() };
+    let mut run = Run::with_parameters(model, (0..values.len()).map(dual).collect(), start);
+    bencher.counter(ItemsCount::new(profile.len())).bench_local(|| {
+        run.restart(start);
+        for &current_a in &profile {
+            run.channels[Channel::CurrentA] = Dual::from(current_a);
+            run.step(1.0);
+        }
+        black_box(run.channels[Channel::VoltageV])
+    });
+}
+
+/// OCV, R(SoC), two RC pairs, thermal, with eight derivatives.
+#[divan::bench]
+fn lone_pack_with_derivatives(bencher: Bencher<'_, '_>) {
+    derivatives(bencher, "");
+}
+
+/// The same with hysteresis.
+#[divan::bench]
+fn lone_pack_with_hysteresis_and_derivatives(bencher: Bencher<'_, '_>) {
+    derivatives(bencher, drive::HYSTERESIS);
 }
 
 fn fleet(bencher: Bencher<'_, '_>, more: &str) {

@@ -75,7 +75,8 @@ impl OcvTable {
     #[inline(always)]
     pub fn voltage_v<S: Real>(&self, soc: S) -> S {
         let low = self.segment(soc.re());
-        (soc - self.soc[low]) * self.slopes_v[low] + self.voltage_v[low]
+        let slope_v = self.slopes_v[low];
+        soc.chain((soc.re() - self.soc[low]) * slope_v + self.voltage_v[low], slope_v)
     }
 
     /// dOCV/dSoC at `soc`, V.

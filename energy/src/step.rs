@@ -77,7 +77,9 @@ fn rails<S: Real>(model: &Model, tree: &PowerTree, parts: &mut impl Parts<S>) {
 fn battery<S: Real>(model: &Model, facts: &BatteryFacts, dt_s: f64, parts: &mut impl Parts<S>) {
     let warms = model.predicts_temperature();
     sensed(warms, parts);
-    cells(facts, !model.placed_in(Phase::Equilibrium).is_empty(), dt_s, parts);
+    let has = |phase| !model.placed_in(phase).is_empty();
+    let kinds = Kinds { fades: has(Phase::Capacity), loses: has(Phase::Current), shifts: has(Phase::Equilibrium) };
+    cells(facts, kinds, dt_s, parts);
     terminals(warms, parts);
 }
 
@@ -103,26 +105,43 @@ pub(crate) fn drawn<S: Real>(parallel: u32, parts: &mut impl Parts<S>) {
     parts.act(Phase::Current);
 }
 
+/// What the effects of a model's cells touch: what none touches need not be calculated.
+#[derive(Clone, Copy)]
+struct Kinds {
+    /// Whether an effect changes the capacity.
+    fades: bool,
+    /// Whether an effect draws a current that does not reach the terminals.
+    loses: bool,
+    /// Whether an effect shifts the equilibrium voltage.
+    shifts: bool,
+}
+
 #[inline(always)]
-fn cells<S: Real>(facts: &BatteryFacts, shifts: bool, dt_s: f64, parts: &mut impl Parts<S>) {
+fn cells<S: Real>(facts: &BatteryFacts, kinds: Kinds, dt_s: f64, parts: &mut impl Parts<S>) {
+    let Kinds { fades, loses, shifts } = kinds;
     let (series, parallel, hours) = (f64::from(facts.series), f64::from(facts.parallel), dt_s * H_PER_S);
     let per_parallel = if facts.parallel == 1 { 1.0 } else { 1.0 / parallel };
     let (resistance, self_discharge) = (facts.cell.resistance, facts.cell.self_discharge);
+    let soc_per_a = facts.capacity_ah.recip() * (parallel * hours);
     parts.each(|_, now| {
         now[Channel::CapacityAh] = S::from(facts.capacity_ah);
+        now[Channel::SocPerA] = S::from(soc_per_a);
         now[Channel::CellCurrentA] = now[Channel::TerminalCurrentA] * per_parallel;
         now[Channel::LostCurrentA] = S::from(0.0);
     });
-    parts.act(Phase::Capacity);
-    parts.each(|_, now| now[Channel::SocPerA] = now[Channel::CapacityAh].recip() * (parallel * hours));
+    if fades {
+        parts.act(Phase::Capacity);
+        parts.each(|_, now| now[Channel::SocPerA] = now[Channel::CapacityAh].recip() * (parallel * hours));
+    }
     parts.act(Phase::Current);
     parts.each(|states, now| {
-        if self_discharge != 1.0 {
-            now[Channel::LostCurrentA] *= self_discharge;
-        }
         // The cell's charge over the cell's capacity, exact for a held current.
-        let drained_a = now[Channel::CellCurrentA] + now[Channel::LostCurrentA];
-        states[0] -= drained_a * now[Channel::SocPerA];
+        let mut drained_a = now[Channel::CellCurrentA];
+        if loses {
+            now[Channel::LostCurrentA] *= self_discharge;
+            drained_a += now[Channel::LostCurrentA];
+        }
+        states[0] -= if fades { drained_a * now[Channel::SocPerA] } else { drained_a * soc_per_a };
         now[Channel::Soc] = states[0];
         now[Channel::OcvV] = facts.ocv.voltage_v(states[0]);
         now[Channel::OverpotentialV] = S::from(0.0);

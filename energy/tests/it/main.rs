@@ -2,6 +2,7 @@
 
 mod converter_data;
 mod coverage;
+mod dual;
 mod exact;
 mod gauges;
 mod measured;

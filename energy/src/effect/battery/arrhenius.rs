@@ -6,6 +6,7 @@
 //!
 //! Absence: the residual under load is positive in a cold cell and negative in a warm one.
 
+use crate::real::exp;
 use crate::units::{GAS_CONSTANT_J_PER_MOL_K, J_PER_KJ, KELVIN_AT_0_DEGC, REFERENCE_DEGC};
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -55,7 +56,7 @@ pub(crate) fn kelvin<S: Real>(cell_degc: S) -> S {
 pub(crate) fn factor<S: Real>(activation_kj_per_mol: S, cell_degc: S) -> S {
     const REFERENCE_K: f64 = REFERENCE_DEGC + KELVIN_AT_0_DEGC;
     let kelvin = kelvin(cell_degc);
-    (activation_kj_per_mol * (J_PER_KJ / GAS_CONSTANT_J_PER_MOL_K / REFERENCE_K) * (-kelvin + REFERENCE_K) / kelvin).exp()
+    exp(activation_kj_per_mol * (J_PER_KJ / GAS_CONSTANT_J_PER_MOL_K / REFERENCE_K) * (-kelvin + REFERENCE_K) / kelvin)
 }
 
 impl Physics for Arrhenius {

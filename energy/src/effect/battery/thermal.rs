@@ -65,17 +65,18 @@ impl Physics for LumpedThermal {
     }
 
     fn prepared_len(&self) -> usize {
-        1
+        2
     }
 
     fn prepare<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        // How far a watt of heat warms the cell in the end, K/W.
+        prepared[1] = parameters[1] / parameters[0];
         prepared[0] = (parameters[0] / parameters[2] * -dt_s).exp();
     }
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let [conductance, share] = [own.parameters[0], own.parameters[1]];
-        let settled_degc = channels[Channel::AmbientDegc] + share * channels[Channel::HeatW] / conductance;
+        let settled_degc = channels[Channel::AmbientDegc] + own.prepared[1] * channels[Channel::HeatW];
         own.states[0] = settled_degc + (own.states[0] - settled_degc) * own.prepared[0];
         channels[Channel::CellDegc] = own.states[0];
     }
