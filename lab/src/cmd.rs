@@ -1,6 +1,10 @@
 //! The command line: one file per verb. Exit 0 yes, 1 no, 2 could not answer.
 
+mod add;
+mod case;
 mod compare;
+mod diagnose;
+mod discover;
 mod effects;
 mod fit;
 mod inputs;
@@ -45,6 +49,12 @@ enum Verb {
     Compare(compare::Args),
     /// Calibrate the free parameters of a model on logs.
     Fit(fit::Args),
+    /// Add one effect to a model, refit it, and say what that is worth.
+    Add(add::Args),
+    /// Say which physical effect a model lacks, by one look at all of them.
+    Diagnose(diagnose::Args),
+    /// Add the effects that a model lacks, one after the other, and show the error fall.
+    Discover(discover::Args),
     /// Write what a comparison found into one HTML file that reads without a network.
     Report(report::Args),
 }
@@ -64,6 +74,9 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
         Verb::Predict(args) => predict::run(&args, cli.format),
         Verb::Compare(args) => compare::run(&args, cli.format),
         Verb::Fit(args) => fit::run(&args, cli.format),
+        Verb::Add(args) => add::run(&args, cli.format),
+        Verb::Diagnose(args) => diagnose::run(&args, cli.format),
+        Verb::Discover(args) => discover::run(&args, cli.format),
         Verb::Report(args) => report::run(&args, cli.format),
     };
     match result {

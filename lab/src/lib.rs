@@ -14,7 +14,11 @@
 //!        v
 //!   fit/           free parameters, bounded least squares, honest sigmas
 //!        |
-//!   model_edit     the fitted numbers, written back into the model's own text
+//!   infer/         which effect is missing: evidence for every one that the model lacks
+//!        |
+//!   model_edit     the numbers, effects and tables found, written into the model's own text
+//!        |            learned   what a search found, as such edits
+//!        |            decision  what they change in what the coordinator plans with
 //!        v
 //!   report/        terminal tables, serde structs for `--format json`, one HTML file
 //!   plot/          SVG and PNG, for files and for that HTML
@@ -25,9 +29,11 @@
 
 pub mod compare;
 pub mod concentration;
+pub mod decision;
 pub mod fit;
 pub mod floor;
 pub mod infer;
+pub mod learned;
 pub mod measurement;
 pub mod model_edit;
 pub mod model_source;

@@ -1,8 +1,14 @@
 //! Writes fitted numbers into a model's own text, so that comments and layout stay and a diff
 //! shows the changed numbers only.
 
+mod append;
+mod facts;
+
+pub use append::append;
+pub use facts::{set_number, set_ocv};
+
 use energy::{Model, OcvTable};
-use toml_edit::{Array, DocumentMut, InlineTable, Item, Key, TableLike, Value};
+use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
 /// New numbers of one parameter.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +25,8 @@ pub struct Change {
     pub range: (f64, f64),
     /// Where the numbers come from.
     pub source: String,
+    /// Whether to mark it as free where the text does not mention it yet.
+    pub free: bool,
 }
 
 /// Why a text cannot be edited.
@@ -30,6 +38,12 @@ pub enum EditError {
     /// It has no such effect.
     #[error("the model's text has no effect `{0}` to write to")]
     NoEffect(String),
+    /// It has no such key.
+    #[error("the model's text has no `{0}` to write to")]
+    NoKey(String),
+    /// Its list of effects is none.
+    #[error("`effect` in the model's text is no list of [[effect]] tables")]
+    NoList,
 }
 
 /// The text with the changes; `inline_ocv` writes the OCV table into the text instead of the name
@@ -44,7 +58,7 @@ pub fn edit(text: &str, changes: &[Change], inline_ocv: Option<&OcvTable>) -> Re
         write(effect, change);
     }
     if let Some(table) = inline_ocv {
-        inline(&mut document, table);
+        facts::inline(&mut document, table, None);
     }
     Ok(document.to_string())
 }
@@ -89,6 +103,9 @@ fn write(effect: &mut dyn TableLike, change: &Change) {
             parameter.insert("value", number(&value));
             parameter.insert("sigma", number(&sigma));
             parameter.insert("source", Value::from(change.source.as_str()));
+            if change.free {
+                parameter.insert("free", Value::from(true));
+            }
             effect.insert(&change.parameter, Item::Value(Value::InlineTable(parameter)));
         }
     }
@@ -111,27 +128,6 @@ fn set(table: &mut dyn TableLike, key: &str, mut new: Value) {
         new.decor_mut().set_prefix(" ");
     }
     table.insert(key, Item::Value(new));
-}
-
-fn inline(document: &mut DocumentMut, table: &OcvTable) {
-    let Some(battery) = document.get_mut("battery").and_then(Item::as_table_like_mut) else { return };
-    let old = battery.get_key_value("ocv_csv").map(|(key, item)| (key.clone(), item.clone()));
-    let Some((old_key, old_item)) = old else { return };
-    let (soc, voltage_v) = table.points();
-    let array = |values: &[f64]| -> Array { values.iter().map(|value| number(&value.to_string())).collect() };
-    let mut points = InlineTable::new();
-    points.insert("soc", Value::Array(array(soc)));
-    points.insert("voltage_v", Value::Array(array(voltage_v)));
-    let mut value = Value::InlineTable(points);
-    if let Some(suffix) = old_item.as_value().and_then(|value| value.decor().suffix()).cloned() {
-        value.decor_mut().set_suffix(suffix);
-    }
-    battery.remove("ocv_csv");
-    let mut key = Key::new("ocv").with_leaf_decor(old_key.leaf_decor().clone());
-    let before = old_key.leaf_decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
-    let file = old_item.as_str().unwrap_or_default();
-    key.leaf_decor_mut().set_prefix(format!("{before}# Points of {file}\n"));
-    battery.entry_format(&key).or_insert(Item::Value(value));
 }
 
 /// A number in the text given.
@@ -169,7 +165,15 @@ mod tests {
     const TEXT: &str = "# A cell.\nsystem = \"battery\"\n[battery]\nseries = 1\n# Where the table comes from.\nocv_csv = \"t.csv\" # the table\n\n[[effect]]\nid = \"ohmic\"   # always\nresistance_ohm = { value = 0.03, source = \"guess\", free = true }  # R0\n\n[[effect]]\nid = \"rc1\"\n[effect.tau_s]\nvalue = 50.0 # s\nsigma = 10.0\nsource = \"guess\"\n";
 
     fn change(effect: &str, parameter: &str, value: f64, sigma: f64) -> Change {
-        Change { effect: effect.to_owned(), parameter: parameter.to_owned(), value, sigma, range: (0.0, 1e3), source: "fitted".to_owned() }
+        Change {
+            effect: effect.to_owned(),
+            parameter: parameter.to_owned(),
+            value,
+            sigma,
+            range: (0.0, 1e3),
+            source: "fitted".to_owned(),
+            free: false,
+        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! What people and programs read: terminal tables and JSON structures.
 
+pub mod addition;
 pub mod comparison;
+pub mod discovery;
 pub mod effects;
 pub mod fitted;
 pub mod html;

@@ -11,10 +11,10 @@ use lab::compare::compare;
 use lab::fit::{Step, fit, free_parameters};
 use lab::model_edit::{Change, edit, ocv_of_file};
 use lab::model_source::{Origin, parse_beside};
-use lab::output::{check_writable, directory_of, write_whole};
-use lab::prepare::Prepared;
+use lab::output::{check_writable, write_whole};
 use lab::report::fitted::FitReport;
 
+use super::case::{origin, same_directory};
 use super::inputs::{LogArgs, ModelArg};
 use super::{Answer, Format, print};
 
@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let after = compare(model, &fitted.values, &logs);
     let mut report = FitReport::of(model, &fitted, &before, &after);
     if let Some(path) = &args.output {
-        let changes = report.changes(&fitted, &origin(&logs, args.date.as_deref()));
+        let changes = report.changes(&fitted, &format!("fitted by {}", origin(&logs, args.date.as_deref())));
         write_model(&source, path, &changes)?;
         report.output = Some(path.display().to_string());
     }
@@ -86,13 +86,6 @@ fn progress_bar() -> ProgressBar {
     bar
 }
 
-/// What the model file says about where its numbers come from.
-fn origin(logs: &[Prepared], date: Option<&str>) -> String {
-    let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
-    let date = date.map_or_else(String::new, |date| format!(", {date}"));
-    format!("fitted by lab {} to {}{date}", env!("CARGO_PKG_VERSION"), names.join(", "))
-}
-
 fn write_model(source: &ModelSource, path: &Path, changes: &[Change]) -> anyhow::Result<()> {
     // A table named by a relative path is not where the new file would look for it.
     let stays = match &source.origin {
@@ -104,9 +97,4 @@ fn write_model(source: &ModelSource, path: &Path, changes: &[Change]) -> anyhow:
     parse_beside(path, &text).with_context(|| format!("the fitted model would not load again, so {} was not written", path.display()))?;
     write_whole(path, text.as_bytes())?;
     Ok(())
-}
-
-fn same_directory(one: &Path, other: &Path) -> bool {
-    let whole = |path: &Path| directory_of(path).canonicalize();
-    matches!((whole(one), whole(other)), (Ok(one), Ok(other)) if one == other)
 }

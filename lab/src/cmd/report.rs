@@ -2,30 +2,29 @@
 
 use std::path::PathBuf;
 
-use energy::Model;
 use lab::compare::{Comparison, compare};
+use lab::infer::answer::Discovery;
 use lab::output::{check_writable, write_whole};
-use lab::prepare::{Prepared, prepare_to_judge};
+use lab::report::discovery::{DiscoveryReport, Reach};
 use lab::report::html::{page_of, render};
 use serde::Serialize;
 
+use super::case::Case;
 use super::compare::answer;
+use super::discover::searched;
 use super::fit::date;
-use super::inputs::{FactArgs, ModelArg};
+use super::inputs::{LogInputs, ModelArg};
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
     model: ModelArg,
-    /// Logs to read. Facts about L.csv are read from L.toml beside it.
-    #[arg(long = "log", value_name = "LOG", required = true, num_args = 1..)]
-    logs: Vec<PathBuf>,
-    /// Logs that were held out: judged apart from the others.
-    #[arg(long, value_name = "LOG", num_args = 1..)]
-    holdout: Vec<PathBuf>,
     #[command(flatten)]
-    facts: FactArgs,
+    logs: LogInputs,
+    /// Say only where the model fails, and do not look for what it lacks.
+    #[arg(long)]
+    no_discover: bool,
     /// Where to write the report.
     #[arg(short, long, value_name = "OUT.html")]
     output: PathBuf,
@@ -45,19 +44,28 @@ struct Written {
     comparison: Comparison,
     /// The same for the held-out logs; null when there are none.
     holdout: Option<Comparison>,
+    /// The search in it, as `lab discover` prints it; null with `--no-discover`.
+    discovery: Option<DiscoveryReport>,
 }
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     check_writable(&args.output)?;
-    let source = args.model.load()?;
-    let (model, values) = (&source.model, source.model.values());
-    let logs = args.prepare(model, &args.logs)?;
-    let held_out = args.prepare(model, &args.holdout)?;
-    let comparison = compare(model, &values, &logs);
-    let holdout = (!held_out.is_empty()).then(|| compare(model, &values, &held_out));
-    let mut page = page_of(model, &values, &logs, &comparison, args.date.as_deref());
+    let case = Case::read(&args.model, &args.logs)?;
+    let given = case.given()?;
+    let (model, values) = (&given.model, given.model.values());
+    let comparison = compare(model, &values, &given.train);
+    let holdout = (!given.holdout.is_empty()).then(|| compare(model, &values, &given.holdout));
+    let mut page = page_of(model, &values, &given.train, &comparison, args.date.as_deref());
     if let Some(holdout) = &holdout {
-        page.add_holdout(model, &values, &held_out, holdout);
+        page.add_holdout(model, &values, &given.holdout, holdout);
+    }
+    let mut discovery = None;
+    if !args.no_discover {
+        let search = searched(&case);
+        let found = case.learned(&search.last, None, args.date.as_deref())?;
+        let report = case.report(Discovery::of(&search), &search.last, &found, Reach::Whole, None);
+        page.add_discovery(model, &report, &search.steps[0].scores);
+        discovery = Some(report);
     }
     write_whole(&args.output, render(&page).as_bytes())?;
     let verdicts = [Some(&comparison), holdout.as_ref()].into_iter().flatten().map(|comparison| answer(comparison.verdict));
@@ -66,13 +74,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         Answer::CannotTell => 1,
         Answer::No => 2,
     });
-    let written = Written { schema: 1, output: args.output.display().to_string(), comparison, holdout };
-    print(format, &written, || format!("{}\nWritten to {}\n", written.comparison.words.join("\n"), written.output))?;
+    let words = page.verdict.map_or_else(Vec::new, |answer| std::iter::once(answer.headline).chain(answer.words).collect());
+    let written = Written { schema: 1, output: args.output.display().to_string(), comparison, holdout, discovery };
+    print(format, &written, || format!("{}\nWritten to {}\n", words.join("\n"), written.output))?;
     Ok(verdict.unwrap_or(Answer::CannotTell))
-}
-
-impl Args {
-    fn prepare(&self, model: &Model, paths: &[PathBuf]) -> anyhow::Result<Vec<Prepared>> {
-        paths.iter().map(|path| Ok(prepare_to_judge(model, &self.facts.read(path)?, &[])?)).collect()
-    }
 }

@@ -117,7 +117,9 @@ fn threshold(tried: usize) -> f64 {
     DELTA_BIC + 2.0 * (tried.max(1) as f64).ln()
 }
 
-fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout: Option<&Arc<Evidence>>, tried: usize) -> Vec<Refusal> {
+/// Why a refitted effect, one of so many that were tried, is not accepted; empty when it is.
+#[must_use]
+pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout: Option<&Arc<Evidence>>, tried: usize) -> Vec<Refusal> {
     let mut all = Vec::new();
     if trial.delta_bic < threshold(tried) {
         all.push(Refusal::Evidence);

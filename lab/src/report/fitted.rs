@@ -147,6 +147,7 @@ impl FitReport {
             sigma: p.sigma.unwrap_or_else(|| uniform_sigma((p.min, p.max))),
             range: (p.min, p.max),
             source: source.to_owned(),
+            free: false,
         };
         moved.map(change).collect()
     }

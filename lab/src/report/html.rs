@@ -5,6 +5,7 @@
 
 mod charts;
 mod of_comparison;
+mod of_discovery;
 mod sections;
 mod style;
 mod tables;

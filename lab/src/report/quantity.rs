@@ -4,6 +4,7 @@
 const UNITS: &[(&str, &str)] = &[
     ("_w_per_k", "W/K"),
     ("_j_per_k", "J/K"),
+    ("_j_per_m", "J/m"),
     ("_j_per_mol", "J/mol"),
     ("_kj_per_mol", "kJ/mol"),
     ("_v_per_k", "V/K"),

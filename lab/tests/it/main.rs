@@ -3,6 +3,7 @@
 
 mod cli;
 mod commands;
+mod discovery;
 mod inputs;
 mod measured;
 mod recordings;

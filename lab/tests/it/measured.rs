@@ -63,7 +63,7 @@ fn fit_of_r0_agrees_with_numpy_and_changes_only_its_numbers() {
     assert_eq!(changed.len(), 3, "{changed:#?}");
     assert!(changed[0].starts_with("# Points of ") && changed[1].starts_with("ocv = { soc = [0, 0.005,"), "{changed:#?}");
     let source =
-        format!("source = \"fitted by lab {} to discharge-0p5c, discharge-1c, 2026-11-21\", free = true }}", env!("CARGO_PKG_VERSION"));
+        format!("source = \"fitted by lab {} on discharge-0p5c, discharge-1c, 2026-11-21\", free = true }}", env!("CARGO_PKG_VERSION"));
     assert!(changed[2].starts_with("resistance_ohm = { value = 0.067892") && changed[2].ends_with(&source), "{changed:#?}");
 
     let again = lab(&with(&["compare", "--model", out], &["--format", "json"]));

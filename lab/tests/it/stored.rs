@@ -29,7 +29,7 @@ async fn store(folder: &Path) -> (PathBuf, SqliteConnection) {
         let (at_ms, soc, voltage_v) = (BEGIN_MS + 1000 * second, 0.9 - 0.001 * second as f64, 12.0 - 0.01 * second as f64);
         format!(
             "INSERT INTO {table} VALUES ({key}, {at_ms}, {second}, {soc}, 0.02, 10, 1, 12, 1, NULL, NULL, NULL, NULL, 1, 0.01, {voltage_v}, \
-             {}, 25, 9, 3, 'test');",
+             {}, 25, 9, 3, 'test', 3);",
             if table == "pack_gauges" { 1.5 } else { -0.5 }
         )
     };

@@ -22,7 +22,8 @@ pub fn log_lines(logs: &[Prepared], holdout: bool) -> Vec<LogLine> {
     logs.iter().map(|log| LogLine { name: log.name.clone(), holdout, rows: log.time_s.len(), span_s: span_s(log) }).collect()
 }
 
-/// A report of what a comparison found. The other sections stay empty.
+/// A report of what a comparison found. The other sections stay empty until
+/// [`Page::add_discovery`] fills them.
 #[must_use]
 pub fn page_of(model: &Arc<Model>, values: &[f64], logs: &[Prepared], comparison: &Comparison, date: Option<&str>) -> Page {
     let tone = match comparison.verdict {

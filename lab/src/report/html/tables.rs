@@ -84,19 +84,26 @@ pub(super) fn whiteness(errors: &[ChannelError]) -> Option<Markup> {
     })
 }
 
+/// Parameters of one effect that are shown: tables over charge have many.
+const SIZES: usize = 2;
+
 pub(super) fn evidence(evidence: &[Evidence]) -> Option<Markup> {
     let header =
         ["effect", "", "fall of BIC", "p", "expected size", "unique", "RMS before", "RMS after", "held-out before", "held-out after"];
     let row = |effect: &Evidence| {
         let rms = |value: Option<f64>| or_dash(value, |value| quantity(value, &effect.unit));
-        let sizes: Vec<String> = effect
+        let mut sizes: Vec<String> = effect
             .epc
             .iter()
+            .take(SIZES)
             .map(|epc| {
                 let value = with_sigma(epc.value, epc.sigma, unit_of(&epc.name)).replace("+-", "\u{b1}");
                 if effect.epc.len() == 1 { value } else { format!("{} {value}", epc.name) }
             })
             .collect();
+        if effect.epc.len() > SIZES {
+            sizes.push(format!("{} more", effect.epc.len() - SIZES));
+        }
         vec![
             effect.effect.clone(),
             if effect.accepted { "added".to_owned() } else { String::new() },

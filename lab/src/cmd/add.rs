@@ -1,0 +1,114 @@
+//! `lab add`: adds one effect that the user names, refits, and says what it is worth.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{anyhow, bail};
+use energy::document::hint;
+use energy::{EffectSpec, Model, catalogue};
+use lab::compare::compare;
+use lab::infer::candidate::candidates;
+use lab::infer::discover::refusals;
+use lab::infer::score::Scoring;
+use lab::infer::state::State;
+use lab::infer::trial::{Trial, held_out};
+use lab::learned::left_out;
+use lab::output::check_writable;
+use lab::report::addition::{Addition, Look};
+
+use super::case::{Case, Written, busy};
+use super::fit::date;
+use super::inputs::{LogInputs, ModelArg};
+use super::{Answer, Format, print};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The effect to add, by its id in `lab effects`.
+    effect: String,
+    #[command(flatten)]
+    model: ModelArg,
+    #[command(flatten)]
+    logs: LogInputs,
+    /// Where to write the model with the effect; nothing is written when left out.
+    #[arg(short, long, value_name = "MODEL2")]
+    output: Option<PathBuf>,
+    /// Date to record as the origin of the numbers, YYYY-MM-DD.
+    #[arg(long, value_name = "DATE", value_parser = date)]
+    date: Option<String>,
+}
+
+pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
+    if let Some(path) = &args.output {
+        check_writable(path)?;
+    }
+    let spec = absent(&args.model.load()?.model, &args.effect)?;
+    let case = Case::read(&args.model, &args.logs)?;
+    let bar = busy(format!("fitting {} with {}", case.source.model.name, spec.id));
+    let base = case.fitted();
+    let trial = trial(&case, &base, spec)?;
+    bar.finish_and_clear();
+    let before = case.held.as_ref().map_or_else(Vec::new, |held| held_out(&base, held));
+    // Only this one was tried, and its name is not the logs' choice but the user's.
+    let refused = refusals(&base, &trial, &before, case.held.as_ref(), 1);
+    let refitted = case.learned(&base, None, args.date.as_deref())?;
+    let extended = case.learned(&trial.state, args.output.as_deref(), args.date.as_deref())?;
+    if let Some(path) = &args.output {
+        extended.save(path)?;
+    }
+    let report = Addition {
+        schema: 1,
+        model: case.source.model.name.clone(),
+        effect: spec.id,
+        accepted: refused.is_empty(),
+        refused,
+        delta_bic: trial.delta_bic,
+        parameters: Addition::parameters_of(&trial),
+        ladder: Addition::ladder_of(&base, &before, &trial),
+        logs: Addition::logs_of(&[look(&case.given()?), look(&refitted), look(&extended)]),
+        regimes: Addition::regimes_of(&look(&refitted).train, &look(&extended).train),
+        words: look(&extended).train.words,
+        decision: case.decisions(&extended),
+        left_out: left_out(&trial.state),
+        output: args.output.as_ref().map(|path| path.display().to_string()),
+    };
+    print(format, &report, || report.human())?;
+    Ok(if report.accepted { Answer::Yes } else { Answer::No })
+}
+
+/// The effect of that name, which the model must lack.
+fn absent(model: &Model, name: &str) -> anyhow::Result<&'static EffectSpec> {
+    let all = || catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == model.system);
+    let bare = name.strip_prefix(&format!("{}/", model.system.name())).unwrap_or(name);
+    let has = |id: &str| model.effects().any(|effect| effect.spec().id == id);
+    match all().find(|spec| spec.id == bare) {
+        Some(spec) if has(spec.id) => {
+            bail!("{} has the effect `{}` already; `lab fit --free {}` fits its parameters", model.name, spec.id, spec.id)
+        }
+        Some(spec) => Ok(spec),
+        None => {
+            let hint = hint(bare, all().map(|spec| spec.id));
+            let absent: Vec<&str> = all().map(|spec| spec.id).filter(|id| !has(id)).collect();
+            let system = model.system.name();
+            bail!("a {system} has no effect `{name}`{hint} {} lacks: {}", model.name, absent.join(", "))
+        }
+    }
+}
+
+/// The base model with the effect, at its best.
+fn trial(case: &Case<'_>, base: &State, spec: &'static EffectSpec) -> anyhow::Result<Trial> {
+    let (able, unable) = candidates(&base.frame, &base.x);
+    let Some(candidate) = able.iter().find(|candidate| candidate.spec.id == spec.id) else {
+        let reason = unable.into_iter().find(|one| one.effect == spec.id).map_or_else(String::new, |one| format!(": {}", one.reason));
+        return Err(anyhow!("{} cannot be fitted to these logs{reason}", spec.id));
+    };
+    match Scoring::new(base).score(candidate) {
+        Some(score) => Ok(Trial::run(base, candidate, &score, case.held.as_ref())),
+        None => bail!("{} changes nothing in these logs, so they cannot say how large it is", spec.id),
+    }
+}
+
+fn look(written: &Written) -> Look {
+    let values = written.model.values();
+    let compared = |logs: &[_]| compare(&Arc::clone(&written.model), &values, logs);
+    Look { train: compared(&written.train), holdout: (!written.holdout.is_empty()).then(|| compared(&written.holdout)) }
+}

@@ -1,0 +1,145 @@
+//! A model with the logs that a search learns from and those that it is judged by.
+
+use std::io::{IsTerminal as _, stderr};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use energy::Model;
+use indicatif::{ProgressBar, ProgressStyle};
+use lab::ModelSource;
+use lab::compare::compare;
+use lab::decision::{Decisions, Seen};
+use lab::infer::answer::Discovery;
+use lab::infer::frame::{Evidence, Frame};
+use lab::infer::state::State;
+use lab::learned;
+use lab::measurement::Log;
+use lab::model_source::{Origin, parse_beside};
+use lab::output::{directory_of, write_whole};
+use lab::prepare::Prepared;
+use lab::report::discovery::{DiscoveryReport, Reach, rms_of};
+
+use super::inputs::{LogInputs, ModelArg};
+
+/// What a search is about.
+pub(super) struct Case<'a> {
+    inputs: &'a LogInputs,
+    pub(super) source: ModelSource,
+    train: Vec<Log>,
+    holdout: Vec<Log>,
+    /// Logs to learn from, ready for the model as given.
+    pub(super) evidence: Arc<Evidence>,
+    /// Logs to judge by, if any.
+    pub(super) held: Option<Arc<Evidence>>,
+}
+
+/// A model that was learned, as its file says it.
+pub(super) struct Written {
+    text: String,
+    pub(super) model: Arc<Model>,
+    /// Logs to learn from, ready for it.
+    pub(super) train: Vec<Prepared>,
+    /// Logs to judge by, ready for it.
+    pub(super) holdout: Vec<Prepared>,
+}
+
+impl<'a> Case<'a> {
+    pub(super) fn read(model: &ModelArg, inputs: &'a LogInputs) -> anyhow::Result<Case<'a>> {
+        let source = model.load()?;
+        let (train, holdout) = (inputs.train(&source.model)?, inputs.holdout(&source.model)?);
+        let evidence = |logs: &[Log]| {
+            let prepared = inputs.ready(&source.model, logs)?;
+            anyhow::Ok(Arc::new(Evidence::new(&source.model, prepared)))
+        };
+        let (seen, held) = (evidence(&train)?, if holdout.is_empty() { None } else { Some(evidence(&holdout)?) });
+        Ok(Case { inputs, train, holdout, evidence: seen, held, source })
+    }
+
+    /// The model as given, its free parameters and all that is roughly known at their best.
+    pub(super) fn fitted(&self) -> State {
+        let frame = Arc::new(Frame::new(Arc::clone(&self.source.model), Arc::clone(&self.evidence)));
+        State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame))
+    }
+
+    /// The model as given, as a written one: what a comparison begins with.
+    pub(super) fn given(&self) -> anyhow::Result<Written> {
+        self.as_written(self.source.text.clone(), Arc::clone(&self.source.model))
+    }
+
+    /// What the state learned, in the given model's text. `path` is where it will stand, if it is to
+    /// be written.
+    pub(super) fn learned(&self, state: &State, path: Option<&Path>, date: Option<&str>) -> anyhow::Result<Written> {
+        // Elsewhere, a table named by a relative path is not where the new file would look for it.
+        let beside = matches!((&self.source.origin, path), (Origin::File(from), Some(path)) if same_directory(from, path));
+        let text = learned::write(&self.source.text, &self.source.model, state, &origin(&self.evidence.logs, date), !beside)?;
+        let place = path.unwrap_or_else(|| Path::new("the model found"));
+        let model =
+            parse_beside(place, &text).with_context(|| format!("{} would not load again, so it was not written", place.display()))?;
+        self.as_written(text, Arc::new(model))
+    }
+
+    fn as_written(&self, text: String, model: Arc<Model>) -> anyhow::Result<Written> {
+        let (train, holdout) = (self.inputs.ready(&model, &self.train)?, self.inputs.ready(&model, &self.holdout)?);
+        Ok(Written { text, model, train, holdout })
+    }
+
+    /// What a search found, for people and programs. `last` is its last state, `written` the same as
+    /// a model file.
+    pub(super) fn report(
+        &self,
+        discovery: Discovery,
+        last: &State,
+        written: &Written,
+        reach: Reach,
+        output: Option<String>,
+    ) -> DiscoveryReport {
+        let alone = compare(&written.model, &written.model.values(), &written.train);
+        DiscoveryReport {
+            discovery,
+            decision: self.decisions(written),
+            left_out: learned::left_out(last),
+            file_rms: rms_of(&alone),
+            reach,
+            output,
+        }
+    }
+
+    /// What it changes to plan with that model instead of the given one.
+    pub(super) fn decisions(&self, after: &Written) -> Decisions {
+        let before = Seen { model: &self.source.model, logs: &self.evidence.logs };
+        Decisions::between(before, Seen { model: &after.model, logs: &after.train })
+    }
+}
+
+impl Written {
+    /// Writes the whole file, or leaves what was there.
+    pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
+        Ok(write_whole(path, self.text.as_bytes())?)
+    }
+}
+
+/// What a model file says about where its numbers come from.
+pub(super) fn origin(logs: &[Prepared], date: Option<&str>) -> String {
+    let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
+    let date = date.map_or_else(String::new, |date| format!(", {date}"));
+    format!("lab {} on {}{date}", env!("CARGO_PKG_VERSION"), names.join(", "))
+}
+
+/// Whether two paths lie in one directory.
+pub(super) fn same_directory(one: &Path, other: &Path) -> bool {
+    let whole = |path: &Path| directory_of(path).canonicalize();
+    matches!((whole(one), whole(other)), (Ok(one), Ok(other)) if one == other)
+}
+
+/// Shows on a terminal, and nowhere else, that work goes on and for how long already.
+pub(super) fn busy(words: String) -> ProgressBar {
+    if !stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{spinner} {msg} {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style).with_message(words);
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}

@@ -1,0 +1,226 @@
+//! What a search learned, written into the text of the model that it began with.
+//!
+//! Everything that a model file can hold is written: new effects, fitted parameters, and the shifts
+//! of what the model knew only roughly (its OCV table, its capacity, parameters that are not free).
+//! What belongs to one log or to a sensor (the charge at its start, an offset) has no place in the
+//! file; [`left_out`] names it. That is why a written model, compared with the same logs, leaves a
+//! little more error than the search did.
+
+use energy::{Channel, Facts, Model, OcvTable};
+use serde::Serialize;
+
+use crate::fit::uniform_sigma;
+use crate::infer::answer::deviations;
+use crate::infer::rough::{Rough, weights};
+use crate::infer::state::State;
+use crate::model_edit::{Change, EditError, append, edit, ocv_of_file, set_number, set_ocv};
+use crate::report::quantity::{quantity, unit_of};
+
+/// Share of its deviation by which a rough number must have moved to be written. A thousandth of a
+/// capacity is millivolts near empty, so this is small.
+const MOVED: f64 = 0.01;
+/// The same for what is only told.
+const WORTH_TELLING: f64 = 0.1;
+
+/// The text of the given model with all that the state learned. `origin` says from what, `inline`
+/// whether a table that the text names by file must stand in the text instead.
+///
+/// # Errors
+/// When the text is not that of a model.
+pub fn write(text: &str, given: &Model, state: &State, origin: &str, inline: bool) -> Result<String, EditError> {
+    let model = &state.frame.model;
+    let mut whole = text.to_owned();
+    for effect in model.effects().map(|effect| effect.spec()).filter(|spec| given.effects().all(|known| known.spec().id != spec.id)) {
+        whole = append(&whole, effect.id, &format!("{}: found by {origin}.", effect.title))?;
+    }
+    let table = if inline { ocv_of_file(model, &whole) } else { None };
+    let mut changes = fitted(state, origin);
+    changes.extend(shifted(state, origin));
+    // The table that the text names is replaced below when it moved, and only then.
+    let moved = moved_ocv(state);
+    whole = edit(&whole, &changes, if moved.is_some() { None } else { table })?;
+    if let Some(moved) = moved {
+        whole = set_ocv(&whole, &moved.table, &format!("by {} RMS, at most {}: {origin}", mv(moved.rms_v), mv(moved.most_v)))?;
+        let was = format!("from {}: what the logs left open of the table, RMS", model.uncertainty.ocv_sigma_v);
+        whole = set_number(&whole, "uncertainty", "ocv_sigma_v", moved.sigma_v, 2, &was)?;
+    }
+    if let (Some((error, sigma)), Facts::Battery(facts)) = (shift(state, Rough::Capacity, MOVED), &model.facts) {
+        let was = format!("from {}: {origin}", facts.capacity_ah);
+        whole = set_number(&whole, "battery", "capacity_ah", facts.capacity_ah * (1.0 + error), 6, &was)?;
+        let was = format!("from {}: what the logs left open", model.uncertainty.capacity_relative_sigma);
+        whole = set_number(&whole, "uncertainty", "capacity_relative_sigma", sigma, 2, &was)?;
+    }
+    Ok(whole)
+}
+
+/// What was learned and has no place in a model file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// What it is, in words.
+    pub what: String,
+    /// How far it was found from what the model and the log say, in `unit`.
+    pub shift: f64,
+    /// Standard deviation of that.
+    pub sigma: f64,
+    /// Unit of both; empty for a pure number.
+    pub unit: &'static str,
+}
+
+/// What the state learned about logs and sensors, where it moved.
+#[must_use]
+pub fn left_out(state: &State) -> Vec<LeftOut> {
+    let log = |log: usize| state.frame.evidence.logs[log].name.clone();
+    let of = |what: Rough| {
+        let (words, unit) = match what {
+            Rough::Parameter(_) | Rough::Capacity | Rough::Ocv(_) => return None,
+            Rough::SocInitial(own) => (format!("state of charge at the start of {}", log(own)), ""),
+            Rough::TemperatureInitial(own) => (format!("temperature at the start of {}", log(own)), "K"),
+            Rough::Offset(channel) => (format!("offset of the sensor of {}", channel.name()), unit(channel)),
+            Rough::Gain(channel) => (format!("gain of the sensor of {} beyond 1", channel.name()), ""),
+            Rough::Lag(channel) => (format!("delay of the sensor of {}", channel.name()), "s"),
+        };
+        let (shift, sigma) = shift(state, what, WORTH_TELLING)?;
+        Some(LeftOut { what: words, shift, sigma, unit })
+    };
+    state.frame.known.iter().filter_map(|known| of(known.what)).collect()
+}
+
+/// A difference of temperatures is in K.
+fn unit(channel: Channel) -> &'static str {
+    match unit_of(channel.name()) {
+        "degC" => "K",
+        unit => unit,
+    }
+}
+
+fn mv(volts: f64) -> String {
+    quantity(volts, "V")
+}
+
+/// New numbers of the free parameters.
+fn fitted(state: &State, origin: &str) -> Vec<Change> {
+    let of = |(index, value, sigma): (usize, f64, Option<f64>)| {
+        let parameter = &state.frame.model.parameters()[index];
+        let range = (parameter.min, parameter.max);
+        Change {
+            effect: parameter.effect.to_owned(),
+            parameter: parameter.name.to_owned(),
+            value,
+            sigma: sigma.unwrap_or_else(|| uniform_sigma(range)),
+            range,
+            source: format!("fitted by {origin}"),
+            free: true,
+        }
+    };
+    deviations(state).into_iter().map(of).collect()
+}
+
+/// New numbers of the parameters that the model gave with a deviation, and that moved.
+fn shifted(state: &State, origin: &str) -> Vec<Change> {
+    let values = state.frame.values(&state.x);
+    let of = |index: usize| {
+        let (_, sigma) = shift(state, Rough::Parameter(index), MOVED)?;
+        let parameter = &state.frame.model.parameters()[index];
+        // What it was before the first search stays; what searches made of it in between does not.
+        let before = match parameter.source.split_once(BEFORE) {
+            Some((_, before)) => before.to_owned(),
+            None => format!("{} +- {}, {}", parameter.value, parameter.sigma, parameter.source),
+        };
+        Some(Change {
+            effect: parameter.effect.to_owned(),
+            parameter: parameter.name.to_owned(),
+            value: values[index],
+            sigma,
+            range: (parameter.min, parameter.max),
+            source: format!("moved within its sigma by {origin}{BEFORE}{before}"),
+            free: false,
+        })
+    };
+    (0..values.len()).filter_map(of).collect()
+}
+
+const BEFORE: &str = "; before: ";
+
+/// A rough number's shift and the deviation that is left of it; none when it hardly moved.
+fn shift(state: &State, what: Rough, share: f64) -> Option<(f64, f64)> {
+    let place = state.frame.known.iter().position(|known| known.what == what)?;
+    let (known, unknown) = (&state.frame.known[place], state.frame.free.len() + place);
+    let error = state.x[unknown];
+    (error.abs() > share * known.sigma).then(|| (error, left_open(state, unknown).min(known.sigma)))
+}
+
+fn left_open(state: &State, unknown: usize) -> f64 {
+    // One column of the covariance is enough, and the whole is small.
+    state.covariance()[(unknown, unknown)].max(0.0).sqrt()
+}
+
+/// An OCV table with the correction that was learned.
+struct MovedOcv {
+    table: OcvTable,
+    rms_v: f64,
+    most_v: f64,
+    sigma_v: f64,
+}
+
+/// Correction below which a table is left alone, V per cell.
+const OCV_LEAST_V: f64 = 2e-5;
+
+fn moved_ocv(state: &State) -> Option<MovedOcv> {
+    let Facts::Battery(facts) = &state.frame.model.facts else { return None };
+    let errors = state.frame.ocv_error(&state.x);
+    let most_v = errors.iter().map(|(_, error)| *error).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+    if most_v.abs() < OCV_LEAST_V {
+        return None;
+    }
+    let knots: Vec<f64> = errors.iter().map(|(soc, _)| *soc).collect();
+    let (first, last) = (facts.ocv.points().0[0], *facts.ocv.points().0.last()?);
+    // Knots beyond the table's ends would change the line that goes on from them.
+    let within = knots.iter().copied().filter(|knot| (first..=last).contains(knot));
+    let mut soc: Vec<f64> = facts.ocv.points().0.iter().copied().chain(within).collect();
+    soc.sort_by(f64::total_cmp);
+    soc.dedup_by(|a, b| *a - *b < 1e-9);
+    let moved = |&soc: &f64| {
+        let error: f64 = weights(&knots, soc).iter().map(|&(knot, weight)| errors[knot].1 * weight).sum();
+        facts.ocv.voltage_v(soc) + error
+    };
+    // To a microvolt: far below any sensor, and short.
+    let voltage_v = rising(&soc.iter().map(moved).collect::<Vec<_>>()).into_iter().map(|v| (v * 1e6).round() / 1e6).collect();
+    let covariance = state.covariance();
+    let known = state.frame.known.iter().enumerate().filter(|(_, known)| matches!(known.what, Rough::Ocv(_)));
+    let variances: Vec<f64> = known
+        .map(|(place, known)| {
+            let unknown = state.frame.free.len() + place;
+            covariance[(unknown, unknown)].clamp(0.0, known.sigma.powi(2))
+        })
+        .collect();
+    let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    let squares: Vec<f64> = errors.iter().map(|(_, error)| error.powi(2)).collect();
+    Some(MovedOcv { table: OcvTable::new(soc, voltage_v).ok()?, rms_v: mean(&squares).sqrt(), most_v, sigma_v: mean(&variances).sqrt() })
+}
+
+/// The nearest values that do not fall, by pooling neighbours that do (isotonic regression).
+fn rising(values: &[f64]) -> Vec<f64> {
+    let mut pools: Vec<(f64, usize)> = Vec::new();
+    for &value in values {
+        let mut pool = (value, 1);
+        while let Some(&(mean, count)) = pools.last().filter(|(mean, _)| *mean > pool.0) {
+            pools.pop();
+            let total = count + pool.1;
+            pool = ((mean * count as f64 + pool.0 * pool.1 as f64) / total as f64, total);
+        }
+        pools.push(pool);
+    }
+    pools.into_iter().flat_map(|(mean, count)| std::iter::repeat_n(mean, count)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rising;
+
+    #[test]
+    fn what_falls_is_pooled_and_what_rises_stays() {
+        assert_eq!(rising(&[1.0, 3.0, 2.0, 4.0]), [1.0, 2.5, 2.5, 4.0]);
+        assert_eq!(rising(&[3.0, 2.0, 1.0]), [2.0; 3]);
+        assert_eq!(rising(&[1.0, 2.0]), [1.0, 2.0]);
+    }
+}

@@ -1,0 +1,141 @@
+//! A search for missing effects, for people and for JSON.
+
+mod tables;
+mod words;
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::compare::Comparison;
+use crate::decision::Decisions;
+use crate::infer::answer::{ByChannel, Discovery, Rung};
+use crate::learned::LeftOut;
+
+use super::quantity::{digits, quantity, unit_of, with_sigma};
+use super::table::text;
+
+pub use tables::{decisions, fall};
+pub use words::{effects, headline, left, refusal, untested};
+
+/// How far a search went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reach {
+    /// One look at every absent effect.
+    OneLook,
+    /// One effect after the other, to the end.
+    Whole,
+}
+
+/// Everything that `lab diagnose` and `lab discover` say.
+#[derive(Debug, Clone, Serialize)]
+pub struct DiscoveryReport {
+    /// What was found.
+    #[serde(flatten)]
+    pub discovery: Discovery,
+    /// What it changes in what the coordinator plans with, from the model as given to the one found.
+    pub decision: Decisions,
+    /// What was learned of logs and sensors, which a model file cannot hold.
+    pub left_out: Vec<LeftOut>,
+    /// RMS by channel that the model found leaves by its file alone, as `lab compare` sees it.
+    pub file_rms: ByChannel,
+    /// How far the search went.
+    pub reach: Reach,
+    /// The file written; null when none was asked for.
+    pub output: Option<String>,
+}
+
+/// Effects in the printed ranking; JSON holds all.
+const PRINTED: usize = 8;
+
+impl DiscoveryReport {
+    /// The report as people read it.
+    #[must_use]
+    pub fn human(&self) -> String {
+        let found = &self.discovery;
+        let mut parts = vec![format!("{}: {}\n", found.model, headline(found, self.reach))];
+        parts.push(ladder(&found.ladder));
+        parts.extend(section("", text(&tables::ranking(found, PRINTED)), !found.ranking.is_empty()));
+        let more = found.ranking.len().saturating_sub(PRINTED);
+        if more > 0 {
+            parts.push(format!("{more} more promise less (--format json has all).\n"));
+        }
+        parts.extend(section("Parameters", text(&tables::parameters(found)), !found.parameters.is_empty()));
+        parts.extend(section("What it changes", text(&decisions(&self.decision)), !self.decision.0.is_empty()));
+        parts.extend(section("What is left", left(found) + &self.beside(), true));
+        parts.extend(section("Not to be tested with these logs", untested(&found.untested), !found.untested.is_empty()));
+        if !found.equivalent.is_empty() {
+            parts.push(format!("These logs cannot tell apart: {}.\n", effects(&found.equivalent)));
+        }
+        if !found.experiment.is_empty() {
+            parts.push(format!("Next measurement: {}.\n", found.experiment));
+        }
+        if let Some(output) = &self.output {
+            parts.push(format!("Written to {output}\n"));
+        }
+        parts.join("\n")
+    }
+
+    /// What was learned beside the model, and what the model alone leaves therefore.
+    fn beside(&self) -> String {
+        if self.left_out.is_empty() {
+            return String::new();
+        }
+        let alone: Vec<String> =
+            self.file_rms.iter().map(|(channel, rms)| format!("{} of {channel}", quantity(*rms, unit_of(channel)))).collect();
+        let learned: String = self.left_out.iter().map(|one| format!("  {}: {}\n", one.what, signed(one))).collect();
+        format!("A model file cannot hold what follows; without it `lab compare` finds {} RMS:\n{learned}", alone.join(", "))
+    }
+}
+
+/// RMS by channel over all logs of a comparison.
+#[must_use]
+pub fn rms_of(comparison: &Comparison) -> ByChannel {
+    let mut sums: BTreeMap<&'static str, (f64, usize)> = BTreeMap::new();
+    for error in &comparison.errors {
+        let (squares, rows) = sums.entry(error.channel).or_default();
+        *squares += error.size.squares();
+        *rows += error.size.rows;
+    }
+    sums.into_iter().map(|(channel, (squares, rows))| (channel, (squares / rows.max(1) as f64).sqrt())).collect()
+}
+
+fn section(title: &str, body: String, there: bool) -> Option<String> {
+    let title = if title.is_empty() { String::new() } else { format!("{title}:\n") };
+    there.then(|| title + &body)
+}
+
+fn signed(one: &LeftOut) -> String {
+    let size = with_sigma(one.shift, Some(one.sigma), one.unit);
+    if one.shift > 0.0 { format!("+{size}") } else { size }
+}
+
+/// Widest bar of a ladder, characters.
+const BAR: f64 = 30.0;
+
+/// How the error fell, with bars, one table for each channel.
+#[must_use]
+pub fn ladder(rungs: &[Rung]) -> String {
+    let channels: Vec<&'static str> = rungs.first().map_or_else(Vec::new, |rung| rung.train_rms.keys().copied().collect());
+    let of = |channel: &&'static str| {
+        let at = |numbers: &ByChannel| numbers.get(channel).copied();
+        let most = rungs.iter().flat_map(|rung| [at(&rung.train_rms), at(&rung.holdout_rms)]).flatten().fold(0.0, f64::max);
+        tables::ladder(rungs, channel, |rms| "\u{2588}".repeat((rms / most * BAR).round().max(1.0) as usize))
+    };
+    channels.iter().map(|channel| text(&of(channel))).collect::<Vec<_>>().join("\n")
+}
+
+/// A number with its deviation; without one where it is exact.
+#[must_use]
+pub fn perhaps_sigma(value: f64, sigma: Option<f64>, unit: &str) -> String {
+    if sigma.is_some() { with_sigma(value, sigma, unit) } else { quantity(value, unit) }
+}
+
+/// The number of a named parameter, in its unit.
+fn named(name: &str, value: f64, sigma: Option<f64>) -> String {
+    match unit_of(name) {
+        "" if sigma.is_none() => digits(value),
+        unit => perhaps_sigma(value, sigma, unit),
+    }
+}

@@ -1,0 +1,136 @@
+//! Tables of a search.
+
+use comfy_table::Table;
+
+use super::{named, perhaps_sigma, refusal};
+use crate::decision::Decisions;
+use crate::infer::answer::{ByChannel, Discovery, Ranked, Rung};
+use crate::report::comparison::chance;
+use crate::report::quantity::{digits, quantity, unit_of};
+use crate::report::table::{numbers_from, table};
+
+/// Parameters of one effect that are printed, and effects that look like it.
+const SIZES: usize = 3;
+const NAMES: usize = 2;
+
+/// How the error of one channel fell.
+pub(super) fn ladder(rungs: &[Rung], channel: &'static str, bar: impl Fn(f64) -> String) -> Table {
+    let unit = unit_of(channel);
+    let holdout = rungs.iter().any(|rung| rung.holdout_rms.contains_key(channel));
+    let mut header = vec![channel, "RMS", ""];
+    if holdout {
+        header.extend(["held out", ""]);
+    }
+    let mut rows = table(&header);
+    for rung in rungs {
+        let cells = |numbers: &ByChannel| match numbers.get(channel) {
+            Some(&rms) => [quantity(rms, unit), bar(rms)],
+            None => [String::new(), String::new()],
+        };
+        let name = rung.effect.map_or_else(|| "the model, refitted".to_owned(), |effect| format!("+ {effect}"));
+        let mut row = vec![name];
+        row.extend(cells(&rung.train_rms));
+        if holdout {
+            row.extend(cells(&rung.holdout_rms));
+        }
+        rows.add_row(row);
+    }
+    if let Some(&floor) = rungs.first().and_then(|rung| rung.floor.get(channel)) {
+        rows.add_row(["sensor floor".to_owned(), quantity(floor, unit)]);
+    }
+    for column in [1, 3] {
+        if let Some(column) = rows.column_mut(column) {
+            column.set_cell_alignment(comfy_table::CellAlignment::Right);
+        }
+    }
+    rows
+}
+
+/// What speaks for every effect, most promising first.
+pub(super) fn ranking(found: &Discovery, printed: usize) -> Table {
+    let holdout = found.ranking.iter().any(|ranked| !ranked.holdout_before.is_empty());
+    let mut header = vec!["effect", "delta BIC", "p", "expected size", "unique", "looks like", "RMS"];
+    if holdout {
+        header.push("held out");
+    }
+    header.push("refused because");
+    let mut rows = table(&header);
+    for ranked in found.ranking.iter().take(printed) {
+        let mut alike: Vec<(&str, f64)> = ranked.confounded_with.iter().map(|(id, rho)| (*id, *rho)).collect();
+        alike.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let alike: Vec<String> = alike.iter().take(NAMES).map(|(id, rho)| format!("{id} {rho:.2}")).collect();
+        let mut row = vec![
+            ranked.effect.to_owned(),
+            ranked.delta_bic.map_or_else(|| "-".to_owned(), digits),
+            chance(ranked.p_value),
+            sizes(ranked),
+            format!("{:.2}", ranked.uniqueness),
+            alike.join("\n"),
+            fall(&ranked.rms_before, &ranked.rms_after),
+        ];
+        if holdout {
+            row.push(fall(&ranked.holdout_before, &ranked.holdout_after));
+        }
+        let refused: Vec<&str> = ranked.refused.iter().map(|&one| refusal(one)).collect();
+        row.push(match ranked.delta_bic {
+            None => "not worth a refit".to_owned(),
+            Some(_) => refused.join("\n"),
+        });
+        rows.add_row(row);
+    }
+    rows
+}
+
+fn sizes(ranked: &Ranked) -> String {
+    let of = |(name, value): (&&str, &f64)| format!("{name} {}", named(name, *value, ranked.sigma.get(*name).copied()));
+    let mut lines: Vec<String> = ranked.epc.iter().take(SIZES).map(of).collect();
+    if ranked.epc.len() > SIZES {
+        lines.push(format!("and {} more", ranked.epc.len() - SIZES));
+    }
+    lines.join("\n")
+}
+
+/// How a number by channel fell, one line each.
+#[must_use]
+pub fn fall(before: &ByChannel, after: &ByChannel) -> String {
+    let several = before.len() > 1;
+    if after.is_empty() {
+        return "-".to_owned();
+    }
+    let line = |(channel, &rms): (&&'static str, &f64)| {
+        let unit = unit_of(channel);
+        let after = after.get(channel).map_or_else(|| "?".to_owned(), |&rms| quantity(rms, unit));
+        let name = if several { format!("{channel} ") } else { String::new() };
+        format!("{name}{} -> {after}", quantity(rms, unit))
+    };
+    before.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Free parameters at the end.
+pub(super) fn parameters(found: &Discovery) -> Table {
+    let mut rows = table(&["parameter", "value"]);
+    for (effect, own) in &found.parameters {
+        for (name, value) in own {
+            rows.add_row([format!("{effect}.{name}"), crate::report::quantity::with_sigma(value.value, value.sigma, unit_of(name))]);
+        }
+    }
+    numbers_from(&mut rows, 1);
+    rows
+}
+
+/// What the coordinator plans with, before and after.
+#[must_use]
+pub fn decisions(decisions: &Decisions) -> Table {
+    let mut rows = table(&["", "before", "after", "change"]);
+    for row in decisions.rows() {
+        let change = (row.after - row.before) / row.before * 100.0;
+        rows.add_row([
+            row.what,
+            perhaps_sigma(row.before, row.before_sigma, &row.unit),
+            perhaps_sigma(row.after, row.after_sigma, &row.unit),
+            if change.is_finite() { format!("{change:+.1} %") } else { "-".to_owned() },
+        ]);
+    }
+    numbers_from(&mut rows, 1);
+    rows
+}

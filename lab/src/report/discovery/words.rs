@@ -1,0 +1,112 @@
+//! What a search found, in sentences.
+
+use crate::infer::answer::{Discovery, Rung, Verdict};
+use crate::infer::candidate::Untested;
+use crate::infer::discover::Refusal;
+use crate::report::quantity::{digits, quantity, unit_of};
+
+use super::Reach;
+
+/// The verdict in a sentence.
+#[must_use]
+pub fn headline(found: &Discovery, reach: Reach) -> String {
+    let selected = effects(&found.selected);
+    match (found.verdict, reach, found.selected.is_empty()) {
+        (Verdict::Complete, ..) => "complete. The model explains these logs.".to_owned(),
+        (Verdict::Missing, Reach::OneLook, _) => {
+            format!("missing: {selected}. It explains {}; `lab discover` says whether more is missing.", explained(found))
+        }
+        (Verdict::Missing, Reach::Whole, _) => {
+            let with = if found.selected.len() > 1 { "them" } else { "it" };
+            format!("missing: {selected}. With {with} the model explains {}.", explained(found))
+        }
+        (Verdict::Ambiguous, ..) => {
+            let others: Vec<&str> = found.selected.iter().copied().filter(|id| !found.equivalent.contains(id)).collect();
+            let others = if others.is_empty() { String::new() } else { format!("missing: {}, and ", effects(&others)) };
+            format!(
+                "{others}cannot tell between {{{}}}: the logs show that one of them is missing, and not which.",
+                found.equivalent.join(", ")
+            )
+        }
+        (Verdict::Unknown, _, true) => "none of these. Something is missing, and no effect of the catalogue explains it.".to_owned(),
+        (Verdict::Unknown, _, false) => {
+            format!("missing: {selected}. Something is left beyond that, and no further effect of the catalogue explains it.")
+        }
+    }
+}
+
+/// RMS over floor up to which nothing is left to explain.
+const AT_FLOOR: f64 = 1.05;
+
+/// How much of the error is explained at the end.
+fn explained(found: &Discovery) -> String {
+    if found.residual.values().all(|left| left.rms <= AT_FLOOR * left.floor) {
+        return "these logs down to the noise of their sensors".to_owned();
+    }
+    let beyond = |rung: &Rung| -> f64 {
+        let over = |(channel, rms): (&&str, &f64)| rung.floor.get(*channel).map_or(0.0, |floor| ((rms / floor).powi(2) - 1.0).max(0.0));
+        rung.train_rms.iter().map(over).sum()
+    };
+    match &found.ladder[..] {
+        [first, .., last] if beyond(first) > 0.0 => {
+            let share = 100.0 * (1.0 - beyond(last) / beyond(first));
+            format!("{share:.0} % of the squared error beyond the noise of the sensors")
+        }
+        _ => "these logs".to_owned(),
+    }
+}
+
+/// Names in a sentence.
+#[must_use]
+pub fn effects(ids: &[&str]) -> String {
+    match ids {
+        [] => "nothing".to_owned(),
+        [one] => (*one).to_owned(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+/// Why an effect is not accepted, in words.
+#[must_use]
+pub fn refusal(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::Evidence => "evidence too weak",
+        Refusal::TooSmall => "too small to matter",
+        Refusal::Training => "error hardly falls",
+        Refusal::Holdout => "no help on held-out logs",
+    }
+}
+
+/// What is left of every channel, one line each.
+#[must_use]
+pub fn left(found: &Discovery) -> String {
+    let line = |(channel, left): (&&str, &crate::infer::answer::Left)| {
+        let unit = unit_of(channel);
+        let (rms, floor) = (quantity(left.rms, unit), quantity(left.floor, unit));
+        // Slow noise far below the sensor's own is none.
+        let slow = if left.slow > 0.2 * left.floor {
+            format!("; {} of it is slow, it lasts about {} s", quantity(left.slow, unit), digits(left.tau_s))
+        } else {
+            String::new()
+        };
+        format!("{channel}: {rms} RMS, the sensor floor is {floor}{slow}\n")
+    };
+    found.residual.iter().map(line).collect()
+}
+
+/// Effects that these logs say nothing about, one line for each reason.
+#[must_use]
+pub fn untested(untested: &[Untested]) -> String {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for one in untested {
+        match reasons.iter_mut().find(|(reason, _)| *reason == one.reason) {
+            Some((_, ids)) => ids.push(one.effect),
+            None => reasons.push((&one.reason, vec![one.effect])),
+        }
+    }
+    let line = |(reason, ids): &(&str, Vec<&str>)| {
+        let reason = if ids.len() > 1 { reason.replacen("needs", "need", 1) } else { (*reason).to_owned() };
+        format!("{}: {reason}\n", ids.join(", "))
+    };
+    reasons.iter().map(line).collect()
+}

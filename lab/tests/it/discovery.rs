@@ -1,0 +1,150 @@
+//! `lab diagnose`, `discover` and `add` on the shipped Enertech discharges: a cell of which the
+//! built-in model knows one resistance only.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::commands::{Outcome, lab, measured};
+
+const MODEL: [&str; 2] = ["--model", "enertech-lco-2280mah"];
+const LOGS: [&str; 5] = ["--log", "discharge-0p5c.csv", "discharge-1c.csv", "--holdout", "discharge-0p1c.csv"];
+
+fn run(verb: &[&str], more: &[&str]) -> Outcome {
+    lab(&[verb, &MODEL, &LOGS, more].concat())
+}
+
+/// The keys of an object, and what kind of value each has; of lists the first entry.
+fn shape(value: &Value) -> Value {
+    match value {
+        Value::Object(map) => map.iter().map(|(key, value)| (key.clone(), shape(value))).collect(),
+        Value::Array(list) => Value::Array(list.first().map(shape).into_iter().collect()),
+        Value::Null => Value::from("null"),
+        Value::Bool(_) => Value::from("bool"),
+        Value::Number(_) => Value::from("number"),
+        Value::String(_) => Value::from("text"),
+    }
+}
+
+fn pretty(value: &Value) -> String {
+    serde_json::to_string_pretty(value).unwrap()
+}
+
+#[test]
+fn the_answer_has_the_keys_that_programs_rest_on() {
+    let outcome = run(&["diagnose"], &["--format", "json"]);
+    assert_eq!(outcome.code, 1, "{}", outcome.stderr);
+    let json = outcome.json();
+    let top: Vec<&str> = json.as_object().unwrap().keys().map(String::as_str).collect();
+    insta::assert_snapshot!(top.join(" "));
+    insta::assert_snapshot!(pretty(&shape(&json["decision"])));
+    // Which effect comes first may change with the method; what is said of each may not.
+    let mut first: Vec<&str> = json["ranking"][0].as_object().unwrap().keys().map(String::as_str).collect();
+    first.sort_unstable();
+    insta::assert_snapshot!(first.join(" "));
+    insta::assert_snapshot!(pretty(&shape(&json["ladder"][0])));
+    insta::assert_snapshot!(pretty(&shape(&json["residual"])));
+}
+
+#[test]
+fn what_is_found_is_written_loads_again_and_explains_the_logs_as_well() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("found.toml");
+    let out = path.to_str().unwrap();
+    let outcome = run(&["discover"], &["-o", out, "--date", "2026-11-21", "--format", "json"]);
+    assert!(outcome.code < 2, "{}", outcome.stderr);
+    let json = outcome.json();
+    assert!(!json["selected"].as_array().unwrap().is_empty(), "{json}");
+    let ladder = json["ladder"].as_array().unwrap();
+    let rms = |rung: &Value| rung["train_rms"]["voltage_v"].as_f64().unwrap();
+    let (first, last) = (rms(&ladder[0]), rms(ladder.last().unwrap()));
+    assert!(last < 0.5 * first, "{first} {last}");
+
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.contains("2026-11-21") && text.contains("free = true") && text.contains("discharge-0p5c, discharge-1c"), "{text}");
+    let compared = lab(&["compare", "--model", out, "--log", "discharge-0p5c.csv", "discharge-1c.csv", "--format", "json"]);
+    let errors = compared.json();
+    let (squares, rows) = errors["errors"].as_array().unwrap().iter().fold((0.0, 0.0), |(squares, rows), error| {
+        let (rms, count) = (error["rms"].as_f64().unwrap(), error["rows"].as_f64().unwrap());
+        (squares + rms * rms * count, rows + count)
+    });
+    let again: f64 = f64::sqrt(squares / rows);
+    // The answer says beforehand what the file alone leaves.
+    assert!((again / json["file_rms"]["voltage_v"].as_f64().unwrap() - 1.0).abs() < 1e-4, "{again}");
+    // It is more than at the end of the search, since the logs' own starts stay out of the file.
+    assert!(again < 0.5 * first && again > 0.99 * last, "{first}, {last} in the search, {again} by the file");
+    let left_out = json["left_out"].as_array().unwrap();
+    assert!(left_out.iter().all(|one| one["what"].as_str().unwrap().contains("state of charge at the start")), "{left_out:?}");
+
+    // Every line of the given model that is not a number found is there still.
+    let given = energy::built_in("enertech-lco-2280mah").unwrap();
+    let gone = given.lines().filter(|line| !text.lines().any(|new| new == *line)).count();
+    assert!(gone <= 5, "{gone} lines changed:\n{text}");
+}
+
+#[test]
+fn with_the_starts_that_were_learned_the_written_model_leaves_what_the_search_left() {
+    use std::sync::Arc;
+
+    use lab::infer::rough::Rough;
+    use lab::infer::{discover::search, frame::Evidence};
+    use lab::measurement::{LogFacts, read_log};
+
+    let model = lab::load_model("enertech-lco-2280mah").unwrap();
+    let log = |name: &str| {
+        let text = fs::read(measured().join(format!("{name}.csv"))).unwrap();
+        read_log(&format!("{name}.csv"), &text, LogFacts { soc_initial: Some(1.0), ..LogFacts::default() }).unwrap()
+    };
+    let logs = ["discharge-0p5c", "discharge-1c"].map(log);
+    let ready = |model: &energy::Model| logs.iter().map(|log| lab::prepare(model, log).unwrap()).collect::<Vec<_>>();
+    let found = search(Arc::clone(&model.model), Arc::new(Evidence::new(&model.model, ready(&model.model))), None).last;
+    let text = lab::learned::write(&model.text, &model.model, &found, "a test", true).unwrap();
+    let written = Arc::new(energy::Model::parse("written", &text, &|file| panic!("{file} is not inline")).unwrap());
+    let mut logs = ready(&written);
+    for (index, log) in logs.iter_mut().enumerate() {
+        log.start.soc += found.frame.error(&found.x, Rough::SocInitial(index));
+    }
+    let alone = lab::report::discovery::rms_of(&lab::compare(&written, &written.values(), &logs));
+    for (channel, rms) in found.rms() {
+        let again = alone[channel.name()];
+        // Not exactly: beyond its ends the written table goes on straight, with its correction, where
+        // the search keeps the correction of the last knot; a table that would fall is evened out.
+        assert!((again / rms - 1.0).abs() < 0.1, "{channel:?}: {again} by the file, {rms} in the search");
+    }
+}
+
+#[test]
+fn an_effect_by_name_is_added_and_judged() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("more.toml");
+    let out = path.to_str().unwrap();
+    let outcome = run(&["add", "ohmic_soc"], &["-o", out, "--format", "json"]);
+    assert_eq!(outcome.code, 0, "{}", outcome.stderr);
+    let json = outcome.json();
+    assert_eq!((&json["accepted"], &json["effect"]), (&Value::from(true), &Value::from("ohmic_soc")));
+    let fallen = |log: &Value| log["extended"].as_f64().unwrap() < 0.6 * log["refitted"].as_f64().unwrap();
+    let logs = json["logs"].as_array().unwrap();
+    assert!(logs.len() == 3 && logs.iter().filter(|log| log["holdout"] == false).all(fallen), "{logs:?}");
+    assert!(json["regimes"][0]["taken"].as_f64().unwrap() > 0.3, "{}", json["regimes"]);
+    assert!(fs::read_to_string(&path).unwrap().contains("id = \"ohmic_soc\""));
+    // The written model has it, so that it cannot be added twice.
+    let twice = lab(&[&["add", "ohmic_soc", "--model", out], &LOGS[..]].concat());
+    assert_eq!(twice.code, 2);
+    assert!(twice.stderr.contains("has the effect `ohmic_soc` already"), "{}", twice.stderr);
+}
+
+#[test]
+fn an_unknown_effect_and_one_without_its_column_are_refused() {
+    let refuses = |outcome: Outcome, words: &str| {
+        assert_eq!((outcome.code, outcome.stdout.as_str()), (2, ""), "{}", outcome.stderr);
+        assert!(outcome.stderr.contains(words), "`{words}` is not in: {}", outcome.stderr);
+    };
+    refuses(run(&["add", "ohmic_sock"], &[]), "a battery has no effect `ohmic_sock`; did you mean `ohmic_soc`?");
+    refuses(run(&["add", "capacity_fade"], &[]), "needs the column cycle_count");
+    refuses(run(&["discover"], &["-o", "no/such/place.toml"]), "there is no directory no/such");
+}
+
+#[test]
+fn two_searches_say_the_same() {
+    assert_eq!(run(&["diagnose"], &[]).stdout, run(&["diagnose"], &[]).stdout);
+}
