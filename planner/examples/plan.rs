@@ -1,7 +1,7 @@
 //! dev
 fn cpu() -> f64 {
-    let t = std::fs::read_to_string("/proc/self/schedstat").unwrap();
-    t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
+    let t = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    t.tv_sec as f64 + t.tv_nsec as f64 * 1e-9
 }
 struct Cpu(f64);
 impl Cpu {
@@ -9,21 +9,34 @@ impl Cpu {
         cpu() - self.0
     }
 }
-use planner::optimise::{Knobs, optimise};
 fn main() {
     let args: Vec<String> = std::env::args().collect();
-    let f = |i: usize, d: f64| args.get(i).and_then(|a| a.parse().ok()).unwrap_or(d);
+    let budget_s: f64 = args[2].parse().unwrap();
+    let seed: u64 = args.get(3).map_or(1, |s| s.parse().unwrap());
     let text = std::fs::read_to_string(&args[1]).unwrap();
-    let t = std::time::Instant::now();
-    let inst = planner::instance::Instance::parse(&text).unwrap();
-    let t1 = t.elapsed();
+    let instance = match planner::Instance::parse(&text) {
+        Ok(i) => i,
+        Err(e) => {
+            println!("{e}");
+            std::process::exit(2)
+        }
+    };
+    let policy = args.get(4).map_or("optimise", |p| p.as_str());
     let t = Cpu(cpu());
-    let ways = planner::way::Ways::new(&inst.problem);
-    let n: usize = (0..inst.problem.robots.len()).map(|r| ways.of(r).ways.len()).sum();
-    eprintln!("parse {t1:?} ways {n} {:?}", t.elapsed());
-    let b = f(2, 1.0);
-    let knobs = Knobs { hot: f(3, 8.0), cold: f(4, 0.3), dual: f(5, 0.25), trace: args.len() > 6 };
-    let mut budget = |_m: u64| t.elapsed() / b;
-    let r = optimise(&ways, 1, &mut budget, knobs);
-    println!("{:?} bounds {} {} gap {:.2} %", r.score, r.stranded_bound, r.cost_bound, 100.0 * (r.score.cost - r.cost_bound) as f64 / r.cost_bound as f64);
+    let plan = match planner::plan(&instance.problem, policy, seed, &mut |_| t.elapsed() / budget_s) {
+        Ok(p) => p,
+        Err(e) => {
+            println!("{e}");
+            std::process::exit(1)
+        }
+    };
+    let took = t.elapsed();
+    println!("{} cpu {took:.4} {:?} bound {:?} gap {:.2?} %", instance.problem.name, plan.objective.all(), plan.bound.all(), plan.gaps().map(|g| 100.0 * g));
+    if let Some(out) = args.get(5) {
+        let t = Cpu(cpu());
+        let capacity = planner::capacity(&instance.problem);
+        let took = t.elapsed();
+        println!("capacity {took:.4} atomic {}/{} split {}/{}", capacity.atomic.len(), capacity.atomic_bound, capacity.split, capacity.split_bound);
+        std::fs::write(out, planner::solution::to_json(&instance, policy, &plan, &capacity)).unwrap();
+    }
 }

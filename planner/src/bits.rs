@@ -37,7 +37,17 @@ impl Bits {
     }
 
     /// The first flag in `from..to` that is set.
+    #[inline]
     pub(crate) fn first(&self, from: usize, to: usize) -> Option<usize> {
-        (from..to).find(|&tick| self.0[tick / 64] >> (tick % 64) & 1 == 1)
+        let mut at = from;
+        while at < to {
+            let word = self.0[at / 64] >> (at % 64);
+            if word != 0 {
+                let found = at + word.trailing_zeros() as usize;
+                return (found < to).then_some(found);
+            }
+            at = (at / 64 + 1) * 64;
+        }
+        None
     }
 }

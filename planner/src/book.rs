@@ -261,6 +261,14 @@ impl<'p> Book<'p> {
         counted.chain(self.headroom.iter().copied()).chain(self.energy.iter().map(|limit| limit.energy)).collect()
     }
 
+    /// How much there is of bay ticks, lift ticks, spares and energy (mWh); at least 1 of each.
+    pub(crate) fn plenty(&self) -> [f64; 4] {
+        let sum = |counters: &Counters| counters.left.iter().map(|&left| f64::from(left.max(0))).sum::<f64>();
+        let spares = self.spares.left.last().copied().unwrap_or(0);
+        let energy = self.energy.last().map_or(0, |limit| limit.energy);
+        [sum(&self.bays), sum(&self.lift), f64::from(spares), energy as f64].map(|there| there.max(1.0))
+    }
+
     /// What the packs can still give, by when.
     #[must_use]
     pub fn limits(&self) -> &[Limit] {

@@ -30,7 +30,7 @@ pub struct Draft<'w, 'p> {
     pub chosen: Vec<u32>,
     /// What the choice amounts to.
     pub score: Score,
-    /// Robots that run empty as things stand and could be serviced.
+    /// Robots that run empty as things stand.
     pub lost: Vec<u32>,
     log: Vec<(u32, u32)>,
 }
@@ -47,9 +47,14 @@ impl<'w, 'p> Draft<'w, 'p> {
             score.cost += robot.missed_unserved(floor);
         }
         let books = problem.stations.iter().map(|station| Book::new(problem, station)).collect();
-        let lost = (0..problem.robots.len()).filter(|&robot| ways.of(robot).strands && !ways.of(robot).ways.is_empty());
+        let lost = (0..problem.robots.len()).filter(|&robot| problem.robots[robot].strands(problem));
         let lost = lost.map(|robot| robot as u32).collect();
         Self { ways, books, chosen: vec![NONE; problem.robots.len()], score, lost, log: Vec::new() }
+    }
+
+    /// What can be said of any plan without looking at the ways: it strands nobody and misses nothing.
+    pub(crate) fn least(_: &Problem) -> (i64, i64) {
+        (0, 0)
     }
 
     /// The problem.
@@ -92,6 +97,14 @@ impl<'w, 'p> Draft<'w, 'p> {
         let choices = self.ways.of(robot);
         let cheap = choices.ways.iter().take_while(|way| i64::from(way.cost) < below);
         cheap.into_iter().position(|way| self.books[usize::from(way.station)].fits(choices, way)).map(|way| way as u32)
+    }
+
+    /// The first way before the one of this index that fits.
+    #[must_use]
+    pub fn first_before(&self, robot: usize, way: u32) -> Option<u32> {
+        let choices = self.ways.of(robot);
+        let better = &choices.ways[..way as usize];
+        better.iter().position(|way| self.books[usize::from(way.station)].fits(choices, way)).map(|way| way as u32)
     }
 
     /// Where the log stands.

@@ -1,36 +1,71 @@
-//! The ways worth trying, by Lagrange prices: what a way costs its robot and everyone else.
+//! The ways worth trying: by cost, or by Lagrange prices, which count what a way costs its robot
+//! and everyone else.
 
-use crate::prices::Prices;
+use crate::draft::NONE;
+use crate::prices::Asked;
 use crate::way::Ways;
 
 /// Longest list of a robot.
 const LISTED_MAX: usize = 48;
 
+/// What a stranded robot counts while there are no prices.
+const STRANDED_UNPRICED: f32 = 1e6;
+
 /// For each robot its most promising ways, the best first.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Guide {
     /// Indices of ways.
     pub listed: Vec<Vec<u32>>,
+    /// What each robot pays at least, in units of cost.
+    least: Vec<f32>,
+    /// The prices; none when only cost counts.
+    prices: Option<Asked>,
 }
 
 impl Guide {
-    /// The guide at the best prices known.
+    /// The cheapest ways of some robots.
     #[must_use]
-    pub fn new(ways: &Ways<'_>, prices: &Prices<'_, '_>) -> Self {
-        let table = prices.table();
-        let mut priced: Vec<(f32, u32)> = Vec::new();
-        let robots = 0..ways.problem().robots.len();
-        let listed = robots.map(|robot| {
-            priced.clear();
-            prices.priced(&table, robot, |way, price| priced.push((price, way as u32)));
-            let less = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-            if priced.len() > LISTED_MAX {
-                priced.select_nth_unstable_by(LISTED_MAX, less);
-                priced.truncate(LISTED_MAX);
-            }
-            priced.sort_unstable_by(less);
-            priced.iter().map(|&(_, way)| way).collect()
-        });
-        Self { listed: listed.collect() }
+    pub fn by_cost(ways: &Ways<'_>, robots: impl IntoIterator<Item = usize>) -> Self {
+        let count = ways.problem().robots.len();
+        let mut guide = Self { listed: vec![Vec::new(); count], least: vec![f32::MAX; count], prices: None };
+        for robot in robots {
+            let choices = ways.of(robot);
+            guide.listed[robot] = (0..choices.ways.len().min(LISTED_MAX) as u32).collect();
+            guide.least[robot] = choices.ways.first().map_or(f32::MAX, |way| way.cost as f32);
+        }
+        guide
+    }
+
+    /// How far a robot's way is from the best that it could have, all prices paid; 0 or more.
+    #[must_use]
+    pub fn regret(&self, ways: &Ways<'_>, robot: usize, chosen: u32) -> f32 {
+        let choices = ways.of(robot);
+        let problem = ways.problem();
+        let paid = if chosen == NONE {
+            let stranded = self.prices.as_ref().map_or(STRANDED_UNPRICED, |prices| prices.stranded);
+            choices.unserved_cost as f32 + if choices.strands { stranded } else { 0.0 }
+        } else {
+            let way = &choices.ways[chosen as usize];
+            way.cost as f32 + self.prices.as_ref().map_or(0.0, |prices| prices.price(problem, choices, way))
+        };
+        (paid - self.least[robot]).max(0.0)
+    }
+
+    /// Judges by these prices from now on.
+    pub(crate) fn judge_by(&mut self, prices: Asked) {
+        self.prices = Some(prices);
+    }
+
+    /// Lists a robot's ways by price; reorders `priced`.
+    pub(crate) fn list(&mut self, robot: usize, priced: &mut Vec<(i64, u32)>) {
+        if priced.len() > LISTED_MAX {
+            priced.select_nth_unstable(LISTED_MAX);
+            priced.truncate(LISTED_MAX);
+        }
+        priced.sort_unstable();
+        self.least[robot] = priced.first().map_or(f32::MAX, |&(least, _)| Asked::in_cost(least));
+        let list = &mut self.listed[robot];
+        list.clear();
+        list.extend(priced.iter().map(|&(_, way)| way));
     }
 }

@@ -12,7 +12,7 @@ pub const FORMAT: &str = "mds-inst-1";
 /// Longest horizon, ticks.
 const HORIZON_MAX: i64 = 20_000;
 /// Greatest energy, mWh.
-const ENERGY_MAX: i64 = 1_000_000_000_000;
+const ENERGY_MAX: i64 = 10_000_000_000;
 /// Greatest worth of all the work of one robot.
 const WORTH_MAX: i64 = 1_000_000_000;
 

@@ -1,11 +1,23 @@
-//! The default policy: several plans at once, prices, search, and the bound that goes with it.
+//! The default policy: plans at once, then prices and search for as long as the budget lasts.
+//!
+//! ```text
+//!   at once          several orders, the best is kept                            (construct)
+//!     |
+//!   strand few       search with what a way takes of its station as its cost     (thrifty ways)
+//!     |
+//!   miss little      search by missed work, at most as many stranded,            (search)
+//!     |  ^            led by prices, which are bettered in between               (prices, guide)
+//!     |  +---- prices bound the missed work from below
+//!   tidy up          ways of equal cost that take less energy
+//! ```
 
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use crate::construct::{ORDERS, greedy, ranked};
-use crate::draft::{Draft, Score};
+use crate::construct::{self, ORDERS, greedy, ranked};
+use crate::draft::{Draft, NONE};
 use crate::guide::Guide;
+use crate::plan::Plan;
 use crate::prices::{Level, Prices};
 use crate::search::Search;
 use crate::way::Ways;
@@ -32,97 +44,145 @@ impl<F: FnMut(u64) -> f64> Budget for F {
     }
 }
 
-/// A choice, its score and what is proven about it.
-#[derive(Debug)]
-pub struct Optimised {
-    /// Index of each robot's way.
-    pub chosen: Vec<u32>,
-    /// Its score.
-    pub score: Score,
-    /// No plan strands fewer robots.
-    pub stranded_bound: i64,
-    /// No plan that strands as few misses less.
-    pub cost_bound: i64,
-}
+/// Share of the budget after which the stranded are as few as they will be.
+const STRAND_SHARE: f64 = 0.15;
+/// Share of the search's time that goes to prices.
+const PRICES_SHARE: f64 = 0.25;
+/// Temperatures at the beginning and the end of a search, in units of cost.
+const HEAT: [f64; 2] = [64.0, 0.3];
+/// The same while the cost is what a way takes of its station.
+const THRIFTY_HEAT: [f64; 2] = [5.0, 0.25];
+/// Moves between two looks at the budget: at most this many.
+const MOVES_AT_ONCE: u64 = 400;
 
-/// Knobs
-#[derive(Debug, Clone, Copy)]
-pub struct Knobs {
-    /// hot
-    pub hot: f64,
-    /// cold
-    pub cold: f64,
-    /// dual part
-    pub dual: f64,
-    /// print
-    pub trace: bool,
-}
-
-/// The best plan that the budget allows.
-pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget, knobs: Knobs) -> Optimised {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let mut moves = 0;
-    let mut best = Draft::new(ways);
-    for (number, order) in ORDERS.into_iter().enumerate() {
-        for thrift in [0.0, 2.0] {
-            if number > 0 && budget.used(moves) >= 1.0 {
-                break;
-            }
-            let mut draft = Draft::new(ways);
-            greedy(&mut draft, &ranked(ways, order), thrift);
-            if knobs.trace {
-                eprintln!("{:.4} greedy {order:?} {thrift}: {:?}", budget.used(moves), draft.score);
-            }
-            if draft.score < best.score {
-                best = draft;
-            }
-        }
+/// The best plan that the budget allows. The same seed and number of moves give the same plan.
+#[must_use]
+pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {
+    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), budget, moves: 0 };
+    let mut best = run.at_once();
+    let least = least_stranded(ways);
+    if best.score.stranded > least {
+        run.strand_few(&mut best, least);
     }
-    let mut strand = Prices::new(ways, Level::Stranded);
-    let mut prices = Prices::new(ways, Level::Cost { stranded_max: best.score.stranded });
-    let robots = ways.problem().robots.len().max(1) as u64;
+    let start = best.score;
+    let mut prices = Prices::new(ways, Level::Cost { stranded_max: start.stranded });
     let mut search = Search::new(best);
-    let mut since = 0_u64;
-    let mut guide = Guide::new(ways, &prices);
-    let start = budget.used(moves);
-    let (mut dual, mut total) = (0.0, 0.0);
-    let mut settled = false;
-    loop {
-        let at = budget.used(moves);
-        if at >= 1.0 {
-            break;
+    search.settle();
+    run.miss_little(&mut search, &mut prices, least);
+    search.return_to_best();
+    search.settle();
+    let draft = search.draft;
+    prices.cap_stranded(draft.score.stranded);
+    let energy_bound = if prices.improved() { prices.energy_bound(draft.score.cost) } else { 0 };
+    Plan::new(&draft, least, prices.bound(), energy_bound)
+}
+
+/// A bound on how few can be stranded: those whom no service can reach in time.
+#[must_use]
+pub fn least_stranded(ways: &Ways<'_>) -> i64 {
+    let hopeless = |robot: &usize| ways.of(*robot).strands && ways.of(*robot).ways.is_empty();
+    (0..ways.problem().robots.len()).filter(hopeless).count() as i64
+}
+
+struct Run<'w, 'p, 'b> {
+    ways: &'w Ways<'p>,
+    rng: Pcg64Mcg,
+    budget: &'b mut dyn Budget,
+    moves: u64,
+}
+
+impl<'w, 'p> Run<'w, 'p, '_> {
+    fn used(&mut self) -> f64 {
+        self.budget.used(self.moves)
+    }
+
+    /// The best of several orders.
+    fn at_once(&mut self) -> Draft<'w, 'p> {
+        let mut best = Draft::new(self.ways);
+        for order in ORDERS {
+            for thrift in [2.0, 0.0] {
+                let mut draft = Draft::new(self.ways);
+                greedy(&mut draft, &ranked(self.ways, order), thrift);
+                if draft.score < best.score {
+                    best = draft;
+                }
+            }
         }
-        let progress = ((at - start) / (1.0 - start)).clamp(0.0, 1.0);
-        // search
-        if dual >= knobs.dual * total || settled {
-            let heat = knobs.hot * (knobs.cold / knobs.hot).powf(progress);
-            search.run(&guide, &mut rng, robots.clamp(50, 500), heat);
-            moves += robots.clamp(50, 500);
-            let now = budget.used(moves);
-            total += now - at;
-            if search.best_score.stranded == 0 && false {
+        best
+    }
+
+    /// Strands fewer, whatever work is missed for it.
+    fn strand_few(&mut self, best: &mut Draft<'w, 'p>, least: i64) {
+        let thrifty = self.ways.thrifty();
+        let mut few = Draft::new(&thrifty);
+        for order in [construct::Order::Deadline, construct::Order::Slack] {
+            let mut draft = Draft::new(&thrifty);
+            greedy(&mut draft, &ranked(&thrifty, order), 0.0);
+            if draft.score < few.score {
+                few = draft;
+            }
+        }
+        let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
+        let mut search = Search::new(few);
+        let start = self.used();
+        let until = start + STRAND_SHARE * (1.0 - start);
+        loop {
+            let at = self.used();
+            if at >= until || search.best_score.stranded <= least {
                 break;
             }
-        } else {
-            prices.cap_stranded(search.best_score.stranded);
-            prices.improve(10, search.best_score.cost);
-            if strand.bound() < search.best_score.stranded && since % 4 == 0 {
-                strand.improve(10, search.best_score.stranded);
+            self.search(&mut search, &guide, heat(THRIFTY_HEAT, (at - start) / (until - start)));
+        }
+        if search.best_score.stranded < best.score.stranded {
+            best.become_choice(&self.ways.translated(&thrifty, &search.best));
+        }
+    }
+
+    /// Misses less work, strands no more.
+    fn miss_little(&mut self, search: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) {
+        let start = self.used();
+        let (mut priced, mut searched) = (0.0, 0.0);
+        loop {
+            let at = self.used();
+            let score = search.best_score;
+            let proven = score.stranded == least && score.cost == prices.bound();
+            if at >= 1.0 || (proven && at >= 0.3) || search.idle() {
+                break;
             }
-            since += 1;
-            if since.is_power_of_two() || since % 16 == 0 {
-                guide = Guide::new(ways, &prices);
-            }
-            settled = prices.settled() && since > 100;
-            moves += 10 * robots;
-            let now = budget.used(moves);
-            dual += now - at;
-            total += now - at;
-            if knobs.trace && since % 8 == 0 {
-                eprintln!("{now:.3} moves {moves} bound {} ({} {:.4}) L1 bound {} best {:?}", prices.bound(), prices.stranded_price(), prices.pull(), strand.bound(), search.best_score);
+            if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
+                prices.cap_stranded(score.stranded);
+                self.moves += prices.improve(score.cost);
+                priced += self.used() - at;
+            } else {
+                self.search(search, prices.guide(), heat(HEAT, (at - start) / (1.0 - start)));
+                searched += self.used() - at;
             }
         }
     }
-    prices.cap_stranded(search.best_score.stranded);
-    Optimised { chosen: search.best, score: search.best_score, stranded_bound: strand.bound(), cost_bound: prices.bound() }
+
+    fn search(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64) {
+        let moves = (self.ways.problem().robots.len() as u64 * 2).clamp(20, MOVES_AT_ONCE);
+        search.run(guide, &mut self.rng, moves, heat);
+        self.moves += moves;
+    }
+}
+
+/// The temperature falls by equal factors.
+fn heat([hot, cold]: [f64; 2], progress: f64) -> f64 {
+    hot * f64::powf(cold / hot, progress.clamp(0.0, 1.0))
+}
+
+impl Ways<'_> {
+    /// A choice among `other`'s ways, of the same problem, as a choice among these.
+    fn translated(&self, other: &Ways<'_>, chosen: &[u32]) -> Vec<u32> {
+        let here = chosen.iter().enumerate().map(|(robot, &way)| {
+            if way == NONE {
+                return NONE;
+            }
+            let way = other.of(robot).ways[way as usize];
+            let place = self.of(robot).find(usize::from(way.station), u32::from(way.start), way.mode);
+            place.map_or(NONE, |place| place as u32)
+        });
+        here.collect()
+    }
 }

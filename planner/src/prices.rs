@@ -8,11 +8,18 @@
 
 mod table;
 
-use crate::way::{Choices, Ways};
+use crate::guide::Guide;
+use crate::problem::Problem;
+use crate::way::{Choices, Way, Ways};
 use table::{Layout, Table};
 
 /// Prices are whole numbers of this part of a unit of cost.
 const UNIT: i64 = 1 << 20;
+
+/// Rounds in which every step looks at all ways.
+const PLAIN_ROUNDS: u32 = 5;
+/// Longest stretch of steps without a look at all ways.
+const PAUSE_MAX: u32 = 16;
 
 /// What is bounded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,10 +45,41 @@ pub struct Prices<'w, 'p> {
     direction: Vec<f64>,
     pull: f64,
     since_better: u32,
+    rounds: u32,
+    /// Steps until all ways are looked at again.
+    pause: u32,
+    /// What is worth trying at the best prices.
+    guide: Guide,
     /// The greatest bound so far, in parts of `1 / UNIT`, and the bound's slope in `stranded_max`.
     bound: i128,
     best_stranded_price: i128,
     bounded_at: i64,
+}
+
+/// Prices to ask for.
+#[derive(Debug, Clone)]
+pub(crate) struct Asked {
+    table: Table,
+    /// Price of a stranded robot, in units of cost.
+    pub(crate) stranded: f32,
+}
+
+impl Asked {
+    #[inline]
+    fn of(&self, problem: &Problem, choices: &Choices, way: &Way) -> i64 {
+        self.table.of(problem, choices, way)
+    }
+
+    /// What a way costs beside its own cost, in units of cost.
+    #[inline]
+    pub(crate) fn price(&self, problem: &Problem, choices: &Choices, way: &Way) -> f32 {
+        Self::in_cost(self.of(problem, choices, way))
+    }
+
+    /// A whole price in units of cost.
+    pub(crate) fn in_cost(price: i64) -> f32 {
+        (price as f64 / UNIT as f64) as f32
+    }
 }
 
 /// What one look at all robots gives.
@@ -64,14 +102,17 @@ impl<'w, 'p> Prices<'w, 'p> {
             now: vec![0.0; rows + 1],
             best: vec![0.0; rows + 1],
             direction: vec![0.0; rows + 1],
-            pull: 1.0,
+            pull: 0.25,
             since_better: 0,
+            rounds: 0,
+            pause: 2,
+            guide: Guide::by_cost(ways, 0..ways.problem().robots.len()),
             bound: i128::MIN,
             best_stranded_price: 0,
             bounded_at: 0,
         };
         let mut usage = vec![0.0; rows];
-        let look = prices.look(&mut usage);
+        let look = prices.look_at_all(&mut usage);
         prices.note(&look);
         prices
     }
@@ -89,70 +130,97 @@ impl<'w, 'p> Prices<'w, 'p> {
 
     /// Bounds plans that strand at most so many robots from now on.
     pub fn cap_stranded(&mut self, stranded_max: i64) {
-        if self.level == Level::Stranded {
+        if self.level == Level::Stranded || stranded_max == self.bounded_at {
             return;
         }
+        // Another question: longer steps again.
+        self.pull = self.pull.max(0.06);
         self.bound += self.best_stranded_price * i128::from(self.bounded_at - stranded_max);
         self.bounded_at = stranded_max;
         self.level = Level::Cost { stranded_max };
     }
 
-    /// Takes `steps` steps; `aim` is the value of the best plan known.
-    pub fn improve(&mut self, steps: u32, aim: i64) {
+    /// Takes a round of steps; `aim` is the value of the best plan known. Returns about how many
+    /// moves of a search that is worth.
+    ///
+    /// In the first rounds every step looks at all ways. Later one look at all of them gives a
+    /// bound and the lists of promising ways; the other steps of the round look at these alone,
+    /// which is nearly the same and much faster.
+    pub fn improve(&mut self, aim: i64) -> u64 {
         let mut usage = vec![0.0; self.layout.rows()];
-        for _ in 0..steps {
-            let look = self.look(&mut usage);
-            if self.note(&look) {
-                self.since_better = 0;
-                self.pull = (self.pull * 1.05).min(1.5);
-            } else {
-                self.since_better += 1;
-                if self.since_better > 12 {
-                    self.since_better = 0;
-                    self.pull *= 0.7;
-                    if self.pull < 1e-3 {
-                        self.pull = 0.3;
-                    }
-                    self.now.copy_from_slice(&self.best);
-                    self.direction.fill(0.0);
-                    continue;
-                }
+        let robots = self.ways.problem().robots.len() as u64;
+        self.rounds += 1;
+        if self.rounds <= PLAIN_ROUNDS {
+            for _ in 0..8 {
+                let look = self.look_at_cheap(&mut usage);
+                self.judge(&look, 8);
+                self.step(&look, &usage, aim);
             }
+            if self.rounds == 1 {
+                self.look_at_all(&mut usage);
+            }
+            return 4 * robots;
+        }
+        let look = self.look_at_all(&mut usage);
+        self.judge(&look, 2);
+        self.step(&look, &usage, aim);
+        for _ in 0..self.pause {
+            let look = self.look_at_listed(&mut usage);
             self.step(&look, &usage, aim);
         }
+        self.pause = (self.pause + 1).min(PAUSE_MAX);
+        4 * robots
     }
 
-    /// Whether the pull has become so weak that more steps hardly help.
+    /// Whether any step has been taken.
     #[must_use]
-    pub fn settled(&self) -> bool {
-        self.pull < 0.01
+    pub fn improved(&self) -> bool {
+        self.rounds > 0
     }
 
-    /// p
+    /// A lower bound on the energy of the services, mWh, of plans that miss at most this and strand
+    /// as few as the level says: work and energy are weighed against each other at several rates.
     #[must_use]
-    pub fn pull(&self) -> f64 {
-        self.pull
+    pub fn energy_bound(&self, cost_max: i64) -> i64 {
+        let mut usage = vec![0.0; self.layout.rows()];
+        let problem = self.ways.problem();
+        let rates = [1, 4, 16, 32, 64, 128, 256, 1024];
+        let bounds = rates.map(|rate: i64| {
+            let look = self.look(&self.best, &mut usage, |choices, _, costs, price, mut least| {
+                let mut best = None;
+                for (way, place) in choices.ways.iter().zip(0..) {
+                    let cost = i64::from(way.cost) * costs + way.energy * UNIT / rate;
+                    if cost < least {
+                        let priced = cost + price.of(problem, choices, way);
+                        if priced < least {
+                            (least, best) = (priced, Some((priced, place)));
+                        }
+                    }
+                }
+                best
+            });
+            (look.bound - i128::from(cost_max) * i128::from(UNIT)) * i128::from(rate) / i128::from(UNIT)
+        });
+        bounds.into_iter().max().unwrap_or(0).max(0) as i64
     }
 
-    /// Price of a stranded robot at the best prices, in units of cost.
-    #[must_use]
-    pub fn stranded_price(&self) -> f64 {
-        self.best.last().copied().unwrap_or(0.0)
-    }
-
-    /// Calls `each(way, price)` for a robot's ways with their cost at the best prices, in units of cost.
-    pub fn priced(&self, table: &Priced, robot: usize, mut each: impl FnMut(usize, f32)) {
-        let choices = self.ways.of(robot);
-        for (place, way) in choices.ways.iter().enumerate() {
-            let priced = i64::from(way.cost) * UNIT + table.0.of(self.ways.problem(), choices, way);
-            each(place, (priced as f64 / UNIT as f64) as f32);
+    /// Keeps the best prices; after some looks without a better bound the steps get shorter.
+    fn judge(&mut self, look: &Look, patience: u32) {
+        if self.note(look) {
+            self.since_better = 0;
+            return;
+        }
+        self.since_better += 1;
+        if self.since_better > patience {
+            self.since_better = 0;
+            self.pull *= 0.7;
         }
     }
 
-    /// The best prices, ready to be asked.
+    /// The promising ways at the prices of the last look.
     #[must_use]
-    pub fn table(&self) -> Priced {
-        Priced(Table::new(&self.layout, &self.best, UNIT))
+    pub fn guide(&self) -> &Guide {
+        &self.guide
     }
 
     fn note(&mut self, look: &Look) -> bool {
@@ -166,50 +234,95 @@ impl<'w, 'p> Prices<'w, 'p> {
         true
     }
 
-    /// Lets every robot take its best way at the prices of now.
-    fn look(&self, usage: &mut [f64]) -> Look {
+    /// Lets every robot take the best of all its ways at the prices of now, and lists them.
+    fn look_at_all(&mut self, usage: &mut [f64]) -> Look {
+        let mut guide = std::mem::take(&mut self.guide);
+        let (mut priced, problem) = (Vec::new(), self.ways.problem());
+        let look = self.look(&self.now, usage, |choices, robot, costs, price, unserved| {
+            priced.clear();
+            priced.extend(choices.ways.iter().zip(0..).map(|(way, place)| (i64::from(way.cost) * costs + price.of(problem, choices, way), place)));
+            guide.list(robot, &mut priced);
+            priced.first().copied().filter(|&(least, _)| least < unserved)
+        });
+        let stranded = self.now.last().copied().unwrap_or(0.0) as f32;
+        guide.judge_by(Asked { table: Table::new(&self.layout, &self.now, UNIT), stranded });
+        self.guide = guide;
+        look
+    }
+
+    /// The same without lists, in the order of cost: no price is negative, so few need a look.
+    fn look_at_cheap(&self, usage: &mut [f64]) -> Look {
         let problem = self.ways.problem();
-        let table = Table::new(&self.layout, &self.now, UNIT);
-        let (costs, stranded_max) = match self.level {
-            Level::Stranded => (0, 0),
-            Level::Cost { stranded_max } => (UNIT, stranded_max),
-        };
-        let last = self.now.last().copied().unwrap_or(0.0);
-        let stranded_price = if costs == 0 { UNIT } else { (last * UNIT as f64) as i64 };
-        let mut uses = table::Uses::new(&self.layout);
-        let (mut bound, mut stranded) = (0_i128, 0);
-        for robot in 0..problem.robots.len() {
-            let choices = self.ways.of(robot);
-            let mut least = i64::from(choices.unserved_cost) * costs + if choices.strands { stranded_price } else { 0 };
+        self.look(&self.now, usage, |choices, _, costs, price, mut least| {
             let mut best = None;
-            for way in &choices.ways {
-                // No price is negative, and the ways stand in order of cost.
+            for (way, place) in choices.ways.iter().zip(0..) {
                 let cost = i64::from(way.cost) * costs;
                 if cost >= least {
                     break;
                 }
-                let priced = cost + table.of(problem, choices, way);
+                let priced = cost + price.of(problem, choices, way);
                 if priced < least {
-                    (least, best) = (priced, Some(way));
+                    (least, best) = (priced, Some((priced, place)));
                 }
             }
-            bound += i128::from(least);
-            match best {
-                Some(way) => uses.add(problem, choices, way),
-                None => stranded += i64::from(choices.strands),
+            best
+        })
+    }
+
+    /// The same with the listed ways alone: no bound.
+    fn look_at_listed(&self, usage: &mut [f64]) -> Look {
+        let problem = self.ways.problem();
+        self.look(&self.now, usage, |choices, robot, costs, price, mut least| {
+            let mut best = None;
+            for &place in &self.guide.listed[robot] {
+                let way = &choices.ways[place as usize];
+                let priced = i64::from(way.cost) * costs + price.of(problem, choices, way);
+                if priced < least {
+                    (least, best) = (priced, Some((priced, place)));
+                }
+            }
+            best
+        })
+    }
+
+    /// Lets every robot take what `choose(choices, robot, unit of cost, price, limit)` gives it, if
+    /// that is less than the limit: the price of no service.
+    fn look(
+        &self,
+        prices: &[f64],
+        usage: &mut [f64],
+        mut choose: impl FnMut(&Choices, usize, i64, &Asked, i64) -> Option<(i64, u32)>,
+    ) -> Look {
+        let problem = self.ways.problem();
+        let table = Table::new(&self.layout, prices, UNIT);
+        let (costs, stranded_max) = match self.level {
+            Level::Stranded => (0, 0),
+            Level::Cost { stranded_max } => (UNIT, stranded_max),
+        };
+        let last = prices.last().copied().unwrap_or(0.0);
+        let stranded_price = if costs == 0 { UNIT } else { (last * UNIT as f64) as i64 };
+        let mut uses = table::Uses::new(&self.layout);
+        let (mut bound, mut stranded) = (0_i128, 0);
+        let price = Asked { table, stranded: last as f32 };
+        for robot in 0..problem.robots.len() {
+            let choices = self.ways.of(robot);
+            let unserved = i64::from(choices.unserved_cost) * costs + if choices.strands { stranded_price } else { 0 };
+            if let Some((least, way)) = choose(choices, robot, costs, &price, unserved) {
+                bound += i128::from(least);
+                uses.add(problem, choices, &choices.ways[way as usize]);
+            } else {
+                bound += i128::from(unserved);
+                stranded += i64::from(choices.strands);
             }
         }
-        bound -= table.earned();
-        if costs != 0 {
-            bound -= i128::from(stranded_price) * i128::from(stranded_max);
-        }
+        bound -= price.table.earned() + i128::from(stranded_price) * i128::from(stranded_max);
         uses.over(&self.layout, usage);
         Look { bound, stranded_price, stranded }
     }
 
     /// Moves the prices towards what is asked for too much.
     fn step(&mut self, look: &Look, usage: &[f64], aim: i64) {
-        const MEMORY: f64 = 0.7;
+        const MEMORY: f64 = 0.6;
         let rows = usage.len();
         let over_stranded = match self.level {
             Level::Stranded => 0.0,
@@ -239,16 +352,3 @@ impl<'w, 'p> Prices<'w, 'p> {
 
 /// The price of a stranded robot is far above that of a tick in a bay, so it moves in larger steps.
 const STRANDED_SCALE: f64 = 3.0;
-
-/// Prices, ready to be asked; see [`Prices::priced`].
-#[derive(Debug)]
-pub struct Priced(Table);
-
-/// What a robot's way costs beside its own cost.
-impl Priced {
-    /// In units of cost.
-    #[must_use]
-    pub fn of(&self, ways: &Ways<'_>, choices: &Choices, way: &crate::way::Way) -> f64 {
-        self.0.of(ways.problem(), choices, way) as f64 / UNIT as f64
-    }
-}

@@ -11,8 +11,15 @@ use crate::guide::Guide;
 
 /// Robots that one move may release for the sake of others.
 const RELEASED_MAX: usize = 8;
-/// Robots that one move may force in after the first.
-const FORCED_MAX: usize = 3;
+/// Robots that one move may force in after the first, for the sake of not being stranded.
+const FORCED_MAX: usize = 2;
+/// How often it does, rather than leave the robot stranded.
+const FORCED_SHARE: f32 = 0.3;
+/// Robots among which the one with most cause to complain is moved.
+const COMPARED: u32 = 4;
+
+/// Rounds in which everybody may take a better place that is free.
+const SETTLED_MAX: u32 = 6;
 
 /// A search and the best plan that it has come across.
 #[derive(Debug)]
@@ -25,14 +32,30 @@ pub struct Search<'w, 'p> {
     pub best_score: Score,
     /// Robots that differ between now and the best, when only few moves ago.
     waiting: Vec<usize>,
+    /// Robots that moves begin with.
+    movable: Vec<u32>,
 }
 
 impl<'w, 'p> Search<'w, 'p> {
     /// Starts from a plan.
     #[must_use]
     pub fn new(draft: Draft<'w, 'p>) -> Self {
+        let movable = (0..draft.chosen.len()).filter(|&robot| !draft.ways.of(robot).ways.is_empty());
+        let movable = movable.map(|robot| robot as u32).collect();
+        Self::among(draft, movable)
+    }
+
+    /// The same, but moves begin with these robots alone.
+    #[must_use]
+    pub fn among(draft: Draft<'w, 'p>, movable: Vec<u32>) -> Self {
         let (best, best_score) = (draft.chosen.clone(), draft.score);
-        Self { draft, best, best_score, waiting: Vec::new() }
+        Self { draft, best, best_score, waiting: Vec::new(), movable }
+    }
+
+    /// Whether there is nobody to move.
+    #[must_use]
+    pub fn idle(&self) -> bool {
+        self.movable.is_empty()
     }
 
     /// Returns to the best plan.
@@ -41,16 +64,40 @@ impl<'w, 'p> Search<'w, 'p> {
         self.draft.become_choice(&best);
     }
 
+    /// Lets every robot in turn take the best way that is free to it, by cost and then by energy.
+    pub fn settle(&mut self) {
+        for _ in 0..SETTLED_MAX {
+            let before = self.draft.score;
+            for place in 0..self.movable.len() {
+                let robot = self.movable[place] as usize;
+                let old = self.draft.chosen[robot];
+                if old == NONE {
+                    let limit = if self.draft.is_stranded(robot) { i64::MAX } else { self.draft.cost_of(robot) };
+                    if let Some(way) = self.draft.cheapest(robot, limit) {
+                        self.draft.serve(robot, way);
+                    }
+                } else if old > 0 {
+                    self.draft.release(robot);
+                    let way = self.draft.first_before(robot, old).unwrap_or(old);
+                    self.draft.serve(robot, way);
+                }
+            }
+            self.accept();
+            if self.draft.score >= before {
+                break;
+            }
+        }
+    }
+
     /// Makes some moves at a temperature, in units of cost.
     pub fn run(&mut self, guide: &Guide, rng: &mut impl Rng, moves: u64, temperature: f64) {
-        let robots = self.draft.chosen.len();
-        if robots == 0 {
+        if self.idle() {
             return;
         }
         for _ in 0..moves {
             let before = self.draft.score;
             let margin = (-temperature * f64::ln(rng.random::<f64>().max(1e-12))) as i64;
-            let done = if rng.random_range(0..16) == 0 { self.mix(guide, rng) } else { self.force(guide, rng, before, margin) };
+            let done = self.force(guide, rng, before, margin);
             let after = self.draft.score;
             let better = after.stranded < before.stranded
                 || (after.stranded == before.stranded
@@ -80,30 +127,48 @@ impl<'w, 'p> Search<'w, 'p> {
     }
 
     /// Someone who has cause to complain: stranded, or far from its cheapest way.
-    fn pick(&self, rng: &mut impl Rng) -> usize {
+    fn pick(&self, guide: &Guide, rng: &mut impl Rng) -> usize {
         let draft = &self.draft;
         if !draft.lost.is_empty() && rng.random_range(0..4) == 0 {
             return draft.lost[rng.random_range(0..draft.lost.len())] as usize;
         }
-        let mut pick = || rng.random_range(0..draft.chosen.len());
-        let regret = |robot: usize| draft.ways.of(robot).ways.first().map_or(-1, |way| draft.cost_of(robot) - i64::from(way.cost));
-        let (a, b) = (pick(), pick());
-        if regret(a) >= regret(b) { a } else { b }
+        let mut pick = || self.movable[rng.random_range(0..self.movable.len())] as usize;
+        let mut worst = (-1.0, 0);
+        for _ in 0..COMPARED {
+            let robot = pick();
+            let regret = guide.regret(draft.ways, robot, draft.chosen[robot]);
+            if regret > worst.0 {
+                worst = (regret, robot);
+            }
+        }
+        worst.1
     }
 
     /// Gives a robot one of its promising ways and finds new places for those in the way.
     fn force(&mut self, guide: &Guide, rng: &mut impl Rng, before: Score, margin: i64) -> bool {
-        let first = self.pick(rng);
+        let first = self.pick(guide, rng);
         let mut queue = vec![first];
         let mut settled: Vec<usize> = Vec::new();
         let (mut released, mut forced) = (0, 0);
         while let Some(robot) = queue.pop() {
+            // Whoever still waits may at best get its cheapest way; what is too dear even then is given up.
+            let (hope, rescued) = self.hopes(&queue);
+            let room = before.cost + margin - (self.draft.score.cost - hope);
+            let stranded = self.draft.score.stranded - rescued - i64::from(self.draft.is_stranded(robot));
+            if stranded > before.stranded || (stranded == before.stranded && room + self.hope(robot) < 0) {
+                return false;
+            }
             let must = robot == first && settled.is_empty();
-            let found = if must { None } else { self.place(guide, rng, robot) };
+            let found = if must {
+                None
+            } else {
+                let limit = if stranded < before.stranded { i64::MAX } else { room.saturating_add(self.draft.cost_of(robot)).max(0) };
+                self.place(guide, rng, robot, limit)
+            };
             if let Some(way) = found {
                 self.draft.serve(robot, way);
-            } else if must || (self.draft.ways.of(robot).strands && forced < FORCED_MAX && rng.random_range(0..4) != 0) {
-                forced += u32::from(!must) as usize;
+            } else if must || (self.draft.ways.of(robot).strands && forced < FORCED_MAX && rng.random::<f32>() < FORCED_SHARE) {
+                forced += usize::from(!must);
                 let Some(way) = self.wish(guide, rng, robot) else { return false };
                 if self.draft.chosen[robot] != NONE {
                     self.draft.release(robot);
@@ -114,25 +179,20 @@ impl<'w, 'p> Search<'w, 'p> {
                 self.draft.serve(robot, way);
             }
             settled.push(robot);
-            // What is queued adds to the score as if unserved, so only a lower bound may stop early.
-            if queue.is_empty() {
-                break;
-            }
-            let pending: i64 = queue.iter().map(|&robot| self.hope(robot)).sum();
-            if queue.iter().all(|&robot| !self.draft.ways.of(robot).strands)
-                && self.draft.score.stranded >= before.stranded
-                && self.draft.score.cost - pending > before.cost + margin
-            {
-                return false;
-            }
         }
         true
     }
 
-    /// How much the cost can fall at most by serving a robot that has no service.
+    /// How far the cost, and the number of stranded robots, can fall at most if all of these are served.
+    fn hopes(&self, robots: &[usize]) -> (i64, i64) {
+        let hope = robots.iter().map(|&robot| self.hope(robot)).sum();
+        (hope, robots.iter().filter(|&&robot| self.draft.is_stranded(robot)).count() as i64)
+    }
+
+    /// How much the cost can fall at most by giving a robot its cheapest way.
     fn hope(&self, robot: usize) -> i64 {
         let choices = self.draft.ways.of(robot);
-        choices.ways.first().map_or(0, |way| i64::from(choices.unserved_cost - way.cost).max(0))
+        choices.ways.first().map_or(0, |way| (self.draft.cost_of(robot) - i64::from(way.cost)).max(0))
     }
 
     /// One of a robot's promising ways that it does not have.
@@ -148,19 +208,19 @@ impl<'w, 'p> Search<'w, 'p> {
     }
 
     /// A free place: the cheapest for the robot, or the first by prices.
-    fn place(&self, guide: &Guide, rng: &mut impl Rng, robot: usize) -> Option<u32> {
+    fn place(&self, guide: &Guide, rng: &mut impl Rng, robot: usize, limit: i64) -> Option<u32> {
         let choices = self.draft.ways.of(robot);
-        let limit = if choices.strands { i64::MAX } else { i64::from(choices.unserved_cost) };
+        let limit = if choices.strands { limit } else { limit.min(i64::from(choices.unserved_cost) - 1) };
         if rng.random_range(0..2) == 0 {
             let fits = |way: &&u32| {
                 let way = &choices.ways[**way as usize];
-                self.draft.books[usize::from(way.station)].fits(choices, way)
+                i64::from(way.cost) <= limit && self.draft.books[usize::from(way.station)].fits(choices, way)
             };
             if let Some(&way) = guide.listed[robot].iter().find(fits) {
                 return Some(way);
             }
         }
-        self.draft.cheapest(robot, limit)
+        self.draft.cheapest(robot, limit.saturating_add(1))
     }
 
     /// Releases robots until a way is free.
@@ -197,41 +257,6 @@ impl<'w, 'p> Search<'w, 'p> {
             }
             self.draft.release(victim);
             queue.push(victim);
-        }
-        true
-    }
-
-    /// Releases some robots of a station and places them anew in another order.
-    fn mix(&mut self, guide: &Guide, rng: &mut impl Rng) -> bool {
-        let station = rng.random_range(0..self.draft.books.len().max(1));
-        let Some(book) = self.draft.books.get(station) else { return false };
-        if book.robots.is_empty() {
-            return false;
-        }
-        let mut some: Vec<usize> = book.robots.iter().map(|&robot| robot as usize).collect();
-        let count = rng.random_range(2..=6).min(some.len());
-        for place in 0..count {
-            let other = rng.random_range(place..some.len());
-            some.swap(place, other);
-        }
-        some.truncate(count);
-        for &robot in &some {
-            self.draft.release(robot);
-        }
-        if !self.draft.lost.is_empty() {
-            some.push(self.draft.lost[rng.random_range(0..self.draft.lost.len())] as usize);
-        }
-        some.push(self.pick(rng));
-        for place in 0..some.len() {
-            let other = rng.random_range(place..some.len());
-            some.swap(place, other);
-        }
-        for robot in some {
-            if self.draft.chosen[robot] == NONE
-                && let Some(way) = self.place(guide, rng, robot)
-            {
-                self.draft.serve(robot, way);
-            }
         }
         true
     }

@@ -4,6 +4,7 @@
 
 use std::cell::OnceCell;
 
+use crate::book::Book;
 use crate::problem::{Battery, Problem, Robot, Station, Tick};
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
@@ -74,10 +75,62 @@ impl<'p> Ways<'p> {
         Self { problem, choices: vec![OnceCell::new(); problem.robots.len()] }
     }
 
+    /// The ways that a replanning needs: a robot with a commitment has that alone, others none, and
+    /// those that `free` names have all.
+    ///
+    /// Giving up a commitment costs `loyalty`: it is added to all other ways of a free robot that
+    /// has one, and to no service at all.
+    #[must_use]
+    pub(crate) fn for_replanning(problem: &'p Problem, committed: &[Option<Commitment>], free: &[bool], loyalty: i32) -> Self {
+        let made = Self::new(problem);
+        for (robot, commitment) in committed.iter().enumerate() {
+            if free[robot] {
+                if let Some(commitment) = commitment {
+                    let mut all = choices(problem, &problem.robots[robot], None);
+                    let kept = |way: &Way| commitment.is(way);
+                    all.ways.iter_mut().filter(|way| !kept(way)).for_each(|way| way.cost += loyalty);
+                    all.unserved_cost += loyalty;
+                    all.ways.sort_unstable_by_key(|way| (way.cost, way.energy, way.start, way.station, way.mode));
+                    made.choices[robot].set(all).expect("set once");
+                }
+                continue;
+            }
+            let only = commitment.map_or(Only::Nothing, Only::This);
+            made.choices[robot].set(choices(problem, &problem.robots[robot], Some(only))).expect("set once");
+        }
+        made
+    }
+
     /// The ways of one robot, by index.
     #[must_use]
     pub fn of(&self, robot: usize) -> &Choices {
-        self.choices[robot].get_or_init(|| choices(self.problem, &self.problem.robots[robot]))
+        self.choices[robot].get_or_init(|| choices(self.problem, &self.problem.robots[robot], None))
+    }
+
+    /// The same ways of the robots that would run empty, with what they take of their station in
+    /// place of their cost, in thousandths of all that the station has, and no ways for others:
+    /// who plans with these strands as few robots as it can.
+    #[must_use]
+    pub fn thrifty(&self) -> Self {
+        let stations = self.problem.stations.iter().map(|station| Book::new(self.problem, station).plenty());
+        let stations: Vec<[f64; 4]> = stations.collect();
+        let choices = (0..self.choices.len()).map(|robot| {
+            let mut choices = self.of(robot).clone();
+            choices.unserved_cost = 0;
+            if choices.strands {
+                for way in &mut choices.ways {
+                    let [bays, lift, spares, energy] = stations[usize::from(way.station)];
+                    let ticks = f64::from(way.end - way.start);
+                    let place = if let Mode::Charge(_) = way.mode { ticks / bays + 2.0 / lift } else { 0.5 / spares };
+                    way.cost = (1e3 * (place + way.energy as f64 / energy)).min(1e6) as i32 + 1;
+                }
+                choices.ways.sort_unstable_by_key(|way| (way.cost, way.start, way.station, way.mode));
+            } else {
+                choices.ways.clear();
+            }
+            OnceCell::from(choices)
+        });
+        Self { problem: self.problem, choices: choices.collect() }
     }
 
     /// The problem.
@@ -169,18 +222,45 @@ fn taken(runs: &[Run], ticks: Tick) -> i64 {
     sum
 }
 
-/// All ways to service a robot that could be part of a best plan.
-fn choices(problem: &Problem, robot: &Robot) -> Choices {
+/// A service that a plan promised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Commitment {
+    /// Index of the station.
+    pub station: usize,
+    /// The tick in which it begins.
+    pub start: Tick,
+    /// How.
+    pub mode: Mode,
+}
+
+impl Commitment {
+    fn is(&self, way: &Way) -> bool {
+        usize::from(way.station) == self.station && Tick::from(way.start) == self.start && way.mode == self.mode
+    }
+}
+
+/// Which ways are made.
+#[derive(Debug, Clone, Copy)]
+enum Only {
+    Nothing,
+    This(Commitment),
+}
+
+/// All ways to service a robot that could be part of a best plan, or only one of them.
+fn choices(problem: &Problem, robot: &Robot, only: Option<Only>) -> Choices {
     let (battery, horizon) = (&problem.battery, problem.horizon);
     let (strands, unserved) = (robot.strands(problem), robot.missed_unserved(battery.floor));
     let mut made = Choices { ways: Vec::new(), runs: Vec::new(), strands, unserved_cost: unserved as i32 };
-    if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) {
+    if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
         return made;
     }
-    let nearest = robot.travel.iter().map(|travel| travel.ticks).min().unwrap_or(0);
-    let last = robot.endurance(battery.floor).min(i64::from(horizon) - 1);
+    let mut first = robot.travel.iter().map(|travel| travel.ticks).min().unwrap_or(0);
+    let mut last = robot.endurance(battery.floor).min(i64::from(horizon) - 1);
+    if let Some(Only::This(commitment)) = only {
+        (first, last) = (first.max(commitment.start), last.min(i64::from(commitment.start)));
+    }
     let swaps = robot.travel.iter().any(|travel| !problem.stations[travel.station].spares.is_empty());
-    for start in nearest.. {
+    for start in first.. {
         if i64::from(start) > last || robot.energy - robot.drain_hi * i64::from(start) < battery.floor {
             break;
         }
@@ -227,6 +307,9 @@ fn choices(problem: &Problem, robot: &Robot) -> Choices {
                 }
             }
         }
+    }
+    if let Some(Only::This(commitment)) = only {
+        made.ways.retain(|way| commitment.is(way));
     }
     made.ways.sort_unstable_by_key(|way| (way.cost, way.energy, way.start, way.station, way.mode));
     made

@@ -25,8 +25,8 @@ pub(super) struct Layout {
     before: Vec<Vec<usize>>,
     /// What there is of each row, in the row's own unit (ticks, pieces, mWh).
     pub(super) there: Vec<i64>,
-    /// The row's own units in one unit of its price.
-    scale: Vec<f64>,
+    /// One over the row's own units in one unit of its price.
+    inverse: Vec<f64>,
 }
 
 impl Layout {
@@ -34,14 +34,14 @@ impl Layout {
         let ticks = problem.horizon as usize;
         let draw = problem.battery.curve.iter().map(|segment| segment.draw).max().unwrap_or(1).max(1) as f64;
         let service = (problem.battery.capacity as f64 * 0.7).max(1.0);
-        let mut layout = Self { ticks, first: vec![0], before: Vec::new(), there: Vec::new(), scale: Vec::new() };
+        let mut layout = Self { ticks, first: vec![0], before: Vec::new(), there: Vec::new(), inverse: Vec::new() };
         for station in &problem.stations {
             let book = Book::new(problem, station);
             layout.there.extend(book.left());
             for row in 0..BY_TICK {
-                layout.scale.extend(std::iter::repeat_n(if row == POWER { draw } else { 1.0 }, ticks));
+                layout.inverse.extend(std::iter::repeat_n(if row == POWER { 1.0 / draw } else { 1.0 }, ticks));
             }
-            layout.scale.extend(book.limits().iter().map(|_| service));
+            layout.inverse.extend(book.limits().iter().map(|_| 1.0 / service));
             layout.before.push(book.limits().iter().map(|limit| limit.before as usize).collect());
             layout.first.push(layout.there.len());
         }
@@ -54,7 +54,7 @@ impl Layout {
 }
 
 /// Running sums of whole prices; entry `[row * (ticks + 1) + t]` is the sum over ticks before t.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Table {
     width: usize,
     sums: Vec<i64>,
@@ -67,7 +67,7 @@ impl Table {
         let stations = layout.before.len();
         let mut sums = vec![0; stations * BY_TICK * width];
         let mut earned = 0;
-        let whole = |row: usize| (prices[row] / layout.scale[row] * unit as f64) as i64;
+        let whole = |row: usize| (prices[row] * layout.inverse[row] * unit as f64) as i64;
         for station in 0..stations {
             let first = layout.first[station];
             let energy: Vec<i64> = (first + BY_TICK * ticks..layout.first[station + 1]).map(whole).collect();
@@ -75,6 +75,8 @@ impl Table {
                 earned += i128::from(price) * i128::from(layout.there[first + BY_TICK * ticks + place]);
             }
             for row in 0..BY_TICK {
+                let mut later: i64 = energy.iter().sum();
+                let mut limits = layout.before[station].iter().zip(&energy).peekable();
                 let out = &mut sums[(station * BY_TICK + row) * width..][..width];
                 for tick in 0..ticks {
                     let at = first + row * ticks + tick;
@@ -82,8 +84,10 @@ impl Table {
                     earned += i128::from(price) * i128::from(layout.there[at]);
                     if row == POWER {
                         // What is drawn in a tick also counts for every energy limit after it.
-                        let limits = layout.before[station].iter().zip(&energy);
-                        price += limits.filter(|&(&before, _)| tick < before).map(|(_, price)| price).sum::<i64>();
+                        while let Some((_, passed)) = limits.next_if(|&(&before, _)| before <= tick) {
+                            later -= passed;
+                        }
+                        price += later;
                     }
                     out[tick + 1] = out[tick] + price;
                 }
@@ -159,7 +163,7 @@ impl Uses {
                 for tick in 0..layout.ticks {
                     asked += changes[tick];
                     let at = first + row * layout.ticks + tick;
-                    over[at] = (asked - layout.there[at]) as f64 / layout.scale[at];
+                    over[at] = (asked - layout.there[at]) as f64 * layout.inverse[at];
                     if row == POWER {
                         drawn[tick + 1] = drawn[tick] + asked;
                     }
@@ -167,7 +171,7 @@ impl Uses {
             }
             for (place, &before) in layout.before[station].iter().enumerate() {
                 let at = first + BY_TICK * layout.ticks + place;
-                over[at] = (drawn[before] - layout.there[at]) as f64 / layout.scale[at];
+                over[at] = (drawn[before] - layout.there[at]) as f64 * layout.inverse[at];
             }
         }
     }
