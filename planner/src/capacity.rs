@@ -86,7 +86,13 @@ fn needs(problem: &Problem, robot: usize) -> Vec<Need> {
 /// How many of the sizes, ascending, an amount holds.
 fn fill(sizes: &[i64], energy: i64) -> usize {
     let mut left = energy;
-    sizes.iter().take_while(|&&size| { left -= size; left >= 0 }).count()
+    sizes
+        .iter()
+        .take_while(|&&size| {
+            left -= size;
+            left >= 0
+        })
+        .count()
 }
 
 /// Steps of the prices.
@@ -132,7 +138,14 @@ fn share(needs: &[Vec<Need>], bins: &[(usize, usize, i64)], prices: &[i64]) -> V
         at[station].push(bin);
     }
     let order = |priced: bool| -> Vec<usize> {
-        let key = |robot: &usize| needs[*robot].iter().map(|need| if priced { i128::from(prices[need.station].max(1)) * i128::from(need.energy) } else { i128::from(need.energy) }).min();
+        let key = |robot: &usize| {
+            needs[*robot]
+                .iter()
+                .map(
+                    |need| if priced { i128::from(prices[need.station].max(1)) * i128::from(need.energy) } else { i128::from(need.energy) },
+                )
+                .min()
+        };
         let mut order: Vec<usize> = (0..needs.len()).filter(|&robot| !needs[robot].is_empty()).collect();
         order.sort_by_key(|robot| (key(robot), *robot));
         order

@@ -33,8 +33,7 @@ pub fn ranked(ways: &Ways<'_>, order: Order) -> Vec<usize> {
         };
         (key, robot)
     };
-    let mut keys: Vec<(bool, (i64, usize))> =
-        (0..problem.robots.len()).map(|robot| (!ways.of(robot).strands, key(robot))).collect();
+    let mut keys: Vec<(bool, (i64, usize))> = (0..problem.robots.len()).map(|robot| (!ways.of(robot).strands, key(robot))).collect();
     keys.sort_unstable();
     keys.into_iter().map(|(_, (_, robot))| robot).collect()
 }

@@ -51,6 +51,12 @@ impl Guide {
         (paid - self.least[robot]).max(0.0)
     }
 
+    /// Whether prices count, and not cost alone.
+    #[must_use]
+    pub fn is_priced(&self) -> bool {
+        self.prices.is_some()
+    }
+
     /// Judges by these prices from now on.
     pub(crate) fn judge_by(&mut self, prices: Asked) {
         self.prices = Some(prices);

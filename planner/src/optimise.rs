@@ -45,13 +45,15 @@ impl<F: FnMut(u64) -> f64> Budget for F {
 }
 
 /// Share of the budget after which the stranded are as few as they will be.
-const STRAND_SHARE: f64 = 0.15;
+const STRAND_SHARE: f64 = 0.25;
 /// Share of the search's time that goes to prices.
 const PRICES_SHARE: f64 = 0.25;
-/// Temperatures at the beginning and the end of a search, in units of cost.
-const HEAT: [f64; 2] = [64.0, 0.3];
-/// The same while the cost is what a way takes of its station.
-const THRIFTY_HEAT: [f64; 2] = [5.0, 0.25];
+/// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
+const HOT: [f64; 2] = [20.0, 64.0];
+/// Temperature at its end.
+const COLD: f64 = 0.3;
+/// Both while the cost is what a way takes of its station.
+const THRIFTY_HEAT: [f64; 2] = [30.0, 0.5];
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
@@ -141,6 +143,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
     /// Misses less work, strands no more.
     fn miss_little(&mut self, search: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) {
         let start = self.used();
+        let hot = (self.ways.problem().robots.len() as f64 / 4.0).clamp(HOT[0], HOT[1]);
         let (mut priced, mut searched) = (0.0, 0.0);
         loop {
             let at = self.used();
@@ -154,7 +157,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 self.moves += prices.improve(score.cost);
                 priced += self.used() - at;
             } else {
-                self.search(search, prices.guide(), heat(HEAT, (at - start) / (1.0 - start)));
+                self.search(search, prices.guide(), heat([hot, COLD], (at - start) / (1.0 - start)));
                 searched += self.used() - at;
             }
         }

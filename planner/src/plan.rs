@@ -100,7 +100,11 @@ impl Plan {
             bound.packs += least as i64;
         }
         let unserved = (0..problem.robots.len()).filter(|&robot| draft.chosen[robot] == NONE);
-        let unserved = unserved.map(|robot| Unserved { robot, stranded: problem.robots[robot].strands(problem), reasons: reasons::why_not(draft, robot) });
+        let unserved = unserved.map(|robot| Unserved {
+            robot,
+            stranded: problem.robots[robot].strands(problem),
+            reasons: reasons::why_not(draft, robot),
+        });
         Self { sessions, unserved: unserved.collect(), pack_order, objective, bound }
     }
 }

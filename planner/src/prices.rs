@@ -214,6 +214,8 @@ impl<'w, 'p> Prices<'w, 'p> {
         if self.since_better > patience {
             self.since_better = 0;
             self.pull *= 0.7;
+            self.now.copy_from_slice(&self.best);
+            self.direction.fill(0.0);
         }
     }
 
@@ -240,7 +242,9 @@ impl<'w, 'p> Prices<'w, 'p> {
         let (mut priced, problem) = (Vec::new(), self.ways.problem());
         let look = self.look(&self.now, usage, |choices, robot, costs, price, unserved| {
             priced.clear();
-            priced.extend(choices.ways.iter().zip(0..).map(|(way, place)| (i64::from(way.cost) * costs + price.of(problem, choices, way), place)));
+            priced.extend(
+                choices.ways.iter().zip(0..).map(|(way, place)| (i64::from(way.cost) * costs + price.of(problem, choices, way), place)),
+            );
             guide.list(robot, &mut priced);
             priced.first().copied().filter(|&(least, _)| least < unserved)
         });

@@ -18,7 +18,10 @@ pub fn why_not(draft: &Draft<'_, '_>, robot: usize) -> Vec<String> {
     if choices.ways.is_empty() && !choices.strands {
         return vec!["a service would cost more work than it gives".to_owned()];
     }
-    who.travel.iter().map(|travel| format!("station {}: {}", problem.stations[travel.station].name, at_station(draft, robot, travel))).collect()
+    who.travel
+        .iter()
+        .map(|travel| format!("station {}: {}", problem.stations[travel.station].name, at_station(draft, robot, travel)))
+        .collect()
 }
 
 fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> String {
@@ -35,7 +38,9 @@ fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> String {
     for way in ways {
         count += 1;
         match book.clash(choices, way) {
-            None => return format!("could be serviced from tick {} at a cost of {} against {}", way.start, way.cost, choices.unserved_cost),
+            None => {
+                return format!("could be serviced from tick {} at a cost of {} against {}", way.start, way.cost, choices.unserved_cost);
+            }
             Some(clash) if nearest.is_none_or(|(least, _)| severity(clash) < severity(least)) => nearest = Some((clash, way.start)),
             Some(_) => {}
         }

@@ -73,7 +73,8 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
         }
     }
     mended.keep();
-    let movable: Vec<u32> = (0..free.len()).filter(|&robot| free[robot] && !ways.of(robot).ways.is_empty()).map(|robot| robot as u32).collect();
+    let movable: Vec<u32> =
+        (0..free.len()).filter(|&robot| free[robot] && !ways.of(robot).ways.is_empty()).map(|robot| robot as u32).collect();
     let guide = Guide::by_cost(&ways, movable.iter().map(|&robot| robot as usize));
     let mut search = Search::among(mended, movable);
     let (mut rng, mut moves) = (Pcg64Mcg::seed_from_u64(seed), 0);

@@ -15,6 +15,8 @@ const RELEASED_MAX: usize = 8;
 const FORCED_MAX: usize = 2;
 /// How often it does, rather than leave the robot stranded.
 const FORCED_SHARE: f32 = 0.3;
+/// The same when the move is for somebody who is stranded.
+const RESCUE_SHARE: f32 = 0.75;
 /// Robots among which the one with most cause to complain is moved.
 const COMPARED: u32 = 4;
 
@@ -129,8 +131,12 @@ impl<'w, 'p> Search<'w, 'p> {
     /// Someone who has cause to complain: stranded, or far from its cheapest way.
     fn pick(&self, guide: &Guide, rng: &mut impl Rng) -> usize {
         let draft = &self.draft;
-        if !draft.lost.is_empty() && rng.random_range(0..4) == 0 {
-            return draft.lost[rng.random_range(0..draft.lost.len())] as usize;
+        let share = if guide.is_priced() { 0.125 } else { 0.5 };
+        if !draft.lost.is_empty() && rng.random::<f64>() < share {
+            let robot = draft.lost[rng.random_range(0..draft.lost.len())] as usize;
+            if !draft.ways.of(robot).ways.is_empty() {
+                return robot;
+            }
         }
         let mut pick = || self.movable[rng.random_range(0..self.movable.len())] as usize;
         let mut worst = (-1.0, 0);
@@ -147,6 +153,8 @@ impl<'w, 'p> Search<'w, 'p> {
     /// Gives a robot one of its promising ways and finds new places for those in the way.
     fn force(&mut self, guide: &Guide, rng: &mut impl Rng, before: Score, margin: i64) -> bool {
         let first = self.pick(guide, rng);
+        // For somebody who would be stranded more is turned upside down.
+        let forced_share = if self.draft.is_stranded(first) { RESCUE_SHARE } else { FORCED_SHARE };
         let mut queue = vec![first];
         let mut settled: Vec<usize> = Vec::new();
         let (mut released, mut forced) = (0, 0);
@@ -167,7 +175,7 @@ impl<'w, 'p> Search<'w, 'p> {
             };
             if let Some(way) = found {
                 self.draft.serve(robot, way);
-            } else if must || (self.draft.ways.of(robot).strands && forced < FORCED_MAX && rng.random::<f32>() < FORCED_SHARE) {
+            } else if must || (self.draft.ways.of(robot).strands && forced < FORCED_MAX && rng.random::<f32>() < forced_share) {
                 forced += usize::from(!must);
                 let Some(way) = self.wish(guide, rng, robot) else { return false };
                 if self.draft.chosen[robot] != NONE {

@@ -110,7 +110,11 @@ pub fn to_json(instance: &Instance, policy: &str, plan: &Plan, capacity: &Capaci
             joint_split: capacity.split,
             joint_split_bound: capacity.split_bound,
         },
-        unserved: plan.unserved.iter().map(|one| Unserved { robot: robots[one.robot], stranded: one.stranded, reasons: &one.reasons }).collect(),
+        unserved: plan
+            .unserved
+            .iter()
+            .map(|one| Unserved { robot: robots[one.robot], stranded: one.stranded, reasons: &one.reasons })
+            .collect(),
     };
     serde_json::to_string_pretty(&file).expect("numbers and texts can always be written")
 }

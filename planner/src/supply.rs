@@ -124,5 +124,9 @@ fn impossible_station(problem: &Problem, station: &Station) -> Option<String> {
         station.ongoing.iter().filter(|ongoing| (ongoing.until.saturating_sub(ongoing.unload_ticks)..ongoing.until).contains(&tick)).count()
     };
     let tick = (0..problem.horizon).find(|&tick| lifting(tick) as i64 > station.lift_slots)?;
-    Some(format!("station {name}: charges that have begun need the lift {} times in tick {tick}, it has {}", lifting(tick), station.lift_slots))
+    Some(format!(
+        "station {name}: charges that have begun need the lift {} times in tick {tick}, it has {}",
+        lifting(tick),
+        station.lift_slots
+    ))
 }

@@ -270,7 +270,8 @@ fn choices(problem: &Problem, robot: &Robot, only: Option<Only>) -> Choices {
         let charged_runs = made.runs.len() as u32;
         made.runs.extend_from_slice(&charged.runs);
         let swap = swaps && battery.swap_energy - energy >= battery.min_gain;
-        let bare = if swap { charge(battery, energy, &[battery.swap_energy], true) } else { Charge { reached: vec![(0, 0)], runs: Vec::new() } };
+        let bare =
+            if swap { charge(battery, energy, &[battery.swap_energy], true) } else { Charge { reached: vec![(0, 0)], runs: Vec::new() } };
         let bare_runs = made.runs.len() as u32;
         made.runs.extend_from_slice(&bare.runs);
         for travel in robot.travel.iter().filter(|travel| travel.ticks <= start) {

@@ -55,9 +55,11 @@ fn first_come(draft: &Draft<'_, '_>, robot: usize, due: i64) -> Option<u32> {
     let limit = (UP_TO * problem.battery.capacity as f64) as i64;
     let level = problem.battery.targets.partition_point(|&target| target <= limit).checked_sub(1)?;
     let choices = draft.ways.of(robot);
-    let wanted = choices.ways.iter().zip(0..).filter(|(way, _)| {
-        usize::from(way.station) == nearest && way.mode == Mode::Charge(level as u8) && i64::from(way.start) >= due
-    });
+    let wanted = choices
+        .ways
+        .iter()
+        .zip(0..)
+        .filter(|(way, _)| usize::from(way.station) == nearest && way.mode == Mode::Charge(level as u8) && i64::from(way.start) >= due);
     let free = wanted.filter(|(way, _)| draft.books[nearest].fits(choices, way));
     free.min_by_key(|(way, _)| way.start).map(|(_, place)| place)
 }
