@@ -1,7 +1,7 @@
 //! Plans at once: robots in some order, each takes its best way that is still free.
 
 use crate::draft::{Draft, NONE};
-use crate::way::{Choices, Mode, Way, Ways};
+use crate::way::{Choices, Mode, Thrift, Way, Ways};
 
 /// Who goes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,6 +45,28 @@ pub fn greedy(draft: &mut Draft<'_, '_>, order: &[usize], thrift: f32) {
         if draft.chosen[robot] == NONE
             && let Some(way) = thrifty(draft, robot, thrift)
         {
+            draft.serve(robot, way);
+        }
+    }
+    draft.keep();
+}
+
+/// Serves those who would run empty, in turn, each by the free way that takes least of its station.
+pub fn frugal(draft: &mut Draft<'_, '_>, order: &[usize]) {
+    let thrift = Thrift::new(draft.problem());
+    for &robot in order {
+        let choices = draft.ways.of(robot);
+        if !choices.strands {
+            continue;
+        }
+        let mut best: Option<(i32, u32)> = None;
+        for (way, place) in choices.ways.iter().zip(0..) {
+            let taken = thrift.of(way);
+            if best.is_none_or(|(least, _)| taken < least) && draft.books[usize::from(way.station)].fits(choices, way) {
+                best = Some((taken, place));
+            }
+        }
+        if let Some((_, way)) = best {
             draft.serve(robot, way);
         }
     }

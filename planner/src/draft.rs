@@ -32,6 +32,8 @@ pub struct Draft<'w, 'p> {
     pub score: Score,
     /// Robots that run empty as things stand.
     pub lost: Vec<u32>,
+    /// Where in `lost` each robot stands, if it does.
+    lost_at: Vec<u32>,
     log: Vec<(u32, u32)>,
 }
 
@@ -47,9 +49,11 @@ impl<'w, 'p> Draft<'w, 'p> {
             score.cost += robot.missed_unserved(floor);
         }
         let books = problem.stations.iter().map(|station| Book::new(problem, station)).collect();
-        let lost = (0..problem.robots.len()).filter(|&robot| problem.robots[robot].strands(problem));
-        let lost = lost.map(|robot| robot as u32).collect();
-        Self { ways, books, chosen: vec![NONE; problem.robots.len()], score, lost, log: Vec::new() }
+        let mut lost_at = vec![NONE; problem.robots.len()];
+        let lost: Vec<u32> =
+            (0..problem.robots.len()).filter(|&robot| problem.robots[robot].strands(problem)).map(|robot| robot as u32).collect();
+        lost.iter().zip(0..).for_each(|(&robot, place)| lost_at[robot as usize] = place);
+        Self { ways, books, chosen: vec![NONE; problem.robots.len()], score, lost, lost_at, log: Vec::new() }
     }
 
     /// What can be said of any plan without looking at the ways: it strands nobody and misses nothing.
@@ -155,8 +159,10 @@ impl<'w, 'p> Draft<'w, 'p> {
         self.chosen[robot] = way;
         if choices.strands {
             self.score.stranded -= 1;
-            if let Some(place) = self.lost.iter().position(|&other| other == robot as u32) {
-                self.lost.swap_remove(place);
+            let place = self.lost_at[robot];
+            self.lost.swap_remove(place as usize);
+            if let Some(&other) = self.lost.get(place as usize) {
+                self.lost_at[other as usize] = place;
             }
         }
         self.score.cost += i64::from(taken.cost) - i64::from(choices.unserved_cost);
@@ -170,6 +176,7 @@ impl<'w, 'p> Draft<'w, 'p> {
         self.chosen[robot] = NONE;
         if choices.strands {
             self.score.stranded += 1;
+            self.lost_at[robot] = self.lost.len() as u32;
             self.lost.push(robot as u32);
         }
         self.score.cost -= i64::from(taken.cost) - i64::from(choices.unserved_cost);

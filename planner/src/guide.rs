@@ -8,6 +8,8 @@ use crate::way::Ways;
 /// Longest list of a robot.
 const LISTED_MAX: usize = 48;
 
+/// The same while only cost counts.
+const CHEAPEST_MAX: usize = 48;
 /// What a stranded robot counts while there are no prices.
 const STRANDED_UNPRICED: f32 = 1e6;
 
@@ -23,6 +25,11 @@ pub struct Guide {
 }
 
 impl Guide {
+    /// Nothing is listed yet.
+    pub(crate) fn empty(ways: &Ways<'_>) -> Self {
+        Self::by_cost(ways, std::iter::empty())
+    }
+
     /// The cheapest ways of some robots.
     #[must_use]
     pub fn by_cost(ways: &Ways<'_>, robots: impl IntoIterator<Item = usize>) -> Self {
@@ -30,7 +37,7 @@ impl Guide {
         let mut guide = Self { listed: vec![Vec::new(); count], least: vec![f32::MAX; count], prices: None };
         for robot in robots {
             let choices = ways.of(robot);
-            guide.listed[robot] = (0..choices.ways.len().min(LISTED_MAX) as u32).collect();
+            guide.listed[robot] = (0..choices.ways.len().min(CHEAPEST_MAX) as u32).collect();
             guide.least[robot] = choices.ways.first().map_or(f32::MAX, |way| way.cost as f32);
         }
         guide

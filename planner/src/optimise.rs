@@ -61,18 +61,16 @@ const MOVES_AT_ONCE: u64 = 400;
 #[must_use]
 pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {
     let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), budget, moves: 0 };
-    let mut best = run.at_once();
+    let mut search = Search::new(run.at_once());
+    search.settle();
     let least = least_stranded(ways);
-    if best.score.stranded > least {
-        run.strand_few(&mut best, least);
+    let mut prices = Prices::new(ways, Level::Cost { stranded_max: search.best_score.stranded });
+    if run.used() < 1.0 && !search.idle() {
+        run.strand_few(&mut search, least);
+        run.miss_little(&mut search, &mut prices, least);
+        search.return_to_best();
+        search.settle();
     }
-    let start = best.score;
-    let mut prices = Prices::new(ways, Level::Cost { stranded_max: start.stranded });
-    let mut search = Search::new(best);
-    search.settle();
-    run.miss_little(&mut search, &mut prices, least);
-    search.return_to_best();
-    search.settle();
     let draft = search.draft;
     prices.cap_stranded(draft.score.stranded);
     let energy_bound = if prices.improved() { prices.energy_bound(draft.score.cost) } else { 0 };
@@ -98,11 +96,15 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         self.budget.used(self.moves)
     }
 
-    /// The best of several orders.
+    /// The best of several orders. The first serves most, so it has to do when there is no time.
     fn at_once(&mut self) -> Draft<'w, 'p> {
         let mut best = Draft::new(self.ways);
+        construct::frugal(&mut best, &ranked(self.ways, ORDERS[0]));
         for order in ORDERS {
             for thrift in [2.0, 0.0] {
+                if self.used() >= 1.0 {
+                    return best;
+                }
                 let mut draft = Draft::new(self.ways);
                 greedy(&mut draft, &ranked(self.ways, order), thrift);
                 if draft.score < best.score {
@@ -114,7 +116,11 @@ impl<'w, 'p> Run<'w, 'p, '_> {
     }
 
     /// Strands fewer, whatever work is missed for it.
-    fn strand_few(&mut self, best: &mut Draft<'w, 'p>, least: i64) {
+    fn strand_few(&mut self, found: &mut Search<'w, 'p>, least: i64) {
+        let start = self.used();
+        if found.best_score.stranded <= least {
+            return;
+        }
         let thrifty = self.ways.thrifty();
         let mut few = Draft::new(&thrifty);
         for order in [construct::Order::Deadline, construct::Order::Slack] {
@@ -126,7 +132,6 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         }
         let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
         let mut search = Search::new(few);
-        let start = self.used();
         let until = start + STRAND_SHARE * (1.0 - start);
         loop {
             let at = self.used();
@@ -135,8 +140,9 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             }
             self.search(&mut search, &guide, heat(THRIFTY_HEAT, (at - start) / (until - start)));
         }
-        if search.best_score.stranded < best.score.stranded {
-            best.become_choice(&self.ways.translated(&thrifty, &search.best));
+        if search.best_score.stranded < found.best_score.stranded {
+            found.go_on_from(&self.ways.translated(&thrifty, &search.best));
+            found.settle();
         }
     }
 

@@ -18,6 +18,10 @@ const UNIT: i64 = 1 << 20;
 
 /// Rounds in which every step looks at all ways.
 const PLAIN_ROUNDS: u32 = 5;
+/// When steps have become shorter than this part of the gap, they begin anew at a longer one.
+const PULL_MIN: f64 = 0.01;
+/// See [`PULL_MIN`].
+const PULL_AGAIN: f64 = 0.15;
 /// Longest stretch of steps without a look at all ways.
 const PAUSE_MAX: u32 = 16;
 
@@ -106,13 +110,13 @@ impl<'w, 'p> Prices<'w, 'p> {
             since_better: 0,
             rounds: 0,
             pause: 2,
-            guide: Guide::by_cost(ways, 0..ways.problem().robots.len()),
+            guide: Guide::empty(ways),
             bound: i128::MIN,
             best_stranded_price: 0,
             bounded_at: 0,
         };
         let mut usage = vec![0.0; rows];
-        let look = prices.look_at_all(&mut usage);
+        let look = prices.look_at_cheap(&mut usage);
         prices.note(&look);
         prices
     }
@@ -214,6 +218,9 @@ impl<'w, 'p> Prices<'w, 'p> {
         if self.since_better > patience {
             self.since_better = 0;
             self.pull *= 0.7;
+            if self.pull < PULL_MIN {
+                self.pull = PULL_AGAIN;
+            }
             self.now.copy_from_slice(&self.best);
             self.direction.fill(0.0);
         }
@@ -333,12 +340,11 @@ impl<'w, 'p> Prices<'w, 'p> {
             Level::Cost { stranded_max } => (look.stranded - stranded_max) as f64 * STRANDED_SCALE,
         };
         let mut square = 0.0;
-        for row in 0..=rows {
-            let over = if row < rows { usage[row] } else { over_stranded };
-            let direction = MEMORY * self.direction[row] + (1.0 - MEMORY) * over;
-            self.direction[row] = direction;
-            if direction > 0.0 || self.now[row] > 0.0 {
-                square += direction * direction;
+        let over = usage.iter().copied().chain([over_stranded]);
+        for ((direction, price), over) in self.direction.iter_mut().zip(&self.now).zip(over) {
+            *direction = MEMORY * *direction + (1.0 - MEMORY) * over;
+            if *direction > 0.0 || *price > 0.0 {
+                square += *direction * *direction;
             }
         }
         if square <= 0.0 {
@@ -347,9 +353,9 @@ impl<'w, 'p> Prices<'w, 'p> {
         let value = look.bound as f64 / UNIT as f64;
         let gap = (aim as f64 - value).max(0.002 * aim.abs() as f64).max(0.05);
         let step = self.pull * gap / square;
-        for row in 0..=rows {
-            let scale = if row < rows { 1.0 } else { STRANDED_SCALE };
-            self.now[row] = (self.now[row] + step * scale * self.direction[row]).max(0.0);
+        let scales = std::iter::repeat_n(1.0, rows).chain([STRANDED_SCALE]);
+        for ((price, direction), scale) in self.now.iter_mut().zip(&self.direction).zip(scales) {
+            *price = (*price + step * scale * direction).max(0.0);
         }
     }
 }

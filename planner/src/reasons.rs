@@ -4,6 +4,9 @@ use crate::book::Clash;
 use crate::draft::Draft;
 use crate::problem::{Problem, Robot, Travel};
 
+/// Ways at a station that a reason looks at.
+const LOOKED_AT: usize = 64;
+
 /// The reasons, one for each station in reach if there is any.
 #[must_use]
 pub fn why_not(draft: &Draft<'_, '_>, robot: usize) -> Vec<String> {
@@ -28,7 +31,7 @@ fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> String {
     let (problem, choices) = (draft.problem(), draft.ways.of(robot));
     let who = &problem.robots[robot];
     let book = &draft.books[travel.station];
-    let mut ways = choices.ways.iter().filter(|way| usize::from(way.station) == travel.station).peekable();
+    let mut ways = choices.ways.iter().filter(|way| usize::from(way.station) == travel.station).take(LOOKED_AT).peekable();
     if ways.peek().is_none() {
         return no_way(problem, who, travel);
     }
@@ -46,7 +49,7 @@ fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> String {
         }
     }
     let (clash, start) = nearest.expect("at least one way");
-    format!("none of {count} ways is free; from tick {start}, {}", told(clash))
+    format!("none of its {count} best ways is free; from tick {start}, {}", told(clash))
 }
 
 fn no_way(problem: &Problem, who: &Robot, travel: &Travel) -> String {

@@ -20,6 +20,8 @@ const RESCUE_SHARE: f32 = 0.75;
 /// Robots among which the one with most cause to complain is moved.
 const COMPARED: u32 = 4;
 
+/// One wish of so many is for any way at all: lists by price forget what rarely pays.
+const ANY_OF: u32 = 16;
 /// Rounds in which everybody may take a better place that is free.
 const SETTLED_MAX: u32 = 6;
 
@@ -62,8 +64,16 @@ impl<'w, 'p> Search<'w, 'p> {
 
     /// Returns to the best plan.
     pub fn return_to_best(&mut self) {
-        let best = self.best.clone();
-        self.draft.become_choice(&best);
+        self.draft.become_choice(&self.best);
+        self.waiting.clear();
+    }
+
+    /// Goes on from another plan, which is the best from now on.
+    pub fn go_on_from(&mut self, chosen: &[u32]) {
+        self.draft.become_choice(chosen);
+        self.best.copy_from_slice(chosen);
+        self.best_score = self.draft.score;
+        self.waiting.clear();
     }
 
     /// Lets every robot in turn take the best way that is free to it, by cost and then by energy.
@@ -208,6 +218,10 @@ impl<'w, 'p> Search<'w, 'p> {
         let listed = &guide.listed[robot];
         if listed.is_empty() {
             return None;
+        }
+        if rng.random_range(0..ANY_OF) == 0 {
+            let way = rng.random_range(0..self.draft.ways.of(robot).ways.len()) as u32;
+            return (way != self.draft.chosen[robot]).then_some(way);
         }
         // Mostly from the top of the list: the square of a uniform number is small more often.
         let place = rng.random::<f32>();

@@ -42,6 +42,19 @@ pub struct Way {
     pub energy: i64,
 }
 
+impl Way {
+    /// Cost, then energy, then what makes it this way: one number, because one is compared fastest.
+    fn rank(&self) -> u128 {
+        let mode = match self.mode {
+            Mode::Charge(level) => u128::from(level),
+            Mode::Swap => 256,
+            Mode::SwapAndRecharge => 257,
+        };
+        let what = u128::from(self.start) << 32 | u128::from(self.station) << 16 | mode;
+        (self.cost as u128) << 96 | (self.energy as u128) << 48 | what
+    }
+}
+
 /// A number of ticks with the same draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Run {
@@ -90,7 +103,7 @@ impl<'p> Ways<'p> {
                     let kept = |way: &Way| commitment.is(way);
                     all.ways.iter_mut().filter(|way| !kept(way)).for_each(|way| way.cost += loyalty);
                     all.unserved_cost += loyalty;
-                    all.ways.sort_unstable_by_key(|way| (way.cost, way.energy, way.start, way.station, way.mode));
+                    all.ways.sort_unstable_by_key(Way::rank);
                     made.choices[robot].set(all).expect("set once");
                 }
                 continue;
@@ -112,19 +125,13 @@ impl<'p> Ways<'p> {
     /// who plans with these strands as few robots as it can.
     #[must_use]
     pub fn thrifty(&self) -> Self {
-        let stations = self.problem.stations.iter().map(|station| Book::new(self.problem, station).plenty());
-        let stations: Vec<[f64; 4]> = stations.collect();
+        let thrift = Thrift::new(self.problem);
         let choices = (0..self.choices.len()).map(|robot| {
             let mut choices = self.of(robot).clone();
             choices.unserved_cost = 0;
             if choices.strands {
-                for way in &mut choices.ways {
-                    let [bays, lift, spares, energy] = stations[usize::from(way.station)];
-                    let ticks = f64::from(way.end - way.start);
-                    let place = if let Mode::Charge(_) = way.mode { ticks / bays + 2.0 / lift } else { 0.5 / spares };
-                    way.cost = (1e3 * (place + way.energy as f64 / energy)).min(1e6) as i32 + 1;
-                }
-                choices.ways.sort_unstable_by_key(|way| (way.cost, way.start, way.station, way.mode));
+                choices.ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
+                choices.ways.sort_unstable_by_key(Way::rank);
             } else {
                 choices.ways.clear();
             }
@@ -137,6 +144,33 @@ impl<'p> Ways<'p> {
     #[must_use]
     pub fn problem(&self) -> &'p Problem {
         self.problem
+    }
+}
+
+/// What ways take of all that their stations have.
+#[derive(Debug)]
+pub(crate) struct Thrift {
+    /// Bay ticks, lift ticks, spares and energy of each station.
+    there: Vec<[f64; 4]>,
+    horizon: f64,
+}
+
+impl Thrift {
+    pub(crate) fn new(problem: &Problem) -> Self {
+        let there = problem.stations.iter().map(|station| Book::new(problem, station).plenty()).collect();
+        Self { there, horizon: f64::from(problem.horizon) }
+    }
+
+    /// Thousandths, of bays, lift or spares and of energy together.
+    pub(crate) fn of(&self, way: &Way) -> i32 {
+        let [bays, lift, spares, energy] = self.there[usize::from(way.station)];
+        let place = match way.mode {
+            Mode::Charge(_) => f64::from(way.end - way.start) / bays + 2.0 / lift,
+            Mode::Swap => 0.25 / spares,
+            // The spare comes back.
+            Mode::SwapAndRecharge => 0.25 / spares * f64::from(way.ready - way.start) / self.horizon,
+        };
+        (1e3 * (place + way.energy as f64 / energy)).min(1e6) as i32 + 1
     }
 }
 
@@ -312,6 +346,6 @@ fn choices(problem: &Problem, robot: &Robot, only: Option<Only>) -> Choices {
     if let Some(Only::This(commitment)) = only {
         made.ways.retain(|way| commitment.is(way));
     }
-    made.ways.sort_unstable_by_key(|way| (way.cost, way.energy, way.start, way.station, way.mode));
+    made.ways.sort_unstable_by_key(Way::rank);
     made
 }
