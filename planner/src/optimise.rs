@@ -54,6 +54,10 @@ const HOT: [f64; 2] = [20.0, 64.0];
 const COLD: f64 = 0.3;
 /// Both while the cost is what a way takes of its station.
 const THRIFTY_HEAT: [f64; 2] = [30.0, 0.5];
+/// Rounds of prices that bound the number of stranded robots.
+const PROVEN_ROUNDS: u32 = 16;
+/// The largest fleet for which they run: they come after the budget, so they must be short.
+const PROVEN_ROBOTS_MAX: usize = 64;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
@@ -72,6 +76,7 @@ pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {
         search.settle();
     }
     let draft = search.draft;
+    let least = if prices.improved() { proven_least(ways, least, draft.score.stranded) } else { least };
     prices.cap_stranded(draft.score.stranded);
     let energy_bound = if prices.improved() { prices.energy_bound(draft.score.cost) } else { 0 };
     Plan::new(&draft, least, prices.bound(), energy_bound)
@@ -82,6 +87,21 @@ pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {
 pub fn least_stranded(ways: &Ways<'_>) -> i64 {
     let hopeless = |robot: &usize| ways.of(*robot).strands && ways.of(*robot).ways.is_empty();
     (0..ways.problem().robots.len()).filter(hopeless).count() as i64
+}
+
+/// A better bound by prices, where that takes no time to speak of.
+fn proven_least(ways: &Ways<'_>, least: i64, stranded: i64) -> i64 {
+    if stranded <= least || ways.problem().robots.len() > PROVEN_ROBOTS_MAX {
+        return least;
+    }
+    let mut prices = Prices::new(ways, Level::Stranded);
+    for _ in 0..PROVEN_ROUNDS {
+        if prices.bound() >= stranded {
+            break;
+        }
+        prices.improve(stranded);
+    }
+    prices.bound().max(least)
 }
 
 struct Run<'w, 'p, 'b> {
