@@ -7,6 +7,7 @@ macro_rules! say {
 }
 
 pub mod demo;
+pub mod plan;
 pub mod run;
 pub mod schedule;
 pub mod simulate;

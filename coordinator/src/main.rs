@@ -22,6 +22,8 @@ enum Command {
     Run(cmd::run::Args),
     /// Shows the schedule, what each pack can still service, and why.
     Schedule(cmd::schedule::Args),
+    /// Plans an instance of the docking problem and proves how good the plan is.
+    Plan(cmd::plan::Args),
     /// Starts a whole demonstration fleet on this machine.
     Demo(cmd::demo::Args),
     #[command(hide = true)]
@@ -43,6 +45,7 @@ fn execute(command: Command) -> anyhow::Result<ExitCode> {
         Command::Simulate(args) => cmd::simulate::execute(&args),
         Command::Run(args) => live()?.block_on(cmd::run::execute(&args)),
         Command::Schedule(args) => live()?.block_on(cmd::schedule::execute(&args)),
+        Command::Plan(args) => cmd::plan::execute(&args),
         Command::Demo(args) => live()?.block_on(cmd::demo::execute(&args)),
         Command::Agent(args) => live()?.block_on(cmd::demo::agent(&args)),
     }

@@ -4,6 +4,8 @@
 //! ```text
 //!   rough      what a model knows roughly: OCV table, sensors' offsets and gains, SoC at the start
 //!     |
+//!   evidence   the rows that are judged, alone or in means
+//!     |
 //!   frame      model, logs and rough knowledge as one vector of unknowns; predictions, derivatives
 //!     |            noise   the sensors' known floor beside a slow part of unknown size
 //!     v              v
@@ -25,6 +27,7 @@
 pub mod answer;
 pub mod candidate;
 pub mod discover;
+pub mod evidence;
 pub mod frame;
 pub mod noise;
 pub mod rough;

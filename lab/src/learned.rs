@@ -1,7 +1,7 @@
 //! What a search learned, written into the text of the model that it began with.
 //!
 //! Everything that a model file can hold is written: new effects, fitted parameters, and the shifts
-//! of what the model knew only roughly (its OCV table, its capacity, parameters that are not free).
+//! of what the model knew only roughly (its OCV table, its capacity).
 //! What belongs to one log or to a sensor (the charge at its start, an offset) has no place in the
 //! file; [`left_out`] names it. That is why a written model, compared with the same logs, leaves a
 //! little more error than the search did.
@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::fit::uniform_sigma;
 use crate::infer::answer::deviations;
-use crate::infer::rough::{Rough, weights};
+use crate::infer::rough::Rough;
 use crate::infer::state::State;
 use crate::model_edit::{Change, EditError, append, edit, ocv_of_file, set_number, set_ocv};
 use crate::report::quantity::{quantity, unit_of};
@@ -34,8 +34,7 @@ pub fn write(text: &str, given: &Model, state: &State, origin: &str, inline: boo
         whole = append(&whole, effect.id, &format!("{}: found by {origin}.", effect.title))?;
     }
     let table = if inline { ocv_of_file(model, &whole) } else { None };
-    let mut changes = fitted(state, origin);
-    changes.extend(shifted(state, origin));
+    let changes = fitted(state, origin);
     // The table that the text names is replaced below when it moved, and only then.
     let moved = moved_ocv(state);
     whole = edit(&whole, &changes, if moved.is_some() { None } else { table })?;
@@ -72,7 +71,7 @@ pub fn left_out(state: &State) -> Vec<LeftOut> {
     let log = |log: usize| state.frame.evidence.logs[log].name.clone();
     let of = |what: Rough| {
         let (words, unit) = match what {
-            Rough::Parameter(_) | Rough::Capacity | Rough::Ocv(_) => return None,
+            Rough::Capacity | Rough::Ocv(_) => return None,
             Rough::SocInitial(own) => (format!("state of charge at the start of {}", log(own)), ""),
             Rough::TemperatureInitial(own) => (format!("temperature at the start of {}", log(own)), "K"),
             Rough::Offset(channel) => (format!("offset of the sensor of {}", channel.name()), unit(channel)),
@@ -115,32 +114,6 @@ fn fitted(state: &State, origin: &str) -> Vec<Change> {
     deviations(state).into_iter().map(of).collect()
 }
 
-/// New numbers of the parameters that the model gave with a deviation, and that moved.
-fn shifted(state: &State, origin: &str) -> Vec<Change> {
-    let values = state.frame.values(&state.x);
-    let of = |index: usize| {
-        let (_, sigma) = shift(state, Rough::Parameter(index), MOVED)?;
-        let parameter = &state.frame.model.parameters()[index];
-        // What it was before the first search stays; what searches made of it in between does not.
-        let before = match parameter.source.split_once(BEFORE) {
-            Some((_, before)) => before.to_owned(),
-            None => format!("{} +- {}, {}", parameter.value, parameter.sigma, parameter.source),
-        };
-        Some(Change {
-            effect: parameter.effect.to_owned(),
-            parameter: parameter.name.to_owned(),
-            value: values[index],
-            sigma,
-            range: (parameter.min, parameter.max),
-            source: format!("moved within its sigma by {origin}{BEFORE}{before}"),
-            free: false,
-        })
-    };
-    (0..values.len()).filter_map(of).collect()
-}
-
-const BEFORE: &str = "; before: ";
-
 /// A rough number's shift and the deviation that is left of it; none when it hardly moved.
 fn shift(state: &State, what: Rough, share: f64) -> Option<(f64, f64)> {
     let place = state.frame.known.iter().position(|known| known.what == what)?;
@@ -179,10 +152,7 @@ fn moved_ocv(state: &State) -> Option<MovedOcv> {
     let mut soc: Vec<f64> = facts.ocv.points().0.iter().copied().chain(within).collect();
     soc.sort_by(f64::total_cmp);
     soc.dedup_by(|a, b| *a - *b < 1e-9);
-    let moved = |&soc: &f64| {
-        let error: f64 = weights(&knots, soc).iter().map(|&(knot, weight)| errors[knot].1 * weight).sum();
-        facts.ocv.voltage_v(soc) + error
-    };
+    let moved = |&soc: &f64| facts.ocv.voltage_v(soc) + straight(&errors, soc);
     // To a microvolt: far below any sensor, and short.
     let voltage_v = rising(&soc.iter().map(moved).collect::<Vec<_>>()).into_iter().map(|v| (v * 1e6).round() / 1e6).collect();
     let covariance = state.covariance();
@@ -196,6 +166,16 @@ fn moved_ocv(state: &State) -> Option<MovedOcv> {
     let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     let squares: Vec<f64> = errors.iter().map(|(_, error)| error.powi(2)).collect();
     Some(MovedOcv { table: OcvTable::new(soc, voltage_v).ok()?, rms_v: mean(&squares).sqrt(), most_v, sigma_v: mean(&variances).sqrt() })
+}
+
+/// The value at `x` on straight lines through the points, which lie in order; beyond them the last.
+fn straight(points: &[(f64, f64)], x: f64) -> f64 {
+    let high = points.partition_point(|(at, _)| *at <= x);
+    match (high.checked_sub(1).map(|low| points[low]), points.get(high)) {
+        (Some((x0, y0)), Some((x1, y1))) => y0 + (y1 - y0) * (x - x0) / (x1 - x0),
+        (Some((_, y)), None) | (None, Some(&(_, y))) => y,
+        (None, None) => 0.0,
+    }
 }
 
 /// The nearest values that do not fall, by pooling neighbours that do (isotonic regression).

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use energy::{Channel, EffectSpec, Model, System, catalogue};
 
 use super::candidate::{Candidate, Untested, candidates};
-use super::frame::{Evidence, Frame};
+use super::evidence::Evidence;
+use super::frame::Frame;
 use super::score::{Score, Scoring};
 use super::state::State;
 use super::trial::{Trial, held_out};

@@ -13,7 +13,8 @@ use std::sync::Arc;
 use energy::Channel;
 use nalgebra::{DMatrix, DVector};
 
-use super::frame::{Evidence, Frame, Segment};
+use super::evidence::{Evidence, Segment};
+use super::frame::Frame;
 use super::noise::{Filter, Noise, Rows, estimate};
 use crate::fit::{LeastSquares, minimise_to};
 

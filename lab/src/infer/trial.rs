@@ -6,7 +6,8 @@ use energy::{Channel, EffectSpec, Model};
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate::{Candidate, usual};
-use super::frame::{Evidence, Frame};
+use super::evidence::Evidence;
+use super::frame::Frame;
 use super::score::Score;
 use super::state::{State, Whitened, residual, rms};
 use crate::fit::{LeastSquares, minimise_to};

@@ -87,7 +87,7 @@ fn with_the_starts_that_were_learned_the_written_model_leaves_what_the_search_le
     use std::sync::Arc;
 
     use lab::infer::rough::Rough;
-    use lab::infer::{discover::search, frame::Evidence};
+    use lab::infer::{discover::search, evidence::Evidence};
     use lab::measurement::{LogFacts, read_log};
 
     let model = lab::load_model("enertech-lco-2280mah").unwrap();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use energy::Model;
 use lab::infer::answer::Discovery;
 use lab::infer::discover::search;
-use lab::infer::frame::Evidence;
+use lab::infer::evidence::Evidence;
 use lab::measurement::Log;
 use lab::prepare::{Prepared, prepare};
 use serde_json::{Value, json};

@@ -101,7 +101,15 @@ fn wrong(table: &OcvTable, random: &mut Stream) -> OcvTable {
 
 /// A gauge IC as its data sheet states it. `zeroed` is one whose shunt was zeroed.
 fn sensors(random: &mut Stream, zeroed: bool) -> Vec<(Channel, Sensor)> {
-    let volts = Sensor { sigma: random.between(5e-4, 1e-3), quantum: 1e-3, dead_band: 0.0, lag_s: 0.0, lag_sigma_s: 0.0, offset_sigma: 3e-3, gain_sigma: 1e-3 };
+    let volts = Sensor {
+        sigma: random.between(5e-4, 1e-3),
+        quantum: 1e-3,
+        dead_band: 0.0,
+        lag_s: 0.0,
+        lag_sigma_s: 0.0,
+        offset_sigma: 3e-3,
+        gain_sigma: 1e-3,
+    };
     let offset_sigma = if zeroed { 2e-5 } else { 1e-3 };
     let amperes = Sensor { sigma: 1e-3, quantum: 1e-3, dead_band: 0.0, lag_s: 0.0, lag_sigma_s: 0.0, offset_sigma, gain_sigma: 3.5e-3 };
     let degrees = Sensor { sigma: 0.05, quantum: 0.1, dead_band: 0.0, lag_s: 0.0, lag_sigma_s: 0.0, offset_sigma: 1.0, gain_sigma: 0.0 };

@@ -35,7 +35,15 @@ pub fn draw(seed: u64, wish: &Wish) -> Setting {
     let mass_kg = random.log_between(1.0, 8.0);
     let sensors = vec![(
         Channel::PowerW,
-        Sensor { sigma: random.between(0.015, 0.04), quantum: 0.005, dead_band: 0.0, lag_s: 0.0, lag_sigma_s: 0.0, offset_sigma: 0.005, gain_sigma: 2e-3 },
+        Sensor {
+            sigma: random.between(0.015, 0.04),
+            quantum: 0.005,
+            dead_band: 0.0,
+            lag_s: 0.0,
+            lag_sigma_s: 0.0,
+            offset_sigma: 0.005,
+            gain_sigma: 2e-3,
+        },
     )];
     let needed = wish.hidden.iter().find_map(|id| BASES.iter().find(|(known, _)| known == id)).map(|(_, base)| *base);
     let base = wish.base.or(needed).unwrap_or(PARTS);

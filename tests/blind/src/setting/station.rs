@@ -30,7 +30,15 @@ pub fn draw(seed: u64, wish: &Wish) -> Setting {
     let mut random = Stream::new(seed, "station");
     let sensors = vec![(
         Channel::PackPowerW,
-        Sensor { sigma: random.between(0.03, 0.08), quantum: 0.01, dead_band: 0.0, lag_s: 0.0, lag_sigma_s: 0.0, offset_sigma: 0.01, gain_sigma: 2e-3 },
+        Sensor {
+            sigma: random.between(0.03, 0.08),
+            quantum: 0.01,
+            dead_band: 0.0,
+            lag_s: 0.0,
+            lag_sigma_s: 0.0,
+            offset_sigma: 0.01,
+            gain_sigma: 2e-3,
+        },
     )];
     let needed = wish.hidden.iter().find_map(|id| BASES.iter().find(|(known, _)| known == id)).map(|(_, base)| *base);
     let base = wish.base.or(needed).unwrap_or(PARTS);

@@ -1,0 +1,202 @@
+//! What is judged: the rows of every target of every log, alone or in means.
+
+use std::sync::Arc;
+
+use energy::{Channel, Model, System};
+
+use crate::prepare::Prepared;
+
+/// The judged rows of one target of one log.
+#[derive(Debug, Clone)]
+pub struct Segment {
+    /// Index of the log.
+    pub log: usize,
+    /// The target.
+    pub channel: Channel,
+    /// Rows of the log that count.
+    pub rows: Vec<usize>,
+    /// Among the judged rows, counted from `begin`, the one that each of them goes into.
+    pub(super) block_of: Vec<usize>,
+    /// How many of them each judged row is the mean of.
+    pub counts: Vec<f64>,
+    /// Time of each judged row, s.
+    pub time_s: Vec<f64>,
+    /// What was measured.
+    pub observed: Vec<f64>,
+    /// Where its judged rows begin among all.
+    pub begin: usize,
+}
+
+impl Segment {
+    /// Slope of a value per judged row towards the next row (`side` > 0), the one before (< 0) or
+    /// between both, per s; 0 across means and gaps, whose times say too little.
+    pub(super) fn slope(&self, values: &[f64], row: usize, side: f64) -> f64 {
+        let towards = |other: usize| {
+            let whole = other < values.len() && self.counts[row] == 1.0 && self.counts[other] == 1.0;
+            whole.then(|| (values[other] - values[row]) / (self.time_s[other] - self.time_s[row]))
+        };
+        match (towards(row + 1), row.checked_sub(1).and_then(towards)) {
+            (Some(next), _) if side > 0.0 => next,
+            (_, Some(before)) if side < 0.0 => before,
+            (Some(next), Some(before)) if side == 0.0 => (next + before) / 2.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Where its judged rows stand among all.
+    #[must_use]
+    pub fn range(&self) -> std::ops::Range<usize> {
+        self.begin..self.begin + self.counts.len()
+    }
+}
+
+/// The logs, and what of them is judged.
+#[derive(Debug)]
+pub struct Evidence {
+    /// The logs.
+    pub logs: Arc<Vec<Prepared>>,
+    /// What is judged.
+    pub segments: Vec<Segment>,
+    /// White noise of one row by channel: the known floor or, where a model states none, the noise
+    /// that the measurements themselves show from row to row.
+    pub floors: Vec<(Channel, f64)>,
+    /// The same evidence row by row, where `segments` hold means of rows.
+    pub whole: Option<Arc<Evidence>>,
+}
+
+/// Rows that a mean takes at most.
+const BLOCK_MAX: usize = 12;
+/// Change of an input, as a share of its range, after which means begin small again.
+const JUMP: f64 = 0.02;
+
+impl Evidence {
+    /// Of these logs, prepared for this model, row by row. A battery model that does not say how
+    /// its temperature moves is held to say that it is that of the surroundings, where both were
+    /// measured.
+    #[must_use]
+    pub fn row_by_row(model: &Model, logs: Vec<Prepared>) -> Evidence {
+        let mut segments = Vec::new();
+        for (index, log) in logs.iter().enumerate() {
+            let asked = model.system == System::Battery && !model.predicts_temperature();
+            let unpredicted = if asked { both_temperatures(log) } else { None };
+            let known = log.targets.iter().map(|target| (target.channel, target.observed.as_slice(), target.used.as_slice()));
+            let all = vec![true; log.time_s.len()];
+            for (channel, observed, used) in known.chain(unpredicted.map(|values| (Channel::TemperatureDegc, values, all.as_slice()))) {
+                let rows: Vec<usize> = (1..log.time_s.len()).filter(|&row| used[row]).collect();
+                let time_s: Vec<f64> = rows.iter().map(|&row| log.time_s[row]).collect();
+                let observed = rows.iter().map(|&row| observed[row]).collect();
+                let count = rows.len();
+                segments.push(Segment {
+                    log: index,
+                    channel,
+                    block_of: (0..count).collect(),
+                    counts: vec![1.0; count],
+                    rows,
+                    time_s,
+                    observed,
+                    begin: 0,
+                });
+            }
+        }
+        place(&mut segments);
+        let mut floors: Vec<(Channel, f64)> = Vec::new();
+        for segment in &segments {
+            if !floors.iter().any(|(channel, _)| *channel == segment.channel) {
+                let of_channel = segments.iter().filter(|other| other.channel == segment.channel);
+                let known = model.sensor(segment.channel).floor();
+                let white = if known > 0.0 { known } else { roughness(of_channel.map(|segment| segment.observed.as_slice())) };
+                floors.push((segment.channel, white));
+            }
+        }
+        Evidence { logs: Arc::new(logs), segments, floors, whole: None }
+    }
+
+    /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
+    /// when much happens, and of up to [`BLOCK_MAX`] later. A mean of measurements is compared with
+    /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
+    #[must_use]
+    pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
+        let whole = Evidence::row_by_row(model, logs);
+        let jumps: Vec<Vec<bool>> = whole.logs.iter().map(jumps).collect();
+        let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
+        place(&mut segments);
+        Evidence { logs: Arc::clone(&whole.logs), segments, floors: whole.floors.clone(), whole: Some(Arc::new(whole)) }
+    }
+
+    /// Judged rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.segments.last().map_or(0, |segment| segment.range().end)
+    }
+
+    /// White noise of a channel, in its unit.
+    #[must_use]
+    pub fn floor(&self, channel: Channel) -> f64 {
+        self.floors.iter().find(|(known, _)| *known == channel).map_or(1.0, |(_, floor)| *floor)
+    }
+}
+
+fn place(segments: &mut [Segment]) {
+    let mut begin = 0;
+    for segment in segments {
+        segment.begin = begin;
+        begin += segment.counts.len();
+    }
+}
+
+/// Rows at which an input jumps.
+fn jumps(log: &Prepared) -> Vec<bool> {
+    let mut jumps = vec![false; log.time_s.len()];
+    for (_, values) in &log.inputs {
+        let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
+        for row in 1..values.len() {
+            jumps[row] |= (values[row] - values[row - 1]).abs() > JUMP * (high - low);
+        }
+    }
+    jumps
+}
+
+fn in_means(segment: &Segment, jumps: &[bool]) -> Segment {
+    let (mut block_of, mut counts, mut time_s, mut observed) = (Vec::new(), Vec::<f64>::new(), Vec::<f64>::new(), Vec::<f64>::new());
+    let (mut since, mut room) = (0, 0);
+    for (place, &row) in segment.rows.iter().enumerate() {
+        let apart = place == 0 || segment.rows[place - 1] + 1 != row;
+        // The last row before a jump stands alone as well: a late reading shows what comes.
+        let ends = jumps.get(row + 1) == Some(&true);
+        since = if jumps[row] || apart { 0 } else { since + 1 };
+        if room == 0 || since == 0 || ends {
+            // One by one at first, then a quarter of the rows since the jump.
+            room = if ends { 1 } else { (since / 4).clamp(1, BLOCK_MAX) };
+            counts.push(0.0);
+            time_s.push(0.0);
+            observed.push(0.0);
+        }
+        let block = counts.len() - 1;
+        block_of.push(block);
+        room -= 1;
+        counts[block] += 1.0;
+        time_s[block] += (segment.time_s[place] - time_s[block]) / counts[block];
+        observed[block] += (segment.observed[place] - observed[block]) / counts[block];
+    }
+    Segment { block_of, counts, time_s, observed, ..segment.clone() }
+}
+
+fn both_temperatures(log: &Prepared) -> Option<&[f64]> {
+    let input = |wanted| log.inputs.iter().find(|(channel, _)| *channel == wanted).map(|(_, values)| values.as_slice());
+    input(Channel::AmbientDegc).and(input(Channel::TemperatureDegc))
+}
+
+/// Noise of measurements as their changes from row to row show it (von Neumann's estimate, taken
+/// by the median so that steps do not count), in the channel's unit.
+fn roughness<'a>(observed: impl Iterator<Item = &'a [f64]>) -> f64 {
+    let mut bends: Vec<f64> = Vec::new();
+    let mut scale = 0.0_f64;
+    for values in observed {
+        bends.extend(values.windows(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()));
+        scale = values.iter().fold(scale, |scale, value| scale.max(value.abs()));
+    }
+    bends.sort_by(f64::total_cmp);
+    let median = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
+    // The median of |N(0, 6 s^2)| is 0.6745 sqrt(6) s.
+    (median / (0.6745 * 6f64.sqrt())).max(1e-6 * scale).max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,53 @@
+//! A row of flags, one per tick, that answers "any in this stretch?" by whole words.
+
+/// Flags by tick.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Bits(Vec<u64>);
+
+impl Bits {
+    /// `ticks` flags, none set.
+    pub(crate) fn new(ticks: usize) -> Self {
+        Self(vec![0; ticks.div_ceil(64) + 1])
+    }
+
+    /// Sets or clears a flag.
+    #[inline]
+    pub(crate) fn put(&mut self, tick: usize, set: bool) {
+        let bit = 1 << (tick % 64);
+        if set {
+            self.0[tick / 64] |= bit;
+        } else {
+            self.0[tick / 64] &= !bit;
+        }
+    }
+
+    /// Whether a flag in `from..to` is set.
+    #[inline]
+    pub(crate) fn any(&self, from: usize, to: usize) -> bool {
+        if from >= to {
+            return false;
+        }
+        let (first, last) = (from / 64, (to - 1) / 64);
+        let head = u64::MAX << (from % 64);
+        let tail = u64::MAX >> (63 - (to - 1) % 64);
+        if first == last {
+            return self.0[first] & head & tail != 0;
+        }
+        self.0[first] & head != 0 || self.0[last] & tail != 0 || self.0[first + 1..last].iter().any(|&word| word != 0)
+    }
+
+    /// The first flag in `from..to` that is set.
+    #[inline]
+    pub(crate) fn first(&self, from: usize, to: usize) -> Option<usize> {
+        let mut at = from;
+        while at < to {
+            let word = self.0[at / 64] >> (at % 64);
+            if word != 0 {
+                let found = at + word.trailing_zeros() as usize;
+                return (found < to).then_some(found);
+            }
+            at = (at / 64 + 1) * 64;
+        }
+        None
+    }
+}

@@ -1,0 +1,283 @@
+//! What of a station is taken, tick by tick: the only place where bays, lift, swap slot, spares,
+//! power and energy are promised.
+//!
+//! Beside each row of counters stands a row of flags "nothing left here", so that most ways that
+//! do not fit are refused by a look at one or two words.
+
+use crate::bits::Bits;
+use crate::problem::{Problem, Station, Tick};
+use crate::supply::{self, Limit};
+use crate::way::{Choices, Mode, NEVER, Way};
+
+/// What a way asks for that is not there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Clash {
+    /// All bays are taken in this tick.
+    Bay(Tick),
+    /// The lift is taken in this tick.
+    Lift(Tick),
+    /// The place for exchanges is taken in this tick.
+    Slot(Tick),
+    /// No charged spare is left in this tick.
+    Spare(Tick),
+    /// The station would draw more than it may in this tick, by so many mWh.
+    Power(Tick, i64),
+    /// The packs that are there before this tick are so many mWh short.
+    Energy(Tick, i64),
+}
+
+/// The book of one station.
+#[derive(Debug, Clone)]
+pub struct Book<'p> {
+    station: &'p Station,
+    horizon: Tick,
+    /// The greatest draw that a stretch of a way can have, mWh per tick.
+    draw_max: i64,
+    bays: Counters,
+    lift: Counters,
+    slot: Counters,
+    /// Spares that are charged and not handed out.
+    spares: Counters,
+    /// What may still be drawn in each tick, mWh.
+    headroom: Vec<i64>,
+    /// Ticks in which some way may ask for more than the headroom.
+    tight: Bits,
+    /// What the packs can still give, by when, mWh.
+    energy: Vec<Limit>,
+    /// Robots with a way at this station.
+    pub robots: Vec<u32>,
+}
+
+/// What is left of something in each tick.
+#[derive(Debug, Clone)]
+struct Counters {
+    left: Vec<i32>,
+    none: Bits,
+}
+
+impl Counters {
+    fn new(ticks: usize, left: i64) -> Self {
+        let mut counters = Self { left: vec![0; ticks], none: Bits::new(ticks) };
+        counters.change(0, ticks, left as i32);
+        counters
+    }
+
+    #[inline]
+    fn change(&mut self, from: usize, to: usize, by: i32) {
+        for (tick, left) in self.left[from..to].iter_mut().enumerate() {
+            *left += by;
+            self.none.put(from + tick, *left <= 0);
+        }
+    }
+}
+
+impl<'p> Book<'p> {
+    /// A book with nothing in it but what had begun at tick 0.
+    #[must_use]
+    pub fn new(problem: &'p Problem, station: &'p Station) -> Self {
+        let horizon = problem.horizon;
+        let ticks = horizon as usize;
+        let curve = problem.battery.curve.iter().map(|segment| segment.draw.max(segment.draw_bare));
+        let draw_max = curve.chain([station.load_draw, station.unload_draw, station.swap_draw]).max().unwrap_or(0);
+        let mut spares = Counters::new(ticks, 0);
+        for &ready in station.spares.iter().filter(|&&ready| ready < horizon) {
+            spares.change(ready as usize, ticks, 1);
+        }
+        let mut book = Self {
+            station,
+            horizon,
+            draw_max,
+            bays: Counters::new(ticks, i64::from(station.bays)),
+            lift: Counters::new(ticks, station.lift_slots),
+            slot: Counters::new(ticks, station.swap_slots),
+            spares,
+            headroom: problem.base_load(station).iter().map(|draw| station.p_max - draw).collect(),
+            tight: Bits::new(ticks),
+            energy: supply::limits(station, horizon),
+            robots: Vec::new(),
+        };
+        for ongoing in &station.ongoing {
+            let until = ongoing.until.min(horizon) as usize;
+            book.bays.change(0, until, -1);
+            let unload = ongoing.until.saturating_sub(ongoing.unload_ticks) as usize;
+            book.lift.change(unload.min(until), until, -1);
+        }
+        let base = problem.base_load(station);
+        for limit in &mut book.energy {
+            limit.energy -= base[..limit.before as usize].iter().sum::<i64>();
+        }
+        for tick in 0..ticks {
+            book.tight.put(tick, book.headroom[tick] < draw_max);
+        }
+        book
+    }
+
+    /// Whether there is room for a way.
+    #[inline]
+    #[must_use]
+    pub fn fits(&self, choices: &Choices, way: &Way) -> bool {
+        let (start, end) = (usize::from(way.start), usize::from(way.end));
+        let drawn_to = if let Mode::Charge(_) = way.mode {
+            let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
+            if self.bays.none.any(start, end) || self.lift.none.any(start, start + load) || self.lift.none.any(end - unload, end) {
+                return false;
+            }
+            end
+        } else {
+            if self.slot.none.any(start, end) || self.spares.none.any(start, self.spare_back(way)) {
+                return false;
+            }
+            if way.ready == NEVER { end } else { self.spare_back(way) }
+        };
+        // Limits rise with time, so a way that all packs can pay may still come too early.
+        let plenty = self.energy.iter().all(|limit| Tick::from(way.start) >= limit.before || way.energy <= limit.energy);
+        let calm = !self.tight.any(start, drawn_to.min(self.horizon as usize));
+        (plenty && calm) || self.draw_clash(choices, way).is_none()
+    }
+
+    fn spare_back(&self, way: &Way) -> usize {
+        usize::from(way.ready).min(self.horizon as usize)
+    }
+
+    /// The first thing that a way asks for and is not there.
+    #[must_use]
+    pub fn clash(&self, choices: &Choices, way: &Way) -> Option<Clash> {
+        let (start, end) = (usize::from(way.start), usize::from(way.end));
+        let found = if let Mode::Charge(_) = way.mode {
+            let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
+            let lift = || self.lift.none.first(start, start + load).or_else(|| self.lift.none.first(end - unload, end));
+            let bay = self.bays.none.first(start, end).map(|tick| Clash::Bay(tick as Tick));
+            bay.or_else(|| lift().map(|tick| Clash::Lift(tick as Tick)))
+        } else {
+            let slot = self.slot.none.first(start, end).map(|tick| Clash::Slot(tick as Tick));
+            slot.or_else(|| self.spares.none.first(start, self.spare_back(way)).map(|tick| Clash::Spare(tick as Tick)))
+        };
+        found.or_else(|| self.draw_clash(choices, way))
+    }
+
+    /// The first lack of power or energy.
+    fn draw_clash(&self, choices: &Choices, way: &Way) -> Option<Clash> {
+        let mut clash = None;
+        choices.draws(way, self.station, self.horizon, |from, to, draw| {
+            if clash.is_none() {
+                let short = self.headroom[from..to].iter().position(|&room| room < draw);
+                clash = short.map(|tick| Clash::Power((from + tick) as Tick, draw - self.headroom[from + tick]));
+            }
+        });
+        if clash.is_some() {
+            return clash;
+        }
+        let short = self.energy.iter().map(|limit| (limit.before, self.drawn(choices, way, limit.before) - limit.energy));
+        short.into_iter().find(|&(_, short)| short > 0).map(|(before, short)| Clash::Energy(before, short))
+    }
+
+    /// What a way draws before a tick, mWh.
+    fn drawn(&self, choices: &Choices, way: &Way, before: Tick) -> i64 {
+        if before >= self.horizon {
+            return way.energy;
+        }
+        if Tick::from(way.start) >= before {
+            return 0;
+        }
+        let mut sum = 0;
+        choices.draws(way, self.station, self.horizon, |from, to, draw| {
+            sum += to.min(before as usize).saturating_sub(from) as i64 * draw;
+        });
+        sum
+    }
+
+    /// Whether a robot's way is among what causes a clash.
+    #[must_use]
+    pub fn takes_part(&self, clash: Clash, way: &Way) -> bool {
+        let (start, end) = (Tick::from(way.start), Tick::from(way.end));
+        let charge = matches!(way.mode, Mode::Charge(_));
+        match clash {
+            Clash::Bay(tick) => charge && (start..end).contains(&tick),
+            Clash::Lift(tick) => {
+                let (load, unload) = (self.station.load_ticks, self.station.unload_ticks);
+                charge && ((start..start + load).contains(&tick) || (end - unload..end).contains(&tick))
+            }
+            Clash::Slot(tick) => !charge && (start..end).contains(&tick),
+            Clash::Spare(tick) => !charge && (start..Tick::from(way.ready)).contains(&tick),
+            Clash::Power(tick, _) => (start..if way.ready == NEVER { end } else { Tick::from(way.ready) }).contains(&tick),
+            Clash::Energy(before, _) => start < before,
+        }
+    }
+
+    /// Enters a robot's way; it must fit.
+    pub fn take(&mut self, robot: usize, choices: &Choices, way: &Way) {
+        self.robots.push(robot as u32);
+        self.change(choices, way, -1);
+    }
+
+    /// Strikes a robot's way out; it must be in.
+    pub fn give_back(&mut self, robot: usize, choices: &Choices, way: &Way) {
+        if let Some(place) = self.robots.iter().position(|&other| other == robot as u32) {
+            self.robots.swap_remove(place);
+        }
+        self.change(choices, way, 1);
+    }
+
+    fn change(&mut self, choices: &Choices, way: &Way, sign: i32) {
+        let (start, end) = (usize::from(way.start), usize::from(way.end));
+        if let Mode::Charge(_) = way.mode {
+            self.bays.change(start, end, sign);
+            self.lift.change(start, start + self.station.load_ticks as usize, sign);
+            self.lift.change(end - self.station.unload_ticks as usize, end, sign);
+        } else {
+            self.slot.change(start, end, sign);
+            self.spares.change(start, self.spare_back(way), sign);
+        }
+        for place in 0..self.energy.len() {
+            let before = self.energy[place].before;
+            self.energy[place].energy += i64::from(sign) * self.drawn(choices, way, before);
+        }
+        let (headroom, tight, draw_max) = (&mut self.headroom, &mut self.tight, self.draw_max);
+        choices.draws(way, self.station, self.horizon, |from, to, draw| {
+            for (tick, room) in headroom[from..to].iter_mut().enumerate() {
+                *room += i64::from(sign) * draw;
+                tight.put(from + tick, *room < draw_max);
+            }
+        });
+    }
+
+    /// Energy that all ways in the book and the station itself draw before a tick, mWh.
+    #[must_use]
+    pub fn drawn_before(&self, before: Tick) -> i64 {
+        self.headroom[..before as usize].iter().map(|room| self.station.p_max - room).sum()
+    }
+
+    /// How many packs the load needs: the fewest. All packs if even they do not suffice.
+    #[must_use]
+    pub fn packs(&self) -> Vec<usize> {
+        supply::fewest_packs(self.station, self.horizon, |before| self.drawn_before(before))
+            .unwrap_or_else(|_| (0..self.station.packs.len()).collect())
+    }
+
+    /// What is left of bays, lift, slot, spares and power in each tick and then of energy by its limits.
+    pub(crate) fn left(&self) -> Vec<i64> {
+        let counted = [&self.bays, &self.lift, &self.slot, &self.spares];
+        let counted = counted.into_iter().flat_map(|counters| counters.left.iter().map(|&left| i64::from(left)));
+        counted.chain(self.headroom.iter().copied()).chain(self.energy.iter().map(|limit| limit.energy)).collect()
+    }
+
+    /// How much there is of bay ticks, lift ticks, spares and energy (mWh); at least 1 of each.
+    pub(crate) fn plenty(&self) -> [f64; 4] {
+        let sum = |counters: &Counters| counters.left.iter().map(|&left| f64::from(left.max(0))).sum::<f64>();
+        let spares = self.spares.left.last().copied().unwrap_or(0);
+        let energy = self.energy.last().map_or(0, |limit| limit.energy);
+        [sum(&self.bays), sum(&self.lift), f64::from(spares), energy as f64].map(|there| there.max(1.0))
+    }
+
+    /// What the packs can still give, by when.
+    #[must_use]
+    pub fn limits(&self) -> &[Limit] {
+        &self.energy
+    }
+
+    /// The station.
+    #[must_use]
+    pub fn station(&self) -> &'p Station {
+        self.station
+    }
+}

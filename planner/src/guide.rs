@@ -1,0 +1,84 @@
+//! The ways worth trying: by cost, or by Lagrange prices, which count what a way costs its robot
+//! and everyone else.
+
+use crate::draft::NONE;
+use crate::prices::Asked;
+use crate::way::Ways;
+
+/// Longest list of a robot.
+const LISTED_MAX: usize = 48;
+
+/// The same while only cost counts.
+const CHEAPEST_MAX: usize = 48;
+/// What a stranded robot counts while there are no prices.
+const STRANDED_UNPRICED: f32 = 1e6;
+
+/// For each robot its most promising ways, the best first.
+#[derive(Debug, Clone, Default)]
+pub struct Guide {
+    /// Indices of ways.
+    pub listed: Vec<Vec<u32>>,
+    /// What each robot pays at least, in units of cost.
+    least: Vec<f32>,
+    /// The prices; none when only cost counts.
+    prices: Option<Asked>,
+}
+
+impl Guide {
+    /// Nothing is listed yet.
+    pub(crate) fn empty(ways: &Ways<'_>) -> Self {
+        Self::by_cost(ways, std::iter::empty())
+    }
+
+    /// The cheapest ways of some robots.
+    #[must_use]
+    pub fn by_cost(ways: &Ways<'_>, robots: impl IntoIterator<Item = usize>) -> Self {
+        let count = ways.problem().robots.len();
+        let mut guide = Self { listed: vec![Vec::new(); count], least: vec![f32::MAX; count], prices: None };
+        for robot in robots {
+            let choices = ways.of(robot);
+            guide.listed[robot] = (0..choices.ways.len().min(CHEAPEST_MAX) as u32).collect();
+            guide.least[robot] = choices.ways.first().map_or(f32::MAX, |way| way.cost as f32);
+        }
+        guide
+    }
+
+    /// How far a robot's way is from the best that it could have, all prices paid; 0 or more.
+    #[must_use]
+    pub fn regret(&self, ways: &Ways<'_>, robot: usize, chosen: u32) -> f32 {
+        let choices = ways.of(robot);
+        let problem = ways.problem();
+        let paid = if chosen == NONE {
+            let stranded = self.prices.as_ref().map_or(STRANDED_UNPRICED, |prices| prices.stranded);
+            choices.unserved_cost as f32 + if choices.strands { stranded } else { 0.0 }
+        } else {
+            let way = &choices.ways[chosen as usize];
+            way.cost as f32 + self.prices.as_ref().map_or(0.0, |prices| prices.price(problem, choices, way))
+        };
+        (paid - self.least[robot]).max(0.0)
+    }
+
+    /// Whether prices count, and not cost alone.
+    #[must_use]
+    pub fn is_priced(&self) -> bool {
+        self.prices.is_some()
+    }
+
+    /// Judges by these prices from now on.
+    pub(crate) fn judge_by(&mut self, prices: Asked) {
+        self.prices = Some(prices);
+    }
+
+    /// Lists a robot's ways by price; reorders `priced`.
+    pub(crate) fn list(&mut self, robot: usize, priced: &mut Vec<(i64, u32)>) {
+        if priced.len() > LISTED_MAX {
+            priced.select_nth_unstable(LISTED_MAX);
+            priced.truncate(LISTED_MAX);
+        }
+        priced.sort_unstable();
+        self.least[robot] = priced.first().map_or(f32::MAX, |&(least, _)| Asked::in_cost(least));
+        let list = &mut self.listed[robot];
+        list.clear();
+        list.extend(priced.iter().map(|&(_, way)| way));
+    }
+}

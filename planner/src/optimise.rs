@@ -1,0 +1,217 @@
+//! The default policy: plans at once, then prices and search for as long as the budget lasts.
+//!
+//! ```text
+//!   at once          several orders, the best is kept                            (construct)
+//!     |
+//!   strand few       search with what a way takes of its station as its cost     (thrifty ways)
+//!     |
+//!   miss little      search by missed work, at most as many stranded,            (search)
+//!     |  ^            led by prices, which are bettered in between               (prices, guide)
+//!     |  +---- prices bound the missed work from below
+//!   tidy up          ways of equal cost that take less energy
+//! ```
+
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+
+use crate::construct::{self, ORDERS, greedy, ranked};
+use crate::draft::{Draft, NONE};
+use crate::guide::Guide;
+use crate::plan::Plan;
+use crate::prices::{Level, Prices};
+use crate::search::Search;
+use crate::way::Ways;
+
+/// How long to go on.
+pub trait Budget {
+    /// The part of the budget that is used up after so many moves: 0 at the start, 1 or more to stop.
+    fn used(&mut self, moves: u64) -> f64;
+}
+
+/// So many moves: the same plan on every machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Moves(pub u64);
+
+impl Budget for Moves {
+    fn used(&mut self, moves: u64) -> f64 {
+        if self.0 == 0 { 1.0 } else { moves as f64 / self.0 as f64 }
+    }
+}
+
+impl<F: FnMut(u64) -> f64> Budget for F {
+    fn used(&mut self, moves: u64) -> f64 {
+        self(moves)
+    }
+}
+
+/// Share of the budget after which the stranded are as few as they will be.
+const STRAND_SHARE: f64 = 0.25;
+/// Share of the search's time that goes to prices.
+const PRICES_SHARE: f64 = 0.25;
+/// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
+const HOT: [f64; 2] = [20.0, 64.0];
+/// Temperature at its end.
+const COLD: f64 = 0.3;
+/// Both while the cost is what a way takes of its station.
+const THRIFTY_HEAT: [f64; 2] = [30.0, 0.5];
+/// Rounds of prices that bound the number of stranded robots.
+const PROVEN_ROUNDS: u32 = 16;
+/// The largest fleet for which they run: they come after the budget, so they must be short.
+const PROVEN_ROBOTS_MAX: usize = 64;
+/// Moves between two looks at the budget: at most this many.
+const MOVES_AT_ONCE: u64 = 400;
+
+/// The best plan that the budget allows. The same seed and number of moves give the same plan.
+#[must_use]
+pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {
+    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), budget, moves: 0 };
+    let mut search = Search::new(run.at_once());
+    search.settle();
+    let least = least_stranded(ways);
+    let mut prices = Prices::new(ways, Level::Cost { stranded_max: search.best_score.stranded });
+    if run.used() < 1.0 && !search.idle() {
+        run.strand_few(&mut search, least);
+        run.miss_little(&mut search, &mut prices, least);
+        search.return_to_best();
+        search.settle();
+    }
+    let draft = search.draft;
+    let least = if prices.improved() { proven_least(ways, least, draft.score.stranded) } else { least };
+    prices.cap_stranded(draft.score.stranded);
+    let energy_bound = if prices.improved() { prices.energy_bound(draft.score.cost) } else { 0 };
+    Plan::new(&draft, least, prices.bound(), energy_bound)
+}
+
+/// A bound on how few can be stranded: those whom no service can reach in time.
+#[must_use]
+pub fn least_stranded(ways: &Ways<'_>) -> i64 {
+    let hopeless = |robot: &usize| ways.of(*robot).strands && ways.of(*robot).ways.is_empty();
+    (0..ways.problem().robots.len()).filter(hopeless).count() as i64
+}
+
+/// A better bound by prices, where that takes no time to speak of.
+fn proven_least(ways: &Ways<'_>, least: i64, stranded: i64) -> i64 {
+    if stranded <= least || ways.problem().robots.len() > PROVEN_ROBOTS_MAX {
+        return least;
+    }
+    let mut prices = Prices::new(ways, Level::Stranded);
+    for _ in 0..PROVEN_ROUNDS {
+        if prices.bound() >= stranded {
+            break;
+        }
+        prices.improve(stranded);
+    }
+    prices.bound().max(least)
+}
+
+struct Run<'w, 'p, 'b> {
+    ways: &'w Ways<'p>,
+    rng: Pcg64Mcg,
+    budget: &'b mut dyn Budget,
+    moves: u64,
+}
+
+impl<'w, 'p> Run<'w, 'p, '_> {
+    fn used(&mut self) -> f64 {
+        self.budget.used(self.moves)
+    }
+
+    /// The best of several orders. The first serves most, so it has to do when there is no time.
+    fn at_once(&mut self) -> Draft<'w, 'p> {
+        let mut best = Draft::new(self.ways);
+        construct::frugal(&mut best, &ranked(self.ways, ORDERS[0]));
+        for order in ORDERS {
+            for thrift in [2.0, 0.0] {
+                if self.used() >= 1.0 {
+                    return best;
+                }
+                let mut draft = Draft::new(self.ways);
+                greedy(&mut draft, &ranked(self.ways, order), thrift);
+                if draft.score < best.score {
+                    best = draft;
+                }
+            }
+        }
+        best
+    }
+
+    /// Strands fewer, whatever work is missed for it.
+    fn strand_few(&mut self, found: &mut Search<'w, 'p>, least: i64) {
+        let start = self.used();
+        if found.best_score.stranded <= least {
+            return;
+        }
+        let thrifty = self.ways.thrifty();
+        let mut few = Draft::new(&thrifty);
+        for order in [construct::Order::Deadline, construct::Order::Slack] {
+            let mut draft = Draft::new(&thrifty);
+            greedy(&mut draft, &ranked(&thrifty, order), 0.0);
+            if draft.score < few.score {
+                few = draft;
+            }
+        }
+        let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
+        let mut search = Search::new(few);
+        let until = start + STRAND_SHARE * (1.0 - start);
+        loop {
+            let at = self.used();
+            if at >= until || search.best_score.stranded <= least {
+                break;
+            }
+            self.search(&mut search, &guide, heat(THRIFTY_HEAT, (at - start) / (until - start)));
+        }
+        if search.best_score.stranded < found.best_score.stranded {
+            found.go_on_from(&self.ways.translated(&thrifty, &search.best));
+            found.settle();
+        }
+    }
+
+    /// Misses less work, strands no more.
+    fn miss_little(&mut self, search: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) {
+        let start = self.used();
+        let hot = (self.ways.problem().robots.len() as f64 / 4.0).clamp(HOT[0], HOT[1]);
+        let (mut priced, mut searched) = (0.0, 0.0);
+        loop {
+            let at = self.used();
+            let score = search.best_score;
+            let proven = score.stranded == least && score.cost == prices.bound();
+            if at >= 1.0 || (proven && at >= 0.3) || search.idle() {
+                break;
+            }
+            if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
+                prices.cap_stranded(score.stranded);
+                self.moves += prices.improve(score.cost);
+                priced += self.used() - at;
+            } else {
+                self.search(search, prices.guide(), heat([hot, COLD], (at - start) / (1.0 - start)));
+                searched += self.used() - at;
+            }
+        }
+    }
+
+    fn search(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64) {
+        let moves = (self.ways.problem().robots.len() as u64 * 2).clamp(20, MOVES_AT_ONCE);
+        search.run(guide, &mut self.rng, moves, heat);
+        self.moves += moves;
+    }
+}
+
+/// The temperature falls by equal factors.
+fn heat([hot, cold]: [f64; 2], progress: f64) -> f64 {
+    hot * f64::powf(cold / hot, progress.clamp(0.0, 1.0))
+}
+
+impl Ways<'_> {
+    /// A choice among `other`'s ways, of the same problem, as a choice among these.
+    fn translated(&self, other: &Ways<'_>, chosen: &[u32]) -> Vec<u32> {
+        let here = chosen.iter().enumerate().map(|(robot, &way)| {
+            if way == NONE {
+                return NONE;
+            }
+            let way = other.of(robot).ways[way as usize];
+            let place = self.of(robot).find(usize::from(way.station), u32::from(way.start), way.mode);
+            place.map_or(NONE, |place| place as u32)
+        });
+        here.collect()
+    }
+}

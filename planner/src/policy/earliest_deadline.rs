@@ -1,0 +1,24 @@
+//! Who is empty first goes first.
+
+use super::{Policy, in_order};
+use crate::optimise::Budget;
+use crate::plan::Plan;
+use crate::way::Ways;
+
+/// By the time until it is empty.
+pub(super) struct EarliestDeadline;
+
+impl Policy for EarliestDeadline {
+    fn name(&self) -> &'static str {
+        "earliest_deadline"
+    }
+
+    fn about(&self) -> &'static str {
+        "who is empty first goes first"
+    }
+
+    fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
+        let problem = ways.problem();
+        in_order(ways, budget, |robot| problem.robots[robot].endurance(problem.battery.floor))
+    }
+}

@@ -1,0 +1,28 @@
+//! Who has the least time left to set off goes first.
+
+use super::{Policy, in_order};
+use crate::optimise::Budget;
+use crate::plan::Plan;
+use crate::way::Ways;
+
+/// By the time until it is empty less the way to the nearest station.
+pub(super) struct LeastSlack;
+
+impl Policy for LeastSlack {
+    fn name(&self) -> &'static str {
+        "least_slack"
+    }
+
+    fn about(&self) -> &'static str {
+        "who has the least time left to set off goes first"
+    }
+
+    fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
+        let problem = ways.problem();
+        in_order(ways, budget, |robot| {
+            let who = &problem.robots[robot];
+            let nearest = who.travel.iter().map(|travel| i64::from(travel.ticks)).min().unwrap_or(0);
+            who.endurance(problem.battery.floor) - nearest
+        })
+    }
+}

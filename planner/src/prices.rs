@@ -1,0 +1,364 @@
+//! Lagrange prices on every row of the books: a proven bound and a guide in one.
+//!
+//! With prices on bays, lift, slot, spares, power and energy the robots no longer meet, so each
+//! takes its best way by itself; what that costs, less what the prices earn for all that there is,
+//! is never more than the best plan costs. Prices rise where more is asked for than there is
+//! (subgradient steps with memory). All arithmetic on the bound is in whole numbers, so that it
+//! is proven and not merely computed.
+
+mod table;
+
+use crate::guide::Guide;
+use crate::problem::Problem;
+use crate::way::{Choices, Way, Ways};
+use table::{Layout, Table};
+
+/// Prices are whole numbers of this part of a unit of cost.
+const UNIT: i64 = 1 << 20;
+
+/// Rounds in which every step looks at all ways.
+const PLAIN_ROUNDS: u32 = 5;
+/// When steps have become shorter than this part of the gap, they begin anew at a longer one.
+const PULL_MIN: f64 = 0.01;
+/// See [`PULL_MIN`].
+const PULL_AGAIN: f64 = 0.15;
+/// Longest stretch of steps without a look at all ways.
+const PAUSE_MAX: u32 = 16;
+
+/// What is bounded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Level {
+    /// The number of stranded robots.
+    Stranded,
+    /// Worth of missed work, of plans that strand at most so many robots.
+    Cost {
+        /// So many.
+        stranded_max: i64,
+    },
+}
+
+/// Prices that are being improved.
+#[derive(Debug)]
+pub struct Prices<'w, 'p> {
+    ways: &'w Ways<'p>,
+    layout: Layout,
+    level: Level,
+    /// Price of each row, per unit of the row's scale; the last is that of a stranded robot.
+    now: Vec<f64>,
+    best: Vec<f64>,
+    direction: Vec<f64>,
+    pull: f64,
+    since_better: u32,
+    rounds: u32,
+    /// Steps until all ways are looked at again.
+    pause: u32,
+    /// What is worth trying at the best prices.
+    guide: Guide,
+    /// The greatest bound so far, in parts of `1 / UNIT`, and the bound's slope in `stranded_max`.
+    bound: i128,
+    best_stranded_price: i128,
+    bounded_at: i64,
+}
+
+/// Prices to ask for.
+#[derive(Debug, Clone)]
+pub(crate) struct Asked {
+    table: Table,
+    /// Price of a stranded robot, in units of cost.
+    pub(crate) stranded: f32,
+}
+
+impl Asked {
+    #[inline]
+    fn of(&self, problem: &Problem, choices: &Choices, way: &Way) -> i64 {
+        self.table.of(problem, choices, way)
+    }
+
+    /// What a way costs beside its own cost, in units of cost.
+    #[inline]
+    pub(crate) fn price(&self, problem: &Problem, choices: &Choices, way: &Way) -> f32 {
+        Self::in_cost(self.of(problem, choices, way))
+    }
+
+    /// A whole price in units of cost.
+    pub(crate) fn in_cost(price: i64) -> f32 {
+        (price as f64 / UNIT as f64) as f32
+    }
+}
+
+/// What one look at all robots gives.
+struct Look {
+    bound: i128,
+    stranded_price: i64,
+    stranded: i64,
+}
+
+impl<'w, 'p> Prices<'w, 'p> {
+    /// All prices zero: the bound says what each robot costs at least if it were alone.
+    #[must_use]
+    pub fn new(ways: &'w Ways<'p>, level: Level) -> Self {
+        let layout = Layout::new(ways.problem());
+        let rows = layout.rows();
+        let mut prices = Self {
+            ways,
+            layout,
+            level,
+            now: vec![0.0; rows + 1],
+            best: vec![0.0; rows + 1],
+            direction: vec![0.0; rows + 1],
+            pull: 0.25,
+            since_better: 0,
+            rounds: 0,
+            pause: 2,
+            guide: Guide::empty(ways),
+            bound: i128::MIN,
+            best_stranded_price: 0,
+            bounded_at: 0,
+        };
+        let mut usage = vec![0.0; rows];
+        let look = prices.look_at_cheap(&mut usage);
+        prices.note(&look);
+        prices
+    }
+
+    /// The proven bound: no plan is better.
+    #[must_use]
+    pub fn bound(&self) -> i64 {
+        let moved = match self.level {
+            Level::Stranded => 0,
+            Level::Cost { stranded_max } => self.best_stranded_price * i128::from(self.bounded_at - stranded_max),
+        };
+        let unit = i128::from(UNIT);
+        ((self.bound + moved + unit - 1).div_euclid(unit)) as i64
+    }
+
+    /// Bounds plans that strand at most so many robots from now on.
+    pub fn cap_stranded(&mut self, stranded_max: i64) {
+        if self.level == Level::Stranded || stranded_max == self.bounded_at {
+            return;
+        }
+        // Another question: longer steps again.
+        self.pull = self.pull.max(0.06);
+        self.bound += self.best_stranded_price * i128::from(self.bounded_at - stranded_max);
+        self.bounded_at = stranded_max;
+        self.level = Level::Cost { stranded_max };
+    }
+
+    /// Takes a round of steps; `aim` is the value of the best plan known. Returns about how many
+    /// moves of a search that is worth.
+    ///
+    /// In the first rounds every step looks at all ways. Later one look at all of them gives a
+    /// bound and the lists of promising ways; the other steps of the round look at these alone,
+    /// which is nearly the same and much faster.
+    pub fn improve(&mut self, aim: i64) -> u64 {
+        let mut usage = vec![0.0; self.layout.rows()];
+        let robots = self.ways.problem().robots.len() as u64;
+        self.rounds += 1;
+        if self.rounds <= PLAIN_ROUNDS {
+            for _ in 0..8 {
+                let look = self.look_at_cheap(&mut usage);
+                self.judge(&look, 8);
+                self.step(&look, &usage, aim);
+            }
+            if self.rounds == 1 {
+                self.look_at_all(&mut usage);
+            }
+            return 4 * robots;
+        }
+        let look = self.look_at_all(&mut usage);
+        self.judge(&look, 2);
+        self.step(&look, &usage, aim);
+        for _ in 0..self.pause {
+            let look = self.look_at_listed(&mut usage);
+            self.step(&look, &usage, aim);
+        }
+        self.pause = (self.pause + 1).min(PAUSE_MAX);
+        4 * robots
+    }
+
+    /// Whether any step has been taken.
+    #[must_use]
+    pub fn improved(&self) -> bool {
+        self.rounds > 0
+    }
+
+    /// A lower bound on the energy of the services, mWh, of plans that miss at most this and strand
+    /// as few as the level says: work and energy are weighed against each other at several rates.
+    #[must_use]
+    pub fn energy_bound(&self, cost_max: i64) -> i64 {
+        let mut usage = vec![0.0; self.layout.rows()];
+        let problem = self.ways.problem();
+        let rates = [1, 4, 16, 32, 64, 128, 256, 1024];
+        let bounds = rates.map(|rate: i64| {
+            let look = self.look(&self.best, &mut usage, |choices, _, costs, price, mut least| {
+                let mut best = None;
+                for (way, place) in choices.ways.iter().zip(0..) {
+                    let cost = i64::from(way.cost) * costs + way.energy * UNIT / rate;
+                    if cost < least {
+                        let priced = cost + price.of(problem, choices, way);
+                        if priced < least {
+                            (least, best) = (priced, Some((priced, place)));
+                        }
+                    }
+                }
+                best
+            });
+            (look.bound - i128::from(cost_max) * i128::from(UNIT)) * i128::from(rate) / i128::from(UNIT)
+        });
+        bounds.into_iter().max().unwrap_or(0).max(0) as i64
+    }
+
+    /// Keeps the best prices; after some looks without a better bound the steps get shorter.
+    fn judge(&mut self, look: &Look, patience: u32) {
+        if self.note(look) {
+            self.since_better = 0;
+            return;
+        }
+        self.since_better += 1;
+        if self.since_better > patience {
+            self.since_better = 0;
+            self.pull *= 0.7;
+            if self.pull < PULL_MIN {
+                self.pull = PULL_AGAIN;
+            }
+            self.now.copy_from_slice(&self.best);
+            self.direction.fill(0.0);
+        }
+    }
+
+    /// The promising ways at the prices of the last look.
+    #[must_use]
+    pub fn guide(&self) -> &Guide {
+        &self.guide
+    }
+
+    fn note(&mut self, look: &Look) -> bool {
+        if self.bound >= look.bound && self.bound != i128::MIN {
+            return false;
+        }
+        self.bound = look.bound;
+        self.best_stranded_price = i128::from(look.stranded_price);
+        self.bounded_at = if let Level::Cost { stranded_max } = self.level { stranded_max } else { 0 };
+        self.best.copy_from_slice(&self.now);
+        true
+    }
+
+    /// Lets every robot take the best of all its ways at the prices of now, and lists them.
+    fn look_at_all(&mut self, usage: &mut [f64]) -> Look {
+        let mut guide = std::mem::take(&mut self.guide);
+        let (mut priced, problem) = (Vec::new(), self.ways.problem());
+        let look = self.look(&self.now, usage, |choices, robot, costs, price, unserved| {
+            priced.clear();
+            priced.extend(
+                choices.ways.iter().zip(0..).map(|(way, place)| (i64::from(way.cost) * costs + price.of(problem, choices, way), place)),
+            );
+            guide.list(robot, &mut priced);
+            priced.first().copied().filter(|&(least, _)| least < unserved)
+        });
+        let stranded = self.now.last().copied().unwrap_or(0.0) as f32;
+        guide.judge_by(Asked { table: Table::new(&self.layout, &self.now, UNIT), stranded });
+        self.guide = guide;
+        look
+    }
+
+    /// The same without lists, in the order of cost: no price is negative, so few need a look.
+    fn look_at_cheap(&self, usage: &mut [f64]) -> Look {
+        let problem = self.ways.problem();
+        self.look(&self.now, usage, |choices, _, costs, price, mut least| {
+            let mut best = None;
+            for (way, place) in choices.ways.iter().zip(0..) {
+                let cost = i64::from(way.cost) * costs;
+                if cost >= least {
+                    break;
+                }
+                let priced = cost + price.of(problem, choices, way);
+                if priced < least {
+                    (least, best) = (priced, Some((priced, place)));
+                }
+            }
+            best
+        })
+    }
+
+    /// The same with the listed ways alone: no bound.
+    fn look_at_listed(&self, usage: &mut [f64]) -> Look {
+        let problem = self.ways.problem();
+        self.look(&self.now, usage, |choices, robot, costs, price, mut least| {
+            let mut best = None;
+            for &place in &self.guide.listed[robot] {
+                let way = &choices.ways[place as usize];
+                let priced = i64::from(way.cost) * costs + price.of(problem, choices, way);
+                if priced < least {
+                    (least, best) = (priced, Some((priced, place)));
+                }
+            }
+            best
+        })
+    }
+
+    /// Lets every robot take what `choose(choices, robot, unit of cost, price, limit)` gives it, if
+    /// that is less than the limit: the price of no service.
+    fn look(
+        &self,
+        prices: &[f64],
+        usage: &mut [f64],
+        mut choose: impl FnMut(&Choices, usize, i64, &Asked, i64) -> Option<(i64, u32)>,
+    ) -> Look {
+        let problem = self.ways.problem();
+        let table = Table::new(&self.layout, prices, UNIT);
+        let (costs, stranded_max) = match self.level {
+            Level::Stranded => (0, 0),
+            Level::Cost { stranded_max } => (UNIT, stranded_max),
+        };
+        let last = prices.last().copied().unwrap_or(0.0);
+        let stranded_price = if costs == 0 { UNIT } else { (last * UNIT as f64) as i64 };
+        let mut uses = table::Uses::new(&self.layout);
+        let (mut bound, mut stranded) = (0_i128, 0);
+        let price = Asked { table, stranded: last as f32 };
+        for robot in 0..problem.robots.len() {
+            let choices = self.ways.of(robot);
+            let unserved = i64::from(choices.unserved_cost) * costs + if choices.strands { stranded_price } else { 0 };
+            if let Some((least, way)) = choose(choices, robot, costs, &price, unserved) {
+                bound += i128::from(least);
+                uses.add(problem, choices, &choices.ways[way as usize]);
+            } else {
+                bound += i128::from(unserved);
+                stranded += i64::from(choices.strands);
+            }
+        }
+        bound -= price.table.earned() + i128::from(stranded_price) * i128::from(stranded_max);
+        uses.over(&self.layout, usage);
+        Look { bound, stranded_price, stranded }
+    }
+
+    /// Moves the prices towards what is asked for too much.
+    fn step(&mut self, look: &Look, usage: &[f64], aim: i64) {
+        const MEMORY: f64 = 0.6;
+        let rows = usage.len();
+        let over_stranded = match self.level {
+            Level::Stranded => 0.0,
+            Level::Cost { stranded_max } => (look.stranded - stranded_max) as f64 * STRANDED_SCALE,
+        };
+        let mut square = 0.0;
+        let over = usage.iter().copied().chain([over_stranded]);
+        for ((direction, price), over) in self.direction.iter_mut().zip(&self.now).zip(over) {
+            *direction = MEMORY * *direction + (1.0 - MEMORY) * over;
+            if *direction > 0.0 || *price > 0.0 {
+                square += *direction * *direction;
+            }
+        }
+        if square <= 0.0 {
+            return;
+        }
+        let value = look.bound as f64 / UNIT as f64;
+        let gap = (aim as f64 - value).max(0.002 * aim.abs() as f64).max(0.05);
+        let step = self.pull * gap / square;
+        let scales = std::iter::repeat_n(1.0, rows).chain([STRANDED_SCALE]);
+        for ((price, direction), scale) in self.now.iter_mut().zip(&self.direction).zip(scales) {
+            *price = (*price + step * scale * direction).max(0.0);
+        }
+    }
+}
+
+/// The price of a stranded robot is far above that of a tick in a bay, so it moves in larger steps.
+const STRANDED_SCALE: f64 = 3.0;

@@ -1,0 +1,141 @@
+//! Mends a plan after something changed, and moves no more commitments than that takes.
+//!
+//! Robots that did not change keep what they were promised, as long as it still fits. The others
+//! take a free place; only if that strands one, or costs it much, the neighbours' promises come
+//! into question, each at a price.
+
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+
+use crate::draft::{Draft, NONE};
+use crate::guide::Guide;
+use crate::optimise::Budget;
+use crate::plan::{Plan, Session};
+use crate::prices::{Level, Prices};
+use crate::problem::Problem;
+use crate::search::Search;
+use crate::way::{Commitment, Ways};
+
+/// Neighbours whose promises may come into question.
+const NEIGHBOURS_MAX: usize = 32;
+/// Moves between two looks at the budget.
+const MOVES_AT_ONCE: u64 = 25;
+
+/// A mended plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replanned {
+    /// The plan. Its bound is the weak one that is there at once.
+    pub plan: Plan,
+    /// Robots that had a session and now have another, or none, in order; those that changed
+    /// themselves are among them.
+    pub moved: Vec<usize>,
+}
+
+/// Mends the plan whose sessions were `before`: their robots, stations and ticks are those of
+/// `problem`. `changed` are robots for which something is different.
+///
+/// A moved commitment counts like `loyalty` of missed work. Sessions that have begun are no
+/// business of this: they belong into the problem as ongoing charges.
+#[must_use]
+pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty: u32, seed: u64, budget: &mut dyn Budget) -> Replanned {
+    let mut committed: Vec<Option<Commitment>> = vec![None; problem.robots.len()];
+    for session in before {
+        committed[session.robot] = Some(Commitment { station: session.station, start: session.start, mode: session.mode });
+    }
+    let loyalty = loyalty.min(1_000_000) as i32;
+    let mut free = vec![false; problem.robots.len()];
+    changed.iter().for_each(|&robot| free[robot] = true);
+
+    // What still fits is kept, in order of start; what does not is planned anew.
+    let kept = Ways::for_replanning(problem, &committed, &free, loyalty);
+    let mut draft = Draft::new(&kept);
+    for session in before.iter().filter(|session| !changed.contains(&session.robot)) {
+        let robot = session.robot;
+        match draft.cheapest(robot, i64::MAX) {
+            Some(way) if draft.chosen[robot] == NONE => draft.serve(robot, way),
+            _ => free[robot] = true,
+        }
+    }
+    let anew: Vec<usize> = (0..free.len()).filter(|&robot| free[robot]).collect();
+    neighbours(problem, &draft, &anew, &mut free);
+
+    let ways = Ways::for_replanning(problem, &committed, &free, loyalty);
+    let mut mended = Draft::new(&ways);
+    for robot in (0..free.len()).filter(|&robot| draft.chosen[robot] != NONE) {
+        let Some(commitment) = committed[robot] else { continue };
+        if let Some(way) = ways.of(robot).find(commitment.station, commitment.start, commitment.mode) {
+            mended.serve(robot, way as u32);
+        }
+    }
+    for &robot in &anew {
+        if let Some(way) = mended.cheapest(robot, if mended.is_stranded(robot) { i64::MAX } else { mended.cost_of(robot) }) {
+            mended.serve(robot, way);
+        }
+    }
+    mended.keep();
+    let movable: Vec<u32> =
+        (0..free.len()).filter(|&robot| free[robot] && !ways.of(robot).ways.is_empty()).map(|robot| robot as u32).collect();
+    let guide = Guide::by_cost(&ways, movable.iter().map(|&robot| robot as usize));
+    let mut search = Search::among(mended, movable);
+    let (mut rng, mut moves) = (Pcg64Mcg::seed_from_u64(seed), 0);
+    while budget.used(moves) < 1.0 && !search.idle() {
+        search.run(&guide, &mut rng, MOVES_AT_ONCE, 1.0);
+        moves += MOVES_AT_ONCE;
+    }
+    search.return_to_best();
+    finished(problem, &search.draft, &committed)
+}
+
+/// Frees those who share a station with robots that are planned anew, the nearest in time first,
+/// and those who have nothing to lose.
+fn neighbours(problem: &Problem, draft: &Draft<'_, '_>, anew: &[usize], free: &mut [bool]) {
+    let mut near: Vec<(i64, usize)> = Vec::new();
+    for &robot in anew {
+        let due = problem.robots[robot].endurance(problem.battery.floor);
+        for travel in &problem.robots[robot].travel {
+            for &other in &draft.books[travel.station].robots {
+                let other = other as usize;
+                let start = i64::from(draft.ways.of(other).ways[draft.chosen[other] as usize].start);
+                near.push(((start - due).abs(), other));
+            }
+        }
+    }
+    near.sort_unstable();
+    let mut left = NEIGHBOURS_MAX;
+    for (_, robot) in near {
+        if left > 0 && !free[robot] {
+            free[robot] = true;
+            left -= 1;
+        }
+    }
+}
+
+/// The plan, judged without loyalty.
+fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commitment>]) -> Replanned {
+    let honest: Vec<Option<Commitment>> = (0..committed.len())
+        .map(|robot| {
+            let way = *draft.ways.of(robot).ways.get(draft.chosen[robot] as usize)?;
+            Some(Commitment { station: usize::from(way.station), start: u32::from(way.start), mode: way.mode })
+        })
+        .collect();
+    let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != honest[robot]).collect();
+    let ways = Ways::for_replanning(problem, &honest, &vec![false; honest.len()], 0);
+    let mut draft = Draft::new(&ways);
+    for robot in (0..honest.len()).filter(|&robot| honest[robot].is_some()) {
+        draft.serve(robot, 0);
+    }
+    let least = Draft::least(problem);
+    let plan = Plan::new(&draft, least.0, least.1, 0);
+    Replanned { plan, moved }
+}
+
+/// A bound for a whole plan that was mended: as good as the budget allows.
+#[must_use]
+pub fn bound(ways: &Ways<'_>, plan: &Plan, budget: &mut dyn Budget) -> i64 {
+    let mut prices = Prices::new(ways, Level::Cost { stranded_max: plan.objective.stranded });
+    let mut moves = 0;
+    while budget.used(moves) < 1.0 {
+        moves += prices.improve(plan.objective.cost);
+    }
+    prices.bound()
+}

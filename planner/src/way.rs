@@ -1,0 +1,351 @@
+//! Every way in which a robot can be serviced: where, from when, and to which level or by which
+//! exchange. A way has a fixed cost and a fixed use of the station, tick by tick, so a plan is
+//! nothing but a choice of at most one way for each robot.
+
+use std::cell::OnceCell;
+
+use crate::book::Book;
+use crate::problem::{Battery, Problem, Robot, Station, Tick};
+
+/// For [`Way::ready`]: it gives no spare back within the horizon.
+pub const NEVER: u16 = u16::MAX;
+
+/// How a robot is serviced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Mode {
+    /// Charged in a bay to the level of this index.
+    Charge(u8),
+    /// Its pack is exchanged; the old one is left as it is.
+    Swap,
+    /// Its pack is exchanged; the old one is charged and becomes a spare.
+    SwapAndRecharge,
+}
+
+/// One way to service a robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Way {
+    /// Worth of the work that the robot misses.
+    pub cost: i32,
+    /// How.
+    pub mode: Mode,
+    /// Index of the station.
+    pub station: u16,
+    /// Tick in which it begins.
+    pub start: u16,
+    /// Tick in which the robot is let go.
+    pub end: u16,
+    /// Tick from which the robot's old pack is a charged spare, or [`NEVER`].
+    pub ready: u16,
+    /// Where its runs of charging lie.
+    runs: u32,
+    /// Energy from the station's packs within the horizon, mWh.
+    pub energy: i64,
+}
+
+impl Way {
+    /// Cost, then energy, then what makes it this way: one number, because one is compared fastest.
+    fn rank(&self) -> u128 {
+        let mode = match self.mode {
+            Mode::Charge(level) => u128::from(level),
+            Mode::Swap => 256,
+            Mode::SwapAndRecharge => 257,
+        };
+        let what = u128::from(self.start) << 32 | u128::from(self.station) << 16 | mode;
+        (self.cost as u128) << 96 | (self.energy as u128) << 48 | what
+    }
+}
+
+/// A number of ticks with the same draw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Run {
+    ticks: u32,
+    draw: i64,
+}
+
+/// The ways of one robot, the cheapest first.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Choices {
+    /// By cost, then energy.
+    pub ways: Vec<Way>,
+    runs: Vec<Run>,
+    /// Whether it runs empty without a service.
+    pub strands: bool,
+    /// Worth of the work that it misses without a service.
+    pub unserved_cost: i32,
+}
+
+/// The ways of all robots, made when first asked for: a change of one robot touches few others.
+#[derive(Debug)]
+pub struct Ways<'p> {
+    problem: &'p Problem,
+    choices: Vec<OnceCell<Choices>>,
+}
+
+impl<'p> Ways<'p> {
+    /// The ways of the problem's robots.
+    #[must_use]
+    pub fn new(problem: &'p Problem) -> Self {
+        Self { problem, choices: vec![OnceCell::new(); problem.robots.len()] }
+    }
+
+    /// The ways that a replanning needs: a robot with a commitment has that alone, others none, and
+    /// those that `free` names have all.
+    ///
+    /// Giving up a commitment costs `loyalty`: it is added to all other ways of a free robot that
+    /// has one, and to no service at all.
+    #[must_use]
+    pub(crate) fn for_replanning(problem: &'p Problem, committed: &[Option<Commitment>], free: &[bool], loyalty: i32) -> Self {
+        let made = Self::new(problem);
+        for (robot, commitment) in committed.iter().enumerate() {
+            if free[robot] {
+                if let Some(commitment) = commitment {
+                    let mut all = choices(problem, &problem.robots[robot], None);
+                    let kept = |way: &Way| commitment.is(way);
+                    all.ways.iter_mut().filter(|way| !kept(way)).for_each(|way| way.cost += loyalty);
+                    all.unserved_cost += loyalty;
+                    all.ways.sort_unstable_by_key(Way::rank);
+                    made.choices[robot].set(all).expect("set once");
+                }
+                continue;
+            }
+            let only = commitment.map_or(Only::Nothing, Only::This);
+            made.choices[robot].set(choices(problem, &problem.robots[robot], Some(only))).expect("set once");
+        }
+        made
+    }
+
+    /// The ways of one robot, by index.
+    #[must_use]
+    pub fn of(&self, robot: usize) -> &Choices {
+        self.choices[robot].get_or_init(|| choices(self.problem, &self.problem.robots[robot], None))
+    }
+
+    /// The same ways of the robots that would run empty, with what they take of their station in
+    /// place of their cost, in thousandths of all that the station has, and no ways for others:
+    /// who plans with these strands as few robots as it can.
+    #[must_use]
+    pub fn thrifty(&self) -> Self {
+        let thrift = Thrift::new(self.problem);
+        let choices = (0..self.choices.len()).map(|robot| {
+            let mut choices = self.of(robot).clone();
+            choices.unserved_cost = 0;
+            if choices.strands {
+                choices.ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
+                choices.ways.sort_unstable_by_key(Way::rank);
+            } else {
+                choices.ways.clear();
+            }
+            OnceCell::from(choices)
+        });
+        Self { problem: self.problem, choices: choices.collect() }
+    }
+
+    /// The problem.
+    #[must_use]
+    pub fn problem(&self) -> &'p Problem {
+        self.problem
+    }
+}
+
+/// What ways take of all that their stations have.
+#[derive(Debug)]
+pub(crate) struct Thrift {
+    /// Bay ticks, lift ticks, spares and energy of each station.
+    there: Vec<[f64; 4]>,
+    horizon: f64,
+}
+
+impl Thrift {
+    pub(crate) fn new(problem: &Problem) -> Self {
+        let there = problem.stations.iter().map(|station| Book::new(problem, station).plenty()).collect();
+        Self { there, horizon: f64::from(problem.horizon) }
+    }
+
+    /// Thousandths, of bays, lift or spares and of energy together.
+    pub(crate) fn of(&self, way: &Way) -> i32 {
+        let [bays, lift, spares, energy] = self.there[usize::from(way.station)];
+        let place = match way.mode {
+            Mode::Charge(_) => f64::from(way.end - way.start) / bays + 2.0 / lift,
+            Mode::Swap => 0.25 / spares,
+            // The spare comes back.
+            Mode::SwapAndRecharge => 0.25 / spares * f64::from(way.ready - way.start) / self.horizon,
+        };
+        (1e3 * (place + way.energy as f64 / energy)).min(1e6) as i32 + 1
+    }
+}
+
+impl Choices {
+    /// Calls `each(from, to, draw)` for every stretch of equal draw of a way, within the horizon.
+    #[inline]
+    pub fn draws(&self, way: &Way, station: &Station, horizon: Tick, mut each: impl FnMut(usize, usize, i64)) {
+        let (start, end) = (Tick::from(way.start), Tick::from(way.end));
+        let (mut at, to) = if let Mode::Charge(_) = way.mode {
+            each(start as usize, (start + station.load_ticks) as usize, station.load_draw);
+            (start + station.load_ticks, end - station.unload_ticks)
+        } else {
+            each(start as usize, end as usize, station.swap_draw);
+            (end, if way.mode == Mode::Swap { end } else { Tick::from(way.ready).min(horizon) })
+        };
+        for run in &self.runs[way.runs as usize..] {
+            if at >= to {
+                break;
+            }
+            let next = (at + run.ticks).min(to);
+            each(at as usize, next as usize, run.draw);
+            at = next;
+        }
+        if let Mode::Charge(_) = way.mode {
+            each((end - station.unload_ticks) as usize, end as usize, station.unload_draw);
+        }
+    }
+
+    /// The place of the way with this station, start and mode.
+    #[must_use]
+    pub fn find(&self, station: usize, start: Tick, mode: Mode) -> Option<usize> {
+        self.ways.iter().position(|way| usize::from(way.station) == station && Tick::from(way.start) == start && way.mode == mode)
+    }
+}
+
+/// A charge from one level up: what it takes to reach each target.
+struct Charge {
+    /// Ticks until each target and what is stored then, in order of targets.
+    reached: Vec<(Tick, i64)>,
+    runs: Vec<Run>,
+}
+
+/// Charges from `energy` through all `targets` (ascending), by whole runs instead of ticks.
+fn charge(battery: &Battery, energy: i64, targets: &[i64], bare: bool) -> Charge {
+    let (mut energy, mut ticks) = (energy, 0);
+    let mut charge = Charge { reached: Vec::with_capacity(targets.len()), runs: Vec::with_capacity(battery.curve.len()) };
+    let mut at = 0;
+    for &target in targets {
+        while energy < target {
+            while energy >= battery.curve[at].below {
+                at += 1;
+            }
+            let segment = &battery.curve[at];
+            let stop = segment.below.min(target);
+            let steps = (stop - energy + segment.gain - 1) / segment.gain;
+            energy = (energy + steps * segment.gain).min(battery.capacity);
+            ticks += steps as Tick;
+            let draw = if bare { segment.draw_bare } else { segment.draw };
+            match charge.runs.last_mut() {
+                Some(run) if run.draw == draw => run.ticks += steps as u32,
+                _ => charge.runs.push(Run { ticks: steps as u32, draw }),
+            }
+        }
+        charge.reached.push((ticks, energy));
+    }
+    charge
+}
+
+/// What the station's packs give to charge from `energy` to `target`, mWh.
+#[must_use]
+pub fn charge_need(battery: &Battery, energy: i64, target: i64) -> i64 {
+    charge(battery, energy, &[target], false).runs.iter().map(|run| i64::from(run.ticks) * run.draw).sum()
+}
+
+fn taken(runs: &[Run], ticks: Tick) -> i64 {
+    let mut left = ticks;
+    let mut sum = 0;
+    for run in runs {
+        let now = run.ticks.min(left);
+        sum += i64::from(now) * run.draw;
+        left -= now;
+    }
+    sum
+}
+
+/// A service that a plan promised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Commitment {
+    /// Index of the station.
+    pub station: usize,
+    /// The tick in which it begins.
+    pub start: Tick,
+    /// How.
+    pub mode: Mode,
+}
+
+impl Commitment {
+    fn is(&self, way: &Way) -> bool {
+        usize::from(way.station) == self.station && Tick::from(way.start) == self.start && way.mode == self.mode
+    }
+}
+
+/// Which ways are made.
+#[derive(Debug, Clone, Copy)]
+enum Only {
+    Nothing,
+    This(Commitment),
+}
+
+/// All ways to service a robot that could be part of a best plan, or only one of them.
+fn choices(problem: &Problem, robot: &Robot, only: Option<Only>) -> Choices {
+    let (battery, horizon) = (&problem.battery, problem.horizon);
+    let (strands, unserved) = (robot.strands(problem), robot.missed_unserved(battery.floor));
+    let mut made = Choices { ways: Vec::new(), runs: Vec::new(), strands, unserved_cost: unserved as i32 };
+    if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
+        return made;
+    }
+    let mut first = robot.travel.iter().map(|travel| travel.ticks).min().unwrap_or(0);
+    let mut last = robot.endurance(battery.floor).min(i64::from(horizon) - 1);
+    if let Some(Only::This(commitment)) = only {
+        (first, last) = (first.max(commitment.start), last.min(i64::from(commitment.start)));
+    }
+    let swaps = robot.travel.iter().any(|travel| !problem.stations[travel.station].spares.is_empty());
+    for start in first.. {
+        if i64::from(start) > last || robot.energy - robot.drain_hi * i64::from(start) < battery.floor {
+            break;
+        }
+        let energy = robot.energy - robot.drain * i64::from(start);
+        let wanted = battery.targets.partition_point(|target| target - energy < battery.min_gain);
+        let charged = charge(battery, energy, &battery.targets[wanted..], false);
+        let charged_runs = made.runs.len() as u32;
+        made.runs.extend_from_slice(&charged.runs);
+        let swap = swaps && battery.swap_energy - energy >= battery.min_gain;
+        let bare =
+            if swap { charge(battery, energy, &[battery.swap_energy], true) } else { Charge { reached: vec![(0, 0)], runs: Vec::new() } };
+        let bare_runs = made.runs.len() as u32;
+        made.runs.extend_from_slice(&bare.runs);
+        for travel in robot.travel.iter().filter(|travel| travel.ticks <= start) {
+            let station = &problem.stations[travel.station];
+            let away = i64::from(travel.ticks);
+            let cost = |end: Tick, stored: i64| {
+                let (from, to) = (i64::from(end) + away, i64::from(end) + (stored - battery.floor).div_euclid(robot.drain_hi));
+                robot.missed([(0, i64::from(start) - away), (from, to)])
+            };
+            let mut add = |mode, end: Tick, stored, ready, runs, energy| {
+                let cost = cost(end, stored);
+                // Who can do without is not serviced to no gain: that holds at every level.
+                if end <= horizon && (strands || cost < unserved) {
+                    let (start, end) = (start as u16, end as u16);
+                    made.ways.push(Way { cost: cost as i32, mode, station: travel.station as u16, start, end, ready, runs, energy });
+                }
+            };
+            let handling = i64::from(station.load_ticks) * station.load_draw + i64::from(station.unload_ticks) * station.unload_draw;
+            if station.bays > 0 {
+                for (level, &(ticks, stored)) in charged.reached.iter().enumerate() {
+                    let end = start + station.load_ticks + ticks + station.unload_ticks;
+                    let mode = Mode::Charge((wanted + level) as u8);
+                    add(mode, end, stored, NEVER, charged_runs, handling + taken(&charged.runs, ticks));
+                }
+            }
+            if swap && !station.spares.is_empty() {
+                let end = start + station.swap_ticks;
+                let energy = i64::from(station.swap_ticks) * station.swap_draw;
+                add(Mode::Swap, end, battery.swap_energy, NEVER, bare_runs, energy);
+                let ready = end + bare.reached[0].0;
+                // A spare that is charged too late helps nobody.
+                if ready < horizon {
+                    add(Mode::SwapAndRecharge, end, battery.swap_energy, ready as u16, bare_runs, energy + taken(&bare.runs, ready - end));
+                }
+            }
+        }
+    }
+    if let Some(Only::This(commitment)) = only {
+        made.ways.retain(|way| commitment.is(way));
+    }
+    made.ways.sort_unstable_by_key(Way::rank);
+    made
+}

@@ -1,0 +1,97 @@
+//! Any problem: small, often tight, sometimes with nothing to plan with.
+
+use planner::problem::{Battery, Critical, Ongoing, Pack, Problem, Robot, Segment, Station, Travel};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+/// A small battery: three segments of taper.
+pub fn battery() -> Battery {
+    let segment = |below, gain, draw, draw_bare| Segment { below, gain, draw, draw_bare };
+    Battery {
+        capacity: 1000,
+        floor: 100,
+        min_gain: 80,
+        targets: vec![600, 800, 970],
+        swap_energy: 960,
+        curve: vec![segment(800, 60, 75, 66), segment(930, 40, 52, 45), segment(1000, 15, 24, 18)],
+    }
+}
+
+fn pack(name: usize) -> impl Strategy<Value = Pack> {
+    (0_i64..6000, 0_i64..300, prop_oneof![3 => Just(0_i64), 1 => 1_i64..30]).prop_map(move |(remaining, reserve, available_from)| Pack {
+        name: name.to_string(),
+        remaining,
+        reserve,
+        available_from,
+    })
+}
+
+/// A station that can feed itself: its first pack is large enough for that.
+pub fn station() -> impl Strategy<Value = Station> {
+    let packs = (pack(0), vec(pack(1), 0..4));
+    let sizes = (0_u32..4, 0_i64..3, 0_i64..3, 0_i64..60, 0_u32..3, 0_u32..3, 0_u32..4);
+    (packs, sizes, 0_i64..300, vec(0_u32..40, 0..3), any::<bool>()).prop_map(
+        |(
+            (mut first, mut more),
+            (bays, lift_slots, swap_slots, switch_cost, load_ticks, unload_ticks, swap_ticks),
+            power,
+            spares,
+            busy,
+        )| {
+            let ongoing = Ongoing { bay: 0, until: 7, draw: 60, unload_ticks: 1 };
+            let ongoing = if busy && bays > 0 && lift_slots > 0 { vec![ongoing] } else { Vec::new() };
+            first.available_from = 0;
+            first.remaining += first.reserve + 5 * 40 + 7 * 60;
+            more.iter_mut().zip(1..).for_each(|(pack, name)| pack.name = format!("{name}"));
+            Station {
+                name: "any".to_owned(),
+                bays,
+                lift_slots,
+                swap_slots,
+                hotel: 5,
+                p_max: 65 + power,
+                switch_cost,
+                load_ticks,
+                load_draw: 30,
+                unload_ticks,
+                unload_draw: 20,
+                swap_ticks,
+                swap_draw: 15,
+                spares,
+                packs: std::iter::once(first).chain(more).collect(),
+                ongoing,
+            }
+        },
+    )
+}
+
+fn robot(stations: usize) -> impl Strategy<Value = Robot> {
+    let critical = proptest::option::of((0_i64..40, 0_i64..12, 1_i64..5));
+    (0_i64..=1000, 0_i64..30, 1_i64..8, 0_i64..60, 1_i64..4, critical, vec(proptest::option::of(0_u32..9), stations)).prop_map(
+        |(energy, drain, caution, mission_end, weight, critical, travel)| Robot {
+            name: "any".to_owned(),
+            energy,
+            drain,
+            drain_hi: drain + caution,
+            mission_end,
+            weight,
+            critical: critical.map(|(from, length, weight)| Critical { from, to: from + length, weight }),
+            travel: travel.into_iter().enumerate().filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks })).collect(),
+        },
+    )
+}
+
+/// A problem that can be planned.
+pub fn problem() -> impl Strategy<Value = Problem> {
+    vec(station(), 0..3).prop_flat_map(|stations| {
+        vec(robot(stations.len()), 0..14).prop_map(move |robots| Problem {
+            name: "any".to_owned(),
+            tick_s: 60,
+            horizon: 40,
+            capacity_target: 1,
+            battery: battery(),
+            stations: stations.clone(),
+            robots,
+        })
+    })
+}

@@ -1,0 +1,95 @@
+//! Nothing to plan, nothing to plan with, and what cannot be planned or read.
+
+use planner::problem::{Problem, Robot, Travel};
+use planner::{Instance, Moves, NoPlan, plan};
+
+use crate::any;
+use crate::checker::judged;
+
+fn station() -> planner::problem::Station {
+    use proptest::strategy::{Strategy as _, ValueTree as _};
+    let mut station = any::station().new_tree(&mut proptest::test_runner::TestRunner::deterministic()).expect("a station").current();
+    station.ongoing.clear();
+    (station.bays, station.lift_slots, station.swap_slots, station.p_max) = (2, 1, 1, 400);
+    (station.load_ticks, station.unload_ticks, station.swap_ticks) = (1, 1, 2);
+    station.packs[0].remaining = 9000;
+    station
+}
+
+fn robot(energy: i64) -> Robot {
+    let travel = vec![Travel { station: 0, ticks: 2 }];
+    Robot { name: "r".to_owned(), energy, drain: 20, drain_hi: 24, mission_end: 50, weight: 1, critical: None, travel }
+}
+
+fn problem(robots: Vec<Robot>, stations: Vec<planner::problem::Station>) -> Problem {
+    Problem { name: "degenerate".to_owned(), tick_s: 60, horizon: 40, capacity_target: 1, battery: any::battery(), stations, robots }
+}
+
+fn planned(problem: &Problem) -> planner::Plan {
+    let plan = plan(problem, "optimise", 1, &mut Moves(2000)).expect("a plan");
+    assert_eq!(plan.objective.all(), judged(problem, &plan));
+    plan
+}
+
+#[test]
+fn without_robots_only_the_stations_themselves_draw() {
+    assert_eq!(planned(&problem(Vec::new(), vec![station()])).objective.all(), [0, 0, 200, 1]);
+    assert_eq!(planned(&problem(Vec::new(), Vec::new())).objective.all(), [0, 0, 0, 0]);
+}
+
+#[test]
+fn without_stations_everybody_is_told_why() {
+    let mut alone = robot(500);
+    alone.travel.clear();
+    let plan = planned(&problem(vec![alone], Vec::new()));
+    assert_eq!(plan.objective.stranded, 1);
+    assert_eq!(plan.unserved[0].reasons, ["no station is in reach"]);
+}
+
+#[test]
+fn who_is_empty_reaches_nobody() {
+    let plan = planned(&problem(vec![robot(100), robot(90), robot(0)], vec![station()]));
+    assert_eq!(plan.objective.stranded, 3);
+    assert!(plan.unserved[0].reasons[0].contains("may be empty in 0"), "{:?}", plan.unserved);
+}
+
+#[test]
+fn without_bays_and_spares_nobody_is_serviced() {
+    let mut bare = station();
+    (bare.bays, bare.spares) = (0, Vec::new());
+    let plan = planned(&problem(vec![robot(500)], vec![bare]));
+    assert_eq!(plan.unserved[0].reasons, ["station any: it has neither bay nor spare"]);
+}
+
+#[test]
+fn equal_robots_take_turns() {
+    let plan = planned(&problem(vec![robot(500); 6], vec![station()]));
+    assert!(plan.sessions.len() >= 2, "{:?}", plan.sessions);
+}
+
+#[test]
+fn what_the_packs_cannot_feed_is_said_in_words() {
+    let mut hungry = station();
+    hungry.packs.truncate(1);
+    hungry.packs[0].remaining = hungry.packs[0].reserve + 150;
+    let Err(NoPlan::Impossible(why)) = plan(&problem(vec![robot(500)], vec![hungry]), "optimise", 1, &mut Moves(10)) else {
+        panic!("a plan although nothing feeds the station");
+    };
+    assert!(why[0].contains("take 200 mWh before tick 40") && why[0].contains("50 mWh short"), "{why:?}");
+    let mut dark = station();
+    dark.packs.clear();
+    let why = plan(&problem(Vec::new(), vec![dark]), "optimise", 1, &mut Moves(10)).expect_err("no pack").to_string();
+    assert!(why.contains("no pack on line"), "{why}");
+}
+
+#[test]
+fn mistakes_are_named_with_what_was_meant() {
+    let text = include_str!("../instances/6-1-1.json");
+    let error = |from: &str, to: &str| Instance::parse(&text.replacen(from, to, 1)).expect_err("a mistake").to_string();
+    assert!(error("\"horizon\"", "\"horizn\"").contains("did you mean `horizon`"));
+    assert!(error("\"bays\":", "\"bays\":-").contains("allowed are 0 to"));
+    assert!(error("\"travel\":[[0,", "\"travel\":[[7,").contains("no station has the id 7; the nearest id is 0"));
+    assert!(error("mds-inst-1", "mds-inst-9").contains("\"mds-inst-1\" can"));
+    let unknown = plan(&problem(Vec::new(), Vec::new()), "optimize", 1, &mut Moves(10)).expect_err("no such policy");
+    assert!(unknown.to_string().contains("did you mean \"optimise\""), "{unknown}");
+}

@@ -1,0 +1,8 @@
+//! What the planner promises, looked at from outside.
+
+mod any;
+mod checker;
+mod degenerate;
+mod mending;
+mod promises;
+mod quality;
