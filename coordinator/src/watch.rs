@@ -227,3 +227,33 @@ impl std::fmt::Display for Subject {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_doubt_says_since_when_and_what_to_run_and_widens_forecasts_while_it_lasts() {
+        let robot: RobotId = "explorer-2".parse().unwrap();
+        let mut models = Models { store: "site.db".to_owned(), ..Models::default() };
+        let battery = Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap());
+        models.robots.insert(robot.clone(), battery);
+        let begin: Timestamp = "2026-01-01T14:05:00Z".parse().unwrap();
+        let (mut watch, subject, mut news) = (Watch::default(), Subject::RobotBattery(robot), News::new());
+        let fleet = Fleet::default();
+        watch.add(subject.clone(), begin, 6.1, &mut news);
+        assert_eq!((news.len(), watch.wider(&subject)), (0, 1.0));
+        watch.add(subject.clone(), begin.plus_s(60.0), 6.1, &mut news);
+        assert_eq!(news, [(subject.clone(), Change::Raised)]);
+        let [doubt] = &watch.doubts(&fleet, &models)[..] else { panic!("one doubt") };
+        assert_eq!(
+            doubt.text,
+            "the battery model of explorer-2 no longer explains its data since 14:05 (residual z = 6.1): run `lab discover --model \
+             explorer-3s1p-1320mah --store site.db --robot explorer-2 --from 2026-01-01T14:05:00.000Z`"
+        );
+        assert!((watch.wider(&subject) - 6.1).abs() < 1e-12);
+        (2..20).for_each(|minute| watch.add(subject.clone(), begin.plus_s(60.0 * f64::from(minute)), 0.0, &mut news));
+        assert_eq!(news.last(), Some(&(subject.clone(), Change::Cleared)));
+        assert_eq!((watch.wider(&subject), watch.doubts(&fleet, &models).len()), (1.0, 0));
+    }
+}

@@ -22,6 +22,8 @@ const BLOCKS_MIN: f64 = 6.0;
 const STALE_SHARE: f64 = 0.003;
 /// The same, W: the last digits of current and voltage.
 const STALE_W: f64 = 0.05;
+/// How uneven the energy of a way is over its time, as a share of it (guess: it may climb at its end).
+const UNEVEN_SHARE: f64 = 0.25;
 /// A way on which nothing was heard for this long is not judged, s.
 const SILENT_S: f64 = 5.0;
 /// What integrating a message a second leaves open of a way's energy, as a share of it (guess).
@@ -151,6 +153,7 @@ struct Block {
 
 struct Way {
     begin: Timestamp,
+    time_s: f64,
     expected_wh: proto::Estimate,
     energy_wh: f64,
     /// Longest time without a message, s.
@@ -180,17 +183,28 @@ impl RobotWatch {
             self.back_until = state.at.plus_s(state.travel.get(station).map_or(0.0, |travel| travel.time_s));
         }
         let judged = self.way.take().filter(|way| way.silent_s < SILENT_S).and_then(|way| {
-            let sigma = way.expected_wh.sigma.hypot(WAY_SHARE * way.expected_wh.value);
-            let z = (way.energy_wh - way.expected_wh.value) / sigma.max(1e-6);
-            // A robot that stopped on its way and has already taken more than all of it says enough.
-            let tells = state.phase == RobotPhase::Waiting || state.phase == RobotPhase::Stranded && z > 0.0;
+            // Of a robot that stopped on its way its share of the time is known, and of the energy that
+            // share about as well as ways are even.
+            let arrived = state.phase == RobotPhase::Waiting;
+            let share = if arrived { 1.0 } else { (state.at.seconds_since(way.begin) / way.time_s.max(1.0)).min(1.0) };
+            let (whole_wh, uneven) = (way.expected_wh.value, UNEVEN_SHARE * share * (1.0 - share));
+            let sigma = (share * way.expected_wh.sigma).hypot(whole_wh * WAY_SHARE.hypot(uneven));
+            let z = (way.energy_wh - share * whole_wh) / sigma.max(1e-6);
+            // Whoever stopped for another reason has taken no more than he should.
+            let tells = arrived || state.phase == RobotPhase::Stranded && z > 0.0;
             tells.then_some(Judged::Way(way.begin, z))
         });
         if state.phase == RobotPhase::Travelling
             && let Some(travel) = state.station.as_ref().and_then(|station| state.travel.get(station))
         {
             let at_work = phase == Some(RobotPhase::Working) && state.at >= self.back_until;
-            self.way = at_work.then(|| Way { begin: state.at, expected_wh: travel.energy_wh, energy_wh: 0.0, silent_s: 0.0 });
+            self.way = at_work.then(|| Way {
+                begin: state.at,
+                time_s: travel.time_s,
+                expected_wh: travel.energy_wh,
+                energy_wh: 0.0,
+                silent_s: 0.0,
+            });
         }
         judged
     }
@@ -333,10 +347,11 @@ mod tests {
     #[test]
     fn a_way_is_judged_when_it_ends_and_by_what_it_had_taken_where_the_robot_stopped() {
         // 2.5 Wh less 2 Wh, over 0.03 Wh and 2 % of 2 Wh: 0.05 Wh.
-        assert!((way(RobotPhase::Waiting, 1800).unwrap() - 10.0).abs() < 0.1);
-        // After 1620 s 2.25 Wh; after 900 s less than the whole way: who knows why it stopped.
-        assert!((way(RobotPhase::Stranded, 1620).unwrap() - 5.0).abs() < 0.1);
-        assert_eq!(way(RobotPhase::Stranded, 900), None);
+        let arrived = way(RobotPhase::Waiting, 1800).unwrap();
+        assert!((arrived - 10.0).abs() < 0.1, "{arrived}");
+        // After 1620 s 2.25 Wh less 1.8 Wh, over 0.027, 0.04 and 0.25 x 0.9 x 0.1 x 2 = 0.045 Wh: 0.066 Wh.
+        let stopped = way(RobotPhase::Stranded, 1620).unwrap();
+        assert!((stopped - 0.45 / 0.066).abs() < 0.1, "{stopped}");
         // Called back to work.
         assert_eq!(way(RobotPhase::Working, 1800), None);
     }

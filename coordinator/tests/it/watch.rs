@@ -66,6 +66,6 @@ fn an_aged_pack_is_doubted_before_it_gives_out() {
 fn robots_that_stop_on_a_slope_tell_of_it() {
     let scenario = read(&scenario_folder().join("hidden-slope.toml"));
     let level = run(&scenario, &scenario.runs()[0], 1, false);
-    doubted_min(&level, "the load model of carrier-2 on its ways");
+    doubted_min(&level, "the load model of carrier-1 on its ways");
     assert!(doubts(&run(&scenario, &scenario.runs()[1], 1, false)).is_empty());
 }
