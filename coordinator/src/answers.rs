@@ -33,6 +33,7 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         trigger,
         services,
         unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck(basis, plan)).collect(),
+        doubts: basis.watch.doubts(basis.fleet, basis.models),
     }
 }
 
@@ -102,7 +103,7 @@ pub fn capacity(basis: &Basis<'_>) -> Capacity {
         let Some(station) = basis.fleet.stations.get(id) else { continue };
         let Some(state) = station.known() else { continue };
         let Some(battery) = basis.reference_battery() else { continue };
-        let service = basis.reference_recharge(models, battery, state.bays.len());
+        let service = basis.reference_recharge(id, models, battery, state.bays.len());
         let service_s = service.charge_s + models.handling.load_s + models.handling.unload_s;
         let view = basis.station(id, models, Some(station));
         let begun = view.committed.plus(&view.overhead_per_h.scaled(view.committed_until_s / energy::units::S_PER_H));
@@ -170,7 +171,12 @@ pub fn explain(basis: &Basis<'_>, problem: &Problem, plan: &Plan, schedule: &Sch
         (None, Some(rejected)) => reasons.extend(rejected.reasons.iter().cloned()),
         (None, None) => reasons.push("no service is planned".to_owned()),
     }
-    Ok(Explanation { at: basis.now, robot: robot.clone(), service, reasons, alternatives: alternatives(schedule, problem, robot) })
+    let at = service.as_ref().map(|service| service.station.clone());
+    // What a service rests on: the robot's own models, and those of its station.
+    let concerns = |doubt: &proto::Doubt| doubt.robot.as_ref() == Some(robot) || doubt.station.is_some() && doubt.station == at;
+    let doubts = basis.watch.doubts(basis.fleet, basis.models).into_iter().filter(concerns).collect();
+    let alternatives = alternatives(schedule, problem, robot);
+    Ok(Explanation { at: basis.now, robot: robot.clone(), service, reasons, alternatives, doubts })
 }
 
 /// Every way of servicing a robot, as if nothing but what has begun were promised.

@@ -29,6 +29,7 @@ use crate::scheduler::{Plan, Problem, construct};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
 use crate::view::Basis;
+use crate::watch::Watch;
 
 /// How many different refusals are told; a flood of bad messages must not fill the memory.
 const REFUSED_MAX: usize = 1000;
@@ -105,6 +106,7 @@ pub struct Core {
     /// Why a new plan is due, if it is.
     trigger: Option<String>,
     refused: BTreeSet<String>,
+    watch: Watch,
     outputs: VecDeque<Output>,
 }
 
@@ -119,6 +121,7 @@ impl Core {
             trigger: "no plan yet".to_owned(),
             services: Vec::new(),
             unserved: Vec::new(),
+            doubts: Vec::new(),
         };
         Self {
             settings,
@@ -137,6 +140,7 @@ impl Core {
             planned: None,
             trigger: None,
             refused: BTreeSet::new(),
+            watch: Watch::default(),
             outputs: VecDeque::new(),
         }
     }
@@ -149,7 +153,7 @@ impl Core {
             Input::RobotState(id, state) => self.robot_state(now, id, state),
             Input::RobotAlive(id, alive) => self.robot_alive(now, id, alive),
             Input::StationState(id, state) => self.station_state(now, id, state),
-            Input::PackGauge(id, pack, gauge) => self.pack_gauge(id, pack, gauge),
+            Input::PackGauge(id, pack, gauge) => self.pack_gauge(now, id, pack, gauge),
             Input::StationAlive(id, alive) => self.station_alive(now, id, alive),
             Input::Reply(reply) => self.replied(now, &reply),
             Input::Tick => {}
@@ -195,7 +199,15 @@ impl Core {
     }
 
     fn basis(&self, now: Timestamp) -> Basis<'_> {
-        Basis { now, fleet: &self.fleet, models: &self.models, settings: &self.settings, running: &self.running, promised: &self.promised }
+        Basis {
+            now,
+            fleet: &self.fleet,
+            models: &self.models,
+            settings: &self.settings,
+            running: &self.running,
+            promised: &self.promised,
+            watch: &self.watch,
+        }
     }
 
     fn replan(&mut self, why: String) {

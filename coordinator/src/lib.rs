@@ -31,6 +31,7 @@ pub mod service_run;
 pub mod sim;
 pub mod store;
 pub mod view;
+mod watch;
 
 pub use crate::config::Config;
 pub use crate::core::{Core, Input, Numbering, Output};

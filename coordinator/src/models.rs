@@ -61,6 +61,8 @@ pub struct Models {
     pub built_in: BTreeMap<String, Arc<Model>>,
     /// Stations.
     pub stations: BTreeMap<StationId, StationModels>,
+    /// The store that the journal goes into, for commands that are told to read it.
+    pub store: String,
 }
 
 impl Models {

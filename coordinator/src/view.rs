@@ -13,6 +13,7 @@ use crate::forecast::{self, Recharge};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::{BayView, OptionView, PackView, Problem, RobotView, SpareView, StationView, Way};
 use crate::service_run::{How, ServiceRun, Stage};
+use crate::watch::{Subject, Watch};
 use energy::Need;
 
 /// Share of the time to empty after which a service is wanted whatever the state of charge.
@@ -33,6 +34,8 @@ pub struct Basis<'a> {
     pub running: &'a BTreeMap<RobotId, ServiceRun>,
     /// Robots that the last plan promised a service.
     pub promised: &'a BTreeSet<RobotId>,
+    /// Doubts in models.
+    pub(crate) watch: &'a Watch,
 }
 
 impl Basis<'_> {
@@ -51,10 +54,10 @@ impl Basis<'_> {
     }
 
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, stations: &[StationView]) -> RobotView {
-        let soc = from_wire(gauge.soc);
+        let soc = wider(from_wire(gauge.soc), self.watch.wider(&Subject::RobotBattery(id.clone())));
         let stored_wh = battery.battery().stored_wh();
         let drain_soc_per_s = (state.drain_w.value / stored_wh / S_PER_H).max(1e-12);
-        let empty_s = self.empty_s(gauge, state);
+        let empty_s = self.empty_s(id, gauge, state);
         // A heavy load may empty a pack soon after it reaches the level at which a service is
         // wanted, or before: it comes while there is time left for a queue.
         let wanted_s = ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0).min(QUEUE_SHARE * empty_s);
@@ -78,14 +81,17 @@ impl Basis<'_> {
     }
 
     /// Time until a robot may be empty: what its gauge has left over its drain, both pessimistic.
-    fn empty_s(&self, gauge: &Gauge, state: &RobotState) -> f64 {
+    fn empty_s(&self, id: &RobotId, gauge: &Gauge, state: &RobotState) -> f64 {
         let z = Normal::standard().inverse_cdf(self.settings.confidence);
-        let drain_w = state.drain_w.value + z * state.drain_w.sigma;
+        // A doubted model is less certain than it says.
+        let [battery, work, on_way] = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())]
+            .map(|of| self.watch.wider(&of));
+        let drain_w = state.drain_w.value + z * work * state.drain_w.sigma;
         // What the cheapest way home takes beyond as much work is kept back for it.
-        let beyond_wh = |way: &Travel| way.energy_wh.value + z * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
+        let beyond_wh = |way: &Travel| way.energy_wh.value + z * on_way * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
         let reserve_wh = state.travel.values().map(beyond_wh).fold(f64::INFINITY, f64::min);
         let reserve_wh = if reserve_wh.is_finite() { reserve_wh.max(0.0) } else { 0.0 };
-        let energy_wh = (gauge.remaining_wh.value - z * gauge.remaining_wh.sigma - reserve_wh).max(0.0);
+        let energy_wh = (gauge.remaining_wh.value - z * battery * gauge.remaining_wh.sigma - reserve_wh).max(0.0);
         if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }
     }
 
@@ -102,7 +108,7 @@ impl Basis<'_> {
         let mut ways = Vec::new();
         if !station.bays.is_empty() {
             let to_soc = self.settings.charge_to_soc;
-            let recharge = forecast::recharge(models, self.side_by_side(&station.station), battery, soc_ready, to_soc);
+            let recharge = self.recharge(&station.station, models, self.side_by_side(&station.station), battery, soc_ready, to_soc);
             let facts = battery.battery();
             let need_share_per_s = drain_soc_per_s / (to_soc - soc_ready.value).max(0.01);
             // What a robot loses while it waits is charged at full current, or at what robots that
@@ -115,7 +121,8 @@ impl Basis<'_> {
             ways.push(Way::Recharge { to_soc, recharge, charge_s_per_s, need_share_per_s });
         }
         if !station.spares.is_empty() {
-            ways.push(Way::Swap { need: forecast::exchange(models, soc_ready, self.settings.charge_to_soc) });
+            let need = forecast::exchange(models, soc_ready, self.settings.charge_to_soc);
+            ways.push(Way::Swap { need: self.doubted(&station.station, need) });
         }
         ways.into_iter().map(|way| OptionView { station: index, travel_s, way }).collect()
     }
@@ -134,7 +141,7 @@ impl Basis<'_> {
             packs: Vec::new(),
             committed: Need::default(),
             committed_until_s: 0.0,
-            overhead_per_h: forecast::overhead_per_h(models),
+            overhead_per_h: self.doubted(id, forecast::overhead_per_h(models)),
         };
         let Some((station, state)) = station.and_then(|station| Some((station, station.known()?))) else {
             view.out_of_order = Some("it has not been heard".to_owned());
@@ -165,7 +172,7 @@ impl Basis<'_> {
             }
         }
         view.lift_busy.sort_by(|a, b| a.0.total_cmp(&b.0));
-        view.packs = self.packs(models, station, state);
+        view.packs = self.packs(id, models, station, state);
         view
     }
 
@@ -212,13 +219,13 @@ impl Basis<'_> {
         let robot = self.fleet.robots.get(&run.robot);
         let Some((gauge, state)) = robot.and_then(|robot| robot.known()) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
-        forecast::recharge(models, self.side_by_side(&run.station), battery, from_wire(gauge.soc), to_soc).need
+        self.recharge(&run.station, models, self.side_by_side(&run.station), battery, from_wire(gauge.soc), to_soc).need
     }
 
     /// Packs that hold something, in the order in which they are drained: the active one, then
     /// the fullest last, so that full packs stay full.
-    fn packs(&self, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
-        let power_w = self.working_power_w(models, state);
+    fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
+        let power_w = self.working_power_w(id, models, state);
         let mut packs: Vec<PackView> = state
             .packs
             .iter()
@@ -226,7 +233,8 @@ impl Basis<'_> {
             .filter_map(|pack| {
                 let (gauge, model) = (station.packs.get(&pack.pack)?, models.packs.get(&pack.pack)?);
                 let usable_wh = forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, power_w);
-                Some(PackView { pack: pack.pack.clone(), usable_wh })
+                let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
+                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor) })
             })
             .collect();
         let active = |pack: &PackId| state.active_pack.as_ref() == Some(pack);
@@ -239,10 +247,10 @@ impl Basis<'_> {
 
     /// Power out of the active pack while every bay charges: usable energy is counted at that.
     #[must_use]
-    pub fn working_power_w(&self, models: &StationModels, state: &StationState) -> f64 {
+    pub fn working_power_w(&self, id: &StationId, models: &StationModels, state: &StationState) -> f64 {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return overhead_w };
-        let recharge = self.reference_recharge(models, battery, state.bays.len());
+        let recharge = self.reference_recharge(id, models, battery, state.bays.len());
         overhead_w + state.bays.len() as f64 * recharge.need.mean_wh / (recharge.charge_s / S_PER_H).max(1e-6)
     }
 
@@ -257,8 +265,32 @@ impl Basis<'_> {
     /// The service that capacity is counted in: from where a service is wanted to where it ends,
     /// with as many robots at once as there are bays.
     #[must_use]
-    pub fn reference_recharge(&self, models: &StationModels, battery: &Arc<Model>, bays: usize) -> Recharge {
+    pub fn reference_recharge(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, bays: usize) -> Recharge {
         let from = Estimate::exact(self.settings.serve_below_soc);
-        forecast::recharge(models, bays, battery, from, self.settings.charge_to_soc)
+        self.recharge(id, models, bays, battery, from, self.settings.charge_to_soc)
     }
+
+    fn recharge(
+        &self,
+        id: &StationId,
+        models: &StationModels,
+        at_once: usize,
+        battery: &Arc<Model>,
+        soc: Estimate,
+        to_soc: f64,
+    ) -> Recharge {
+        let recharge = forecast::recharge(models, at_once, battery, soc, to_soc);
+        Recharge { need: self.doubted(id, recharge.need), ..recharge }
+    }
+
+    /// What a station's packs must give, as much less certain as its model is doubted.
+    fn doubted(&self, id: &StationId, need: Need) -> Need {
+        let factor = self.watch.wider(&Subject::Station(id.clone()));
+        let shared_wh = need.shared_wh.iter().map(|change_wh| factor * change_wh).collect();
+        Need { mean_wh: need.mean_wh, shared_wh, own_variance: factor * factor * need.own_variance }
+    }
+}
+
+fn wider(estimate: Estimate, factor: f64) -> Estimate {
+    Estimate::new(estimate.value, factor * estimate.sigma)
 }

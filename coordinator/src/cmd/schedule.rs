@@ -190,6 +190,9 @@ pub(super) fn show(schedule: &Schedule) {
     for unserved in &schedule.unserved {
         say!("unserved: {}: {}", unserved.robot, unserved.reasons.join("; "));
     }
+    for doubt in &schedule.doubts {
+        say!("doubted: {}", doubt.text);
+    }
 }
 
 fn show_capacity(capacity: &Capacity) {
@@ -237,6 +240,9 @@ fn show_explanation(explanation: &Explanation) {
     }
     for reason in &explanation.reasons {
         say!("  - {reason}");
+    }
+    for doubt in &explanation.doubts {
+        say!("  ! {}", doubt.text);
     }
     for alternative in &explanation.alternatives {
         let start = alternative.start.map_or_else(|| "not now".to_owned(), |start| format!("could begin {}", clock(start)));

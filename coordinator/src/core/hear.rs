@@ -5,6 +5,7 @@ use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId
 use super::{Core, REFUSED_MAX};
 use crate::fleet::newer;
 use crate::store::Record;
+use crate::watch::{Change, News};
 
 impl Core {
     pub(super) fn robot_gauge(&mut self, now: Timestamp, id: RobotId, gauge: Gauge) {
@@ -16,6 +17,10 @@ impl Core {
             if first {
                 self.heard_robot(now, &id);
             }
+            let name = self.fleet.robots[&id].state.as_ref().map(|state| state.battery.as_str());
+            let model = name.and_then(|name| self.models.battery(&id, name));
+            let news = self.watch.robot_gauge(&id, model, self.fleet.robots[&id].gauge.as_ref().expect("it was just heard"));
+            self.doubted(now, news);
         }
     }
 
@@ -38,6 +43,8 @@ impl Core {
         let phase = state.phase;
         robot.state = Some(state.clone());
         robot.lost = false;
+        let news = self.watch.robot_state(&id, &state);
+        self.doubted(now, news);
         self.record(Record::RobotState { robot: id.clone(), state: state.clone() });
         match before {
             None => {
@@ -97,6 +104,11 @@ impl Core {
             self.replan(format!("{id} joined"));
             return;
         };
+        let told =
+            |state: &StationState| (state.bays.clone(), state.lift_busy, state.powered, state.active_pack.clone(), state.packs.clone());
+        if told(&before) != told(&state) {
+            self.watch.station_changed(&id, &before, &state);
+        }
         if before.powered && !state.powered {
             self.event(now, EventKind::StationDark, None, Some(&id), None, format!("{id} has no power left"));
             self.replan(format!("{id} has no power left"));
@@ -118,14 +130,34 @@ impl Core {
         }
     }
 
-    pub(super) fn pack_gauge(&mut self, id: StationId, pack: PackId, gauge: Gauge) {
+    pub(super) fn pack_gauge(&mut self, now: Timestamp, id: StationId, pack: PackId, gauge: Gauge) {
         if !self.models.stations.contains_key(&id) {
             return;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
         if newer(gauge.at, station.packs.get(&pack).map(|known| known.at)) {
             station.packs.insert(pack.clone(), gauge.clone());
+            let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[&id], &id, &pack, &gauge);
             self.record(Record::PackGauge { station: id, pack, gauge });
+            self.doubted(now, news);
+        }
+    }
+
+    /// Tells of models that began or ceased to be doubted, and plans anew: forecasts are less or more
+    /// certain now.
+    fn doubted(&mut self, now: Timestamp, news: News) {
+        for (subject, change) in news {
+            let (robot, station, pack) = subject.ids();
+            let (kind, text) = match change {
+                Change::Raised => {
+                    let doubt = self.watch.doubt(&subject, &self.fleet, &self.models);
+                    (EventKind::ModelDoubted, doubt.map_or_else(String::new, |doubt| doubt.text))
+                }
+                Change::Cleared => (EventKind::ModelTrusted, format!("{subject} explains its data again")),
+            };
+            self.event(now, kind, robot, station, pack, text);
+            let word = if change == Change::Raised { "is doubted" } else { "is trusted again" };
+            self.replan(format!("{subject} {word}"));
         }
     }
 

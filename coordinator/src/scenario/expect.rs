@@ -18,6 +18,7 @@ pub const METRICS: &[(&str, &str)] = &[
     ("packs_depleted", "station packs that gave out"),
     ("pack_switches", "times that the selector changed the active pack"),
     ("swaps", "robots whose pack was exchanged"),
+    ("models_doubted", "times that a model ceased to explain what was measured"),
     ("depot_exchanges", "station packs that were exchanged at a depot"),
     ("drive_energy_wh", "energy that stations took to drive, Wh"),
     ("path_selection_saves_wh", "energy that station packs are or would be spared by robots that select their power path, Wh"),

@@ -18,6 +18,7 @@ pub struct Measured {
     switches: u32,
     depleted: u32,
     swaps: u32,
+    doubted: u32,
     /// True state of charge of every pack when the last service so far was done.
     socs_after_services: Vec<(String, f64)>,
 }
@@ -32,6 +33,7 @@ impl Measured {
             (EventKind::PromiseBroken, Some(robot)) => drop(self.broken.insert(robot.clone())),
             (EventKind::PackSelected, _) => self.switches += 1,
             (EventKind::PackDepleted, _) => self.depleted += 1,
+            (EventKind::ModelDoubted, _) => self.doubted += 1,
             _ => {}
         }
     }
@@ -54,6 +56,7 @@ impl Measured {
             ("packs_depleted", f64::from(self.depleted)),
             ("pack_switches", f64::from(self.switches)),
             ("swaps", f64::from(self.swaps)),
+            ("models_doubted", f64::from(self.doubted)),
         ];
         self.metrics.extend(counted.iter().chain(totals).map(|&(name, value)| (name.to_owned(), value + 0.0)));
         let after = std::mem::take(&mut self.socs_after_services);

@@ -112,7 +112,15 @@ fn events(seqs: std::ops::RangeInclusive<u64>) -> Vec<Record> {
 
 fn schedule(plan: u64) -> Schedule {
     let unserved = vec![Unserved { robot: id("r3"), reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }];
-    Schedule { at: at(6), plan, policy: "least-regret".to_owned(), trigger: "r1 joined".to_owned(), services: Vec::new(), unserved }
+    Schedule {
+        at: at(6),
+        plan,
+        policy: "least-regret".to_owned(),
+        trigger: "r1 joined".to_owned(),
+        services: Vec::new(),
+        unserved,
+        doubts: Vec::new(),
+    }
 }
 
 fn capacity(robots_promised: u32) -> Capacity {
@@ -120,7 +128,14 @@ fn capacity(robots_promised: u32) -> Capacity {
 }
 
 fn explanation(robot: &str, reason: &str) -> Explanation {
-    Explanation { at: at(8), robot: id(robot), service: None, reasons: vec![reason.to_owned()], alternatives: Vec::new() }
+    Explanation {
+        at: at(8),
+        robot: id(robot),
+        service: None,
+        reasons: vec![reason.to_owned()],
+        alternatives: Vec::new(),
+        doubts: Vec::new(),
+    }
 }
 
 fn robot_command(name: &str, after_s: i64) -> RobotCommand {

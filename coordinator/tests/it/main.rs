@@ -2,7 +2,9 @@
 
 mod commands;
 mod scenarios;
+mod stories;
 mod telemetry;
+mod watch;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

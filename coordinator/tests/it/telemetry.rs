@@ -129,7 +129,9 @@ fn what_a_real_gauge_adds_is_its_start_and_its_specimen() {
 #[test]
 fn the_station_log_shows_the_robots_own_load_to_whoever_does_not_know_it() {
     let folder = tempfile::tempdir().unwrap();
-    logs(folder.path(), "hidden-own-load.toml", &[("duration_s = 5400", "duration_s = 1500")], &["--run", "own load unknown"]);
+    let models = format!("\"{}/", scenario_folder().join("models").display());
+    let changes = [("duration_s = 5400", "duration_s = 1500"), ("\"models/", models.as_str())];
+    logs(folder.path(), "hidden-own-load.toml", &changes, &["--run", "own load unknown"]);
     let log = log(&folder.path().join("logs"), "mds-1");
     let whole = load_model("mds-station").unwrap().model;
     let known = compared(&whole, &log, Channel::PackPowerW);

@@ -43,6 +43,10 @@ pub enum EventKind {
     PromiseBroken,
     /// A message was refused.
     InputRefused,
+    /// A model no longer explains what is measured.
+    ModelDoubted,
+    /// A model explains again what is measured.
+    ModelTrusted,
 }
 display_as_on_the_wire!(EventKind);
 

@@ -102,6 +102,34 @@ pub struct Unserved {
     pub reasons: Vec<String>,
 }
 
+/// A model that no longer explains what is measured, and what to do about it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Doubt {
+    /// The robot whose battery or load the model describes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotId>,
+    /// The station whose load, or whose pack, the model describes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub station: Option<StationId>,
+    /// That pack.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pack: Option<PackId>,
+    /// When measurements began to lie to one side of the model.
+    pub since: Timestamp,
+    /// How far, on average since then, in standard deviations.
+    pub z: f64,
+    /// All of it in a sentence.
+    pub text: String,
+    /// What finds out what the model lacks.
+    pub command: String,
+}
+
+impl Doubt {
+    fn validate(&self, field: &str) -> Result<(), MessageError> {
+        check::finite(&format!("{field}.z"), self.z)
+    }
+}
+
 /// The plan in force.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Schedule {
@@ -117,6 +145,10 @@ pub struct Schedule {
     pub services: Vec<Service>,
     /// Robots that cannot be serviced.
     pub unserved: Vec<Unserved>,
+    /// Models that no longer explain what is measured; forecasts that rest on them are
+    /// taken to be less certain meanwhile.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Doubt>,
 }
 
 impl Message for Schedule {
@@ -125,6 +157,9 @@ impl Message for Schedule {
     fn validate(&self) -> Result<(), MessageError> {
         for (index, service) in self.services.iter().enumerate() {
             service.validate(&format!("services[{index}]"))?;
+        }
+        for (index, doubt) in self.doubts.iter().enumerate() {
+            doubt.validate(&format!("doubts[{index}]"))?;
         }
         Ok(())
     }
@@ -217,12 +252,18 @@ pub struct Explanation {
     pub reasons: Vec<String>,
     /// What else there was.
     pub alternatives: Vec<Alternative>,
+    /// Doubts in the models of this robot and of the station that services it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Doubt>,
 }
 
 impl Message for Explanation {
     const SCHEMA: &'static str = "tender.explanation/1";
 
     fn validate(&self) -> Result<(), MessageError> {
+        for (index, doubt) in self.doubts.iter().enumerate() {
+            doubt.validate(&format!("doubts[{index}]"))?;
+        }
         match &self.service {
             Some(service) => service.validate("service"),
             None => Ok(()),

@@ -121,6 +121,18 @@ fn service(robot: &str, mode: Mode) -> Service {
     }
 }
 
+fn doubt() -> Doubt {
+    Doubt {
+        robot: Some(id("r2")),
+        station: None,
+        pack: None,
+        since: at(3),
+        z: 6.1,
+        text: "the battery model of r2 no longer explains its data".to_owned(),
+        command: "lab discover --model M --store tender.db --robot r2".to_owned(),
+    }
+}
+
 pub fn schedule() -> Schedule {
     let swap = Service { bay: None, status: ServiceStatus::Swapping, ..service("r2", Mode::Swap { spare: id("s1") }) };
     Schedule {
@@ -130,6 +142,7 @@ pub fn schedule() -> Schedule {
         trigger: "r1 joined".to_owned(),
         services: vec![service("r1", Mode::Recharge { to_soc: 0.9 }), swap],
         unserved: vec![Unserved { robot: id("r3"), reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }],
+        doubts: vec![doubt()],
     }
 }
 
@@ -166,6 +179,7 @@ pub fn explanation() -> Explanation {
             start: None,
             why_not: vec!["no spare is ready".to_owned()],
         }],
+        doubts: vec![Doubt { station: Some(id("north")), pack: Some(id("p1")), robot: None, ..doubt() }],
     }
 }
 

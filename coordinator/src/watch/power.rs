@@ -1,0 +1,373 @@
+//! Power against what it should be: a station's by its model, a robot's by what the robot itself
+//! says of its work and of its ways.
+
+use std::sync::Arc;
+
+use energy::service::Situation;
+use energy::units::S_PER_H;
+use energy::{Channel, Model, Run, Start};
+use proto::{Gauge, RobotPhase, RobotState, Timestamp};
+
+use super::filter::Filter;
+
+/// Length of a station's block, s.
+const STATION_BLOCK_S: f64 = 60.0;
+/// Length of a block of a robot's work, s: longer than most legs of its work.
+const WORK_BLOCK_S: f64 = 300.0;
+/// Older than this, a docked robot's word says nothing of the station's power now, s.
+const STALE_S: f64 = 2.0;
+/// Blocks of work from which it is known how much work differs from block to block.
+const BLOCKS_MIN: f64 = 6.0;
+/// What messages of a second ago leave open of a power, as a share of it (guess).
+const STALE_SHARE: f64 = 0.003;
+/// The same, W: the last digits of current and voltage.
+const STALE_W: f64 = 0.05;
+/// How uneven the energy of a way is over its time, as a share of it (guess: it may climb at its end).
+const UNEVEN_SHARE: f64 = 0.25;
+/// A way on which nothing was heard for this long is not judged, s.
+const SILENT_S: f64 = 5.0;
+/// What integrating a message a second leaves open of a way's energy, as a share of it (guess).
+const WAY_SHARE: f64 = 0.02;
+
+/// A station's power against its model, at what goes on in its bays.
+pub(super) struct StationWatch {
+    run: Run<f64>,
+    filter: Filter,
+    sigmas: Vec<f64>,
+    block: Option<StationBlock>,
+}
+
+struct StationBlock {
+    begin: Timestamp,
+    rows: f64,
+    observed_w: f64,
+    predicted_w: f64,
+    situation: Situation,
+}
+
+impl StationWatch {
+    /// Watches a station's load. `gain_sigma` is the doubt of the pack's current sensor as a share.
+    pub(super) fn new(model: &Arc<Model>, gain_sigma: f64) -> Self {
+        let sigmas: Vec<f64> = model.parameters().iter().map(|p| p.sigma).chain([gain_sigma]).collect();
+        Self { run: Run::new(Arc::clone(model), Start::at_soc(0.0)), filter: Filter::new(&sigmas), sigmas, block: None }
+    }
+
+    /// The model of the load.
+    pub(super) fn model(&self) -> &Arc<Model> {
+        self.run.model()
+    }
+
+    /// Something changed that messages tell at different times: what was begun does not count.
+    pub(super) fn interrupt(&mut self) {
+        self.block = None;
+    }
+
+    /// Takes in the power of the active pack while that goes on; at the end of a block its begin and
+    /// its innovation in sigma.
+    pub(super) fn update(&mut self, now: Timestamp, observed_w: f64, situation: &Situation) -> Option<(Timestamp, f64)> {
+        let predicted_w = power_w(&mut self.run, situation);
+        let empty = StationBlock { begin: now, rows: 0.0, observed_w: 0.0, predicted_w: 0.0, situation: Situation::default() };
+        let block = self.block.get_or_insert(empty);
+        block.rows += 1.0;
+        block.observed_w += observed_w;
+        block.predicted_w += predicted_w;
+        let sum = &mut block.situation;
+        for (sum, value) in [
+            (&mut sum.charge_w, situation.charge_w),
+            (&mut sum.docked, situation.docked),
+            (&mut sum.charging, situation.charging),
+            (&mut sum.squared_a2, situation.squared_a2),
+            (&mut sum.lift, situation.lift),
+            (&mut sum.pack_v, situation.pack_v),
+        ] {
+            *sum += value;
+        }
+        if now.seconds_since(block.begin) < STATION_BLOCK_S {
+            return None;
+        }
+        let block = self.block.take()?;
+        Some((block.begin, self.judge(&block)))
+    }
+
+    fn judge(&mut self, block: &StationBlock) -> f64 {
+        let (rows, sum) = (block.rows, block.situation);
+        let mean = Situation {
+            charge_w: sum.charge_w / rows,
+            docked: sum.docked / rows,
+            charging: sum.charging / rows,
+            squared_a2: sum.squared_a2 / rows,
+            lift: sum.lift / rows,
+            pack_v: sum.pack_v / rows,
+        };
+        let (observed_w, predicted_w) = (block.observed_w / rows, block.predicted_w / rows);
+        let mut slopes = vec![0.0; self.sigmas.len()];
+        let values = self.model().values();
+        for (index, slope) in slopes.iter_mut().enumerate().take(values.len()).filter(|(index, _)| self.sigmas[*index] > 0.0) {
+            let at = |sign: f64| {
+                let mut values = values.clone();
+                values[index] += sign * self.sigmas[index];
+                power_w(&mut Run::with_parameters(Arc::clone(self.run.model()), values, Start::at_soc(0.0)), &mean)
+            };
+            *slope = (at(1.0) - at(-1.0)) / (2.0 * self.sigmas[index]);
+        }
+        slopes[values.len()] = predicted_w;
+        let noise_w = STALE_W.hypot(STALE_SHARE * predicted_w);
+        self.filter.judge(&slopes, observed_w - predicted_w, noise_w * noise_w)
+    }
+}
+
+fn power_w(run: &mut Run<f64>, situation: &Situation) -> f64 {
+    situation.set(run);
+    run.step(1.0);
+    run.channels[Channel::PackPowerW]
+}
+
+/// A robot's power at work and the energy of its ways, against what it says they are.
+#[derive(Default)]
+pub(super) struct RobotWatch {
+    state: Option<RobotState>,
+    work: Option<Work>,
+    block: Option<Block>,
+    way: Option<Way>,
+    /// Until when it is on its way back to work, which is not work.
+    back_until: Timestamp,
+    last: Option<Timestamp>,
+}
+
+/// Power at work, as learnt.
+struct Work {
+    drain_w: proto::Estimate,
+    filter: Filter,
+    blocks: f64,
+    mean_w: f64,
+    squares_w2: f64,
+}
+
+#[derive(Clone, Copy)]
+struct Block {
+    begin: Timestamp,
+    rows: f64,
+    power_w: f64,
+    squares_w2: f64,
+}
+
+struct Way {
+    begin: Timestamp,
+    time_s: f64,
+    expected_wh: proto::Estimate,
+    energy_wh: f64,
+    /// Longest time without a message, s.
+    silent_s: f64,
+}
+
+/// What a message of a robot's gauge or state brought.
+pub(super) enum Judged {
+    /// The innovation of a block of work, in sigma.
+    Work(Timestamp, f64),
+    /// That of a whole way.
+    Way(Timestamp, f64),
+}
+
+impl RobotWatch {
+    /// Takes in a state: work or a way may begin or end with it.
+    pub(super) fn state(&mut self, state: &RobotState) -> Option<Judged> {
+        let before = self.state.replace(state.clone());
+        let phase = before.as_ref().map(|before| before.phase);
+        if phase == Some(state.phase) {
+            return None;
+        }
+        self.block = None;
+        if state.phase == RobotPhase::Working
+            && let Some(station) = before.as_ref().and_then(|before| before.station.as_ref())
+        {
+            self.back_until = state.at.plus_s(state.travel.get(station).map_or(0.0, |travel| travel.time_s));
+        }
+        let judged = self.way.take().filter(|way| way.silent_s < SILENT_S).and_then(|way| {
+            // Of a robot that stopped on its way its share of the time is known, and of the energy that
+            // share about as well as ways are even.
+            let arrived = state.phase == RobotPhase::Waiting;
+            let share = if arrived { 1.0 } else { (state.at.seconds_since(way.begin) / way.time_s.max(1.0)).min(1.0) };
+            let (whole_wh, uneven) = (way.expected_wh.value, UNEVEN_SHARE * share * (1.0 - share));
+            let sigma = (share * way.expected_wh.sigma).hypot(whole_wh * WAY_SHARE.hypot(uneven));
+            let z = (way.energy_wh - share * whole_wh) / sigma.max(1e-6);
+            // Whoever stopped for another reason has taken no more than he should.
+            let tells = arrived || state.phase == RobotPhase::Stranded && z > 0.0;
+            tells.then_some(Judged::Way(way.begin, z))
+        });
+        if state.phase == RobotPhase::Travelling
+            && let Some(travel) = state.station.as_ref().and_then(|station| state.travel.get(station))
+        {
+            let at_work = phase == Some(RobotPhase::Working) && state.at >= self.back_until;
+            self.way = at_work.then(|| Way {
+                begin: state.at,
+                time_s: travel.time_s,
+                expected_wh: travel.energy_wh,
+                energy_wh: 0.0,
+                silent_s: 0.0,
+            });
+        }
+        judged
+    }
+
+    /// Whether its battery is being exchanged: nobody knows which one the gauge speaks of.
+    pub(super) fn swapping(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| state.phase == RobotPhase::Swapping)
+    }
+
+    /// Takes in a gauge message.
+    pub(super) fn gauge(&mut self, gauge: &Gauge) -> Option<Judged> {
+        let dt_s = self.last.replace(gauge.at).map_or(0.0, |last| gauge.at.seconds_since(last));
+        let power_w = gauge.voltage_v * gauge.current_a;
+        if let Some(way) = &mut self.way {
+            way.energy_wh += power_w * dt_s / S_PER_H;
+            way.silent_s = way.silent_s.max(dt_s);
+        }
+        let state = self.state.as_ref()?;
+        if state.phase != RobotPhase::Working || gauge.at < self.back_until || power_w <= 0.0 {
+            self.block = None;
+            return None;
+        }
+        let block = self.block.get_or_insert(Block { begin: gauge.at, rows: 0.0, power_w: 0.0, squares_w2: 0.0 });
+        block.rows += 1.0;
+        block.power_w += power_w;
+        block.squares_w2 += power_w * power_w;
+        if gauge.at.seconds_since(block.begin) < WORK_BLOCK_S {
+            return None;
+        }
+        let (block, drain_w) = (self.block.take()?, state.drain_w);
+        if self.work.as_ref().is_none_or(|work| work.drain_w != drain_w) {
+            let filter = Filter::new(&[drain_w.sigma]);
+            self.work = Some(Work { drain_w, filter, blocks: 0.0, mean_w: 0.0, squares_w2: 0.0 });
+        }
+        self.work.as_mut()?.judge(&block).map(|z| Judged::Work(block.begin, z))
+    }
+}
+
+impl Work {
+    fn judge(&mut self, block: &Block) -> Option<f64> {
+        let mean_w = block.power_w / block.rows;
+        let within_w2 = (block.squares_w2 / block.rows - mean_w * mean_w).max(0.0);
+        // Welford: how much blocks differ among themselves.
+        let before_w = self.mean_w;
+        self.blocks += 1.0;
+        self.mean_w += (mean_w - before_w) / self.blocks;
+        self.squares_w2 += (mean_w - before_w) * (mean_w - self.mean_w);
+        if self.blocks < BLOCKS_MIN {
+            return None;
+        }
+        let between_w2 = self.squares_w2 / (self.blocks - 1.0);
+        let noise_w2 = within_w2 + between_w2 + STALE_W.powi(2) + (STALE_SHARE * mean_w).powi(2);
+        Some(self.filter.judge(&[1.0], mean_w - self.drain_w.value, noise_w2))
+    }
+}
+
+/// What goes on in a station's bays, by its own state and its robots' gauges: none while that cannot be
+/// told.
+pub(super) fn situation<'a>(
+    state: &proto::StationState,
+    pack_v: f64,
+    now: Timestamp,
+    gauge_of: impl Fn(&proto::RobotId) -> Option<(&'a Gauge, RobotPhase)>,
+) -> Option<Situation> {
+    let mut situation =
+        Situation { lift: f64::from(u8::from(state.lift_busy || state.swapping.is_some())), pack_v, ..Situation::default() };
+    for bay in &state.bays {
+        let here = matches!(bay.phase, proto::BayPhase::Occupied | proto::BayPhase::Unloading);
+        let Some(robot) = bay.robot.as_ref().filter(|_| here) else { continue };
+        let (gauge, phase) = gauge_of(robot)?;
+        if now.seconds_since(gauge.at) > STALE_S {
+            return None;
+        }
+        situation.docked += 1.0;
+        if phase == RobotPhase::Charging {
+            let current_a = (-gauge.current_a).max(0.0);
+            situation.charging += 1.0;
+            situation.charge_w += current_a * gauge.voltage_v;
+            situation.squared_a2 += current_a * current_a;
+        }
+    }
+    Some(situation)
+}
+
+#[cfg(test)]
+mod tests {
+    use proto::{Estimate, Mission, Travel};
+
+    use super::*;
+
+    fn at(second: u32) -> Timestamp {
+        Timestamp::from_unix_ms(1000 * i64::from(second))
+    }
+
+    #[test]
+    fn an_empty_stations_power_is_judged_by_what_is_known_of_its_hotel() {
+        let station = Arc::new(energy::load_model("mds-station", &|_| unreachable!("built in")).unwrap());
+        let mut watch = StationWatch::new(&station, 0.0);
+        let nothing = Situation { pack_v: 11.1, ..Situation::default() };
+        // 5.5 W of hotel and 0.2 W of converters, in truth 1 W more.
+        let z = (0..=60).find_map(|second| watch.update(at(second), 6.7, &nothing)).map(|(_, z)| z).unwrap();
+        // 0.2 W of hotel, 0.05 W of converters, 0.05 W and 0.3 % of 5.7 W of messages: 0.213 W.
+        assert!((z - 1.0 / 0.213).abs() < 0.02, "{z}");
+    }
+
+    fn state(second: u32, phase: RobotPhase) -> RobotState {
+        RobotState {
+            at: at(second),
+            seq: 1,
+            phase,
+            station: (phase != RobotPhase::Working).then(|| "mds-1".parse().unwrap()),
+            bay: None,
+            drain_w: Estimate::new(4.0, 0.3),
+            travel: [("mds-1".parse().unwrap(), Travel { time_s: 1800.0, energy_wh: Estimate::new(2.0, 0.03) })].into(),
+            mission: Mission { weight: 1.0, until: None },
+            battery: String::new(),
+            last_command: None,
+            note: None,
+        }
+    }
+
+    /// Half an hour's way at 5 W, that was to take 2 Wh, and its end.
+    fn way(end: RobotPhase, seconds: u32) -> Option<f64> {
+        let mut watch = RobotWatch::default();
+        watch.state(&state(0, RobotPhase::Working));
+        watch.state(&state(10, RobotPhase::Travelling));
+        for second in 10..=10 + seconds {
+            let gauge = super::super::battery::tests::gauge(i64::from(second), 0.5, 0.5, 10.0);
+            assert!(watch.gauge(&gauge).is_none());
+        }
+        match watch.state(&state(10 + seconds, end)) {
+            Some(Judged::Way(begin, z)) => {
+                assert_eq!(begin, at(10));
+                Some(z)
+            }
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn a_way_is_judged_when_it_ends_and_by_what_it_had_taken_where_the_robot_stopped() {
+        // 2.5 Wh less 2 Wh, over 0.03 Wh and 2 % of 2 Wh: 0.05 Wh.
+        let arrived = way(RobotPhase::Waiting, 1800).unwrap();
+        assert!((arrived - 10.0).abs() < 0.1, "{arrived}");
+        // After 1620 s 2.25 Wh less 1.8 Wh, over 0.027, 0.04 and 0.25 x 0.9 x 0.1 x 2 = 0.045 Wh: 0.066 Wh.
+        let stopped = way(RobotPhase::Stranded, 1620).unwrap();
+        assert!((stopped - 0.45 / 0.066).abs() < 0.1, "{stopped}");
+        // Called back to work.
+        assert_eq!(way(RobotPhase::Working, 1800), None);
+    }
+
+    #[test]
+    fn work_that_takes_more_than_it_says_is_news_in_every_block() {
+        let mut watch = RobotWatch::default();
+        watch.state(&state(0, RobotPhase::Working));
+        let judged: Vec<f64> = (0..3 * 3600)
+            .filter_map(|second| match watch.gauge(&super::super::battery::tests::gauge(second, 0.5, 0.6, 10.0)) {
+                Some(Judged::Work(_, z)) => Some(z),
+                _ => None,
+            })
+            .collect();
+        // 2 W beyond 4.0 ± 0.3 W; the first half hour says how much blocks differ: not at all.
+        assert_eq!(judged.len(), 3 * 3600 / 301 - 5);
+        assert!(judged.iter().all(|z| (6.0..6.7).contains(z)), "{judged:?}");
+    }
+}
