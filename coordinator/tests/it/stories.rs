@@ -10,7 +10,7 @@ use std::sync::Arc;
 use energy::Model;
 use lab::infer::answer::Discovery;
 use lab::infer::discover::search;
-use lab::infer::frame::Evidence;
+use lab::infer::evidence::Evidence;
 use lab::measurement::read_log;
 use lab::model_edit::{Change, edit};
 use lab::{LogFacts, load_model, prepare};
@@ -112,6 +112,7 @@ fn improved(text: &str, base: &Model, found: &Discovery) -> String {
                 sigma: value.sigma.unwrap_or(0.0),
                 range: (spec.min, spec.max),
                 source: "found in the logs of a simulated run".to_owned(),
+                free: true,
             });
         }
     }
