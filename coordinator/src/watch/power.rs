@@ -198,7 +198,7 @@ impl RobotWatch {
             && let Some(travel) = state.station.as_ref().and_then(|station| state.travel.get(station))
         {
             let at_work = phase == Some(RobotPhase::Working) && state.at >= self.back_until;
-            self.way = at_work.then(|| Way {
+            self.way = at_work.then_some(Way {
                 begin: state.at,
                 time_s: travel.time_s,
                 expected_wh: travel.energy_wh,

@@ -163,11 +163,12 @@ fn solve(
         let right = DVector::from_fn(inside.len(), |i, _| -gradient[inside[i]] - pulled[inside[i]]);
         let Some(cholesky) = system.cholesky() else { return DVector::zeros(at.len()) };
         let solution = cholesky.solve(&right);
-        let beyond = |&(i, &index): &(usize, &usize)| {
+        let beyond = |&(i, index): &(usize, &usize)| {
+            let index = *index;
             let x = at[index] + solution[i];
             x < bounds[index].0 || x > bounds[index].1
         };
-        let out: Vec<usize> = inside.iter().enumerate().map(|(i, index)| (i, index)).filter(beyond).map(|(i, _)| i).collect();
+        let out: Vec<usize> = inside.iter().enumerate().filter(beyond).map(|(i, _)| i).collect();
         if out.is_empty() {
             inside.iter().zip(solution.iter()).for_each(|(&index, &change)| step[index] = change);
             return step;
