@@ -5,6 +5,7 @@ mod effects;
 mod fit;
 mod inputs;
 mod predict;
+mod propose;
 mod report;
 
 use std::io::{self, Write as _};
@@ -45,6 +46,8 @@ enum Verb {
     Compare(compare::Args),
     /// Calibrate the free parameters of a model on logs.
     Fit(fit::Args),
+    /// Propose a formula for an error that no effect of the catalogue explains.
+    Propose(propose::Args),
     /// Write what a comparison found into one HTML file that reads without a network.
     Report(report::Args),
 }
@@ -64,6 +67,7 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
         Verb::Predict(args) => predict::run(&args, cli.format),
         Verb::Compare(args) => compare::run(&args, cli.format),
         Verb::Fit(args) => fit::run(&args, cli.format),
+        Verb::Propose(args) => propose::run(&args, cli.format),
         Verb::Report(args) => report::run(&args, cli.format),
     };
     match result {

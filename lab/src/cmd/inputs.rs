@@ -46,8 +46,6 @@ pub(super) struct LogArgs {
 }
 
 /// Logs to fit models, and logs to judge them.
-// Waiting for its first verb.
-#[allow(dead_code, reason = "the verbs that judge on held-out logs use it")]
 #[derive(Debug, clap::Args)]
 pub(super) struct LogInputs {
     #[command(flatten)]
@@ -151,7 +149,6 @@ impl LogArgs {
     }
 }
 
-#[allow(dead_code, reason = "the verbs that judge on held-out logs use it")]
 impl LogInputs {
     fn files(&self) -> Vec<(&Path, Option<Role>)> {
         self.logs.files().chain(self.holdout.iter().map(|path| (path.as_path(), Some(Role::Holdout)))).collect()

@@ -5,6 +5,7 @@ mod cli;
 mod commands;
 mod inputs;
 mod measured;
+mod propose;
 mod recordings;
 mod recovery;
 mod regimes;
