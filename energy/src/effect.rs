@@ -7,6 +7,7 @@
 // By its path, so that the effects' files lie beside the catalogue and not in a folder below it.
 #[path = "effect/catalogue.rs"]
 mod catalogue;
+pub mod expression;
 
 pub use catalogue::{catalogue, find};
 

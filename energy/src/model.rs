@@ -4,17 +4,18 @@
 //! physics is total.
 
 mod cells;
+mod expression;
 mod file;
 mod protection;
 mod rails;
 mod variant;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use serde::Deserialize;
 
-use crate::effect::{Effect, Phase, Steps, catalogue};
+use crate::effect::{Effect, Phase, Steps, find};
 use crate::real::Dual;
 use crate::system::{BatteryFacts, Facts, System};
 use crate::{Channel, Estimate};
@@ -168,32 +169,43 @@ impl Model {
         facts: Facts,
         sensors: BTreeMap<Channel, Sensor>,
         uncertainty: Uncertainty,
-        mut effects: Vec<(usize, Vec<Parameter>)>,
+        mut effects: Vec<(&'static dyn Effect, Vec<Parameter>)>,
     ) -> Result<Model, String> {
-        let phase_of = |index: usize| {
-            let phase = catalogue()[index].spec().phase;
-            system.phases().iter().position(|&p| p == phase).expect("the catalogue is consistent")
-        };
-        // Effects on one rail lie together, before those on the battery.
-        let rail_of = |index: usize| facts.rail_of(catalogue()[index].spec().id);
-        effects.sort_by_key(|(index, _)| (phase_of(*index), rail_of(*index).unwrap_or(usize::MAX), *index));
-        if let Some(twice) = effects.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-            return Err(format!("effect `{}` appears twice; a model has each effect at most once", catalogue()[twice[0].0].spec().id));
+        let rail_of = |effect: &dyn Effect| facts.rail_of(effect.spec().id);
+        // Effects on one rail lie together, before those on the battery; expressions come after the
+        // catalogue's, in the order of the file.
+        effects.sort_by_cached_key(|(effect, _)| {
+            let spec = effect.spec();
+            let phase = system.phases().iter().position(|&p| p == spec.phase).expect("an effect acts in a phase of its system");
+            (phase, rail_of(*effect).unwrap_or(usize::MAX), find(system, spec.id).map_or(usize::MAX, |(index, _)| index))
+        });
+        let mut ids = BTreeSet::new();
+        if let Some(twice) = effects.iter().map(|(effect, _)| effect.spec().id).find(|id| !ids.insert(*id)) {
+            let more = if find(system, twice).is_none() { "; tell expressions apart by name = \"...\"" } else { "" };
+            return Err(format!("effect `{twice}` appears twice; a model has each effect at most once{more}"));
         }
         let mut placed: Vec<Placed> = Vec::new();
         let mut parameters = Vec::new();
         // What the system itself keeps comes first.
         let mut state_count = facts.own_states();
         let mut prepared_count = 0;
-        for (index, own) in effects {
-            let effect = catalogue()[index];
+        for (effect, own) in effects {
             let states = state_count..state_count + effect.spec().states.len();
             let range = parameters.len()..parameters.len() + own.len();
             let prepared = prepared_count..prepared_count + effect.prepared_len();
             (state_count, prepared_count) = (states.end, prepared.end);
             parameters.extend(own);
             let channel = effect.spec().channel;
-            placed.push(Placed { effect, plain: effect, dual: effect, channel, parameters: range, prepared, states, rail: rail_of(index) });
+            placed.push(Placed {
+                effect,
+                plain: effect,
+                dual: effect,
+                channel,
+                parameters: range,
+                prepared,
+                states,
+                rail: rail_of(effect),
+            });
         }
         // Effects of a phase lie together; a phase that the system lacks has none.
         let mut phases = [const { 0..0 }; Phase::COUNT];

@@ -9,6 +9,7 @@ mod effects;
 mod fit;
 mod inputs;
 mod predict;
+mod propose;
 mod report;
 
 use std::io::{self, Write as _};
@@ -55,6 +56,8 @@ enum Verb {
     Diagnose(diagnose::Args),
     /// Add the effects that a model lacks, one after the other, and show the error fall.
     Discover(discover::Args),
+    /// Propose a formula for an error that no effect of the catalogue explains.
+    Propose(propose::Args),
     /// Write what a comparison found into one HTML file that reads without a network.
     Report(report::Args),
 }
@@ -77,6 +80,7 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
         Verb::Add(args) => add::run(&args, cli.format),
         Verb::Diagnose(args) => diagnose::run(&args, cli.format),
         Verb::Discover(args) => discover::run(&args, cli.format),
+        Verb::Propose(args) => propose::run(&args, cli.format),
         Verb::Report(args) => report::run(&args, cli.format),
     };
     match result {

@@ -20,6 +20,8 @@
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |
 //!   answer       all of that in numbers and names, for the terminal, JSON and the report
+//!
+//!   propose    when nothing of the catalogue explains what is left: a formula, as a proposal
 //! ```
 //!
 //! Nothing here knows any effect by name.
@@ -30,6 +32,7 @@ pub mod discover;
 pub mod evidence;
 pub mod frame;
 pub mod noise;
+pub mod propose;
 pub mod rough;
 pub mod score;
 pub mod state;

@@ -7,5 +7,6 @@ pub mod effects;
 pub mod fitted;
 pub mod html;
 pub mod prediction;
+pub mod proposal;
 pub mod quantity;
 pub mod table;

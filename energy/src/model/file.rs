@@ -11,7 +11,7 @@ use super::rails::{self, RawRail, RawRobot};
 use super::{Model, Parameter, Sensor, Uncertainty};
 use crate::Channel;
 use crate::document::{Document, DocumentError, hint};
-use crate::effect::{ParameterSpec, catalogue, find};
+use crate::effect::{Effect, ParameterSpec, catalogue, expression, find};
 use crate::ocv::OcvTable;
 use crate::pack::CellFactors;
 use crate::protection::Limits;
@@ -35,7 +35,7 @@ struct RawModel {
     #[serde(default)]
     uncertainty: Option<Spanned<Uncertainty>>,
     #[serde(default)]
-    effect: Vec<Spanned<BTreeMap<Spanned<String>, Spanned<toml::Value>>>>,
+    effect: Vec<RawEffect>,
 }
 
 #[derive(Deserialize)]
@@ -119,11 +119,11 @@ impl Model {
         })?;
         let mut effects = Vec::new();
         for entry in raw.effect {
-            let ReadEffect { index, parameters, rail } = effect(&document, raw.system, entry)?;
+            let ReadEffect { effect, parameters, rail } = effect(&document, raw.system, &facts, entry)?;
             if let Some(rail) = rail {
-                rails::hang(&document, &mut facts, index, &rail)?;
+                rails::hang(&document, &mut facts, effect.spec(), &rail)?;
             }
-            effects.push((index, parameters));
+            effects.push((effect, parameters));
         }
         Model::assemble(raw.name, raw.system, facts, sensors, uncertainty, effects).map_err(|message| document.error(message))
     }
@@ -211,16 +211,18 @@ fn ocv_from_csv(text: &str) -> Result<OcvTable, String> {
     OcvTable::new(soc, voltage_v)
 }
 
-type RawEffect = Spanned<BTreeMap<Spanned<String>, Spanned<toml::Value>>>;
+/// The keys of an effect, with their places.
+pub(super) type Keys = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
+type RawEffect = Spanned<Keys>;
 
-/// An effect as read: its place in the catalogue, its parameters, and for a robot's the rail it names.
+/// An effect as read: its parameters and, for a robot's, the rail it names.
 struct ReadEffect {
-    index: usize,
+    effect: &'static dyn Effect,
     parameters: Vec<Parameter>,
     rail: Option<Spanned<toml::Value>>,
 }
 
-fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<ReadEffect, DocumentError> {
+fn effect(document: &Document<'_>, system: System, facts: &Facts, entry: RawEffect) -> Result<ReadEffect, DocumentError> {
     let span = entry.span();
     let mut keys = entry.into_inner();
     let mut take = |name: &str| {
@@ -231,8 +233,12 @@ fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<R
     let id = take("id").ok_or_else(|| document.error_at(span.clone(), "an [[effect]] needs an id = \"...\""))?;
     let id_text =
         id.get_ref().as_str().ok_or_else(|| document.error_at(id.span(), "an effect's id is a text such as \"ohmic\""))?.to_owned();
-    let ids = || catalogue().iter().filter(|e| e.spec().system == system).map(|e| e.spec().id);
-    let (index, effect) = find(system, &id_text).ok_or_else(|| {
+    if id_text == expression::ID {
+        let (effect, parameters) = super::expression::read(document, system, facts, span, keys)?;
+        return Ok(ReadEffect { effect, parameters, rail });
+    }
+    let ids = || catalogue().iter().filter(|e| e.spec().system == system).map(|e| e.spec().id).chain([expression::ID]);
+    let (_, effect) = find(system, &id_text).ok_or_else(|| {
         let message = format!("a {} has no effect `{id_text}`{}", system.name(), hint(&id_text, ids()));
         document.error_at(id.span(), format!("{message} Known: {}", ids().collect::<Vec<_>>().join(", ")))
     })?;
@@ -250,7 +256,7 @@ fn effect(document: &Document<'_>, system: System, entry: RawEffect) -> Result<R
             None => default_parameter(effect.spec().id, spec),
         });
     }
-    Ok(ReadEffect { index, parameters, rail })
+    Ok(ReadEffect { effect, parameters, rail })
 }
 
 pub(super) fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {

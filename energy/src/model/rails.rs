@@ -5,7 +5,7 @@ use toml::Spanned;
 
 use crate::Channel;
 use crate::document::{Document, DocumentError, hint};
-use crate::effect::{Phase, catalogue};
+use crate::effect::{EffectSpec, Phase};
 use crate::power::{BATTERY, Consumer, ConsumerKind, ConverterLoss, EfficiencyTable, Ldo, PowerTree, Rail, RailKind, Switch, SwitchMode};
 use crate::system::{Facts, RobotFacts, System};
 
@@ -127,8 +127,12 @@ pub(super) fn robot_facts(
 }
 
 /// Hangs an effect on the rail that its entry names.
-pub(super) fn hang(document: &Document<'_>, facts: &mut Facts, effect: usize, name: &Spanned<toml::Value>) -> Result<(), DocumentError> {
-    let spec = catalogue()[effect].spec();
+pub(super) fn hang(
+    document: &Document<'_>,
+    facts: &mut Facts,
+    spec: &EffectSpec,
+    name: &Spanned<toml::Value>,
+) -> Result<(), DocumentError> {
     let fail = |message: String| Err(document.error_at(name.span(), format!("effect `{}`: {message}", spec.id)));
     let Facts::Robot(robot) = facts else { return fail("only effects of a robot hang on rails".to_owned()) };
     if spec.phase != Phase::Load {

@@ -1,7 +1,8 @@
 //! Models made from models: with an effect more or less, on other facts, at other values.
 
 use super::{Model, Parameter, file};
-use crate::effect::{EffectSpec, find};
+use crate::effect::expression::{Definition, Expression};
+use crate::effect::{Effect, EffectSpec, find};
 use crate::system::Facts;
 
 impl Model {
@@ -9,10 +10,7 @@ impl Model {
     #[must_use]
     pub fn without(&self, leave_out: impl Fn(&str) -> bool) -> Model {
         let kept = self.placed.iter().filter(|placed| !leave_out(placed.effect.spec().id));
-        let effects = kept.map(|placed| {
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
-            (index, self.parameters[placed.parameters.clone()].to_vec())
-        });
+        let effects = kept.map(|placed| (placed.effect, self.parameters[placed.parameters.clone()].to_vec()));
         let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
         Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect())
             .expect("no effect appears twice")
@@ -24,13 +22,24 @@ impl Model {
     /// # Errors
     /// When the system has no such effect or the model has it already.
     pub fn with(&self, id: &str) -> Result<Model, String> {
-        let (index, effect) = find(self.system, id).ok_or_else(|| format!("a {} has no effect `{id}`", self.system.name()))?;
+        let (_, effect) = find(self.system, id).ok_or_else(|| format!("a {} has no effect `{id}`", self.system.name()))?;
+        self.with_effect(effect)
+    }
+
+    /// The same model with a formula as one more effect, its parameters free to be fitted.
+    ///
+    /// # Errors
+    /// Says what is wrong with the definition, or that the model has an effect of that name.
+    pub fn with_expression(&self, definition: &Definition) -> Result<Model, String> {
+        self.with_effect(Expression::new(self.system, &self.facts, definition).map_err(|error| error.message)?)
+    }
+
+    fn with_effect(&self, effect: &'static dyn Effect) -> Result<Model, String> {
         let spec = effect.spec();
         let own = spec.parameters.iter().map(|p| Parameter { free: true, ..file::default_parameter(spec.id, p) });
-        let mut effects = vec![(index, own.collect())];
+        let mut effects = vec![(effect, own.collect())];
         for placed in &self.placed {
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
-            effects.push((index, self.parameters[placed.parameters.clone()].to_vec()));
+            effects.push((placed.effect, self.parameters[placed.parameters.clone()].to_vec()));
         }
         let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
         Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects)
@@ -50,19 +59,18 @@ impl Model {
     /// The same model with one effect in the place of another that has the same parameters; none
     /// when it lacks the one or has the other already.
     pub(crate) fn exchanged(&self, old: &str, new: &str) -> Option<Model> {
-        let (new_index, effect) = find(self.system, new)?;
+        let (_, effect) = find(self.system, new)?;
         let has = |id: &str| self.placed.iter().any(|placed| placed.effect.spec().id == id);
         if !has(old) || has(new) {
             return None;
         }
         let effects = self.placed.iter().map(|placed| {
             let mut own = self.parameters[placed.parameters.clone()].to_vec();
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
             if placed.effect.spec().id != old {
-                return (index, own);
+                return (placed.effect, own);
             }
             own.iter_mut().for_each(|parameter| parameter.effect = effect.spec().id);
-            (new_index, own)
+            (effect, own)
         });
         let (sensors, facts) = (self.sensors.clone(), self.facts.clone());
         Model::assemble(self.name.clone(), self.system, facts, sensors, self.uncertainty, effects.collect()).ok()
@@ -72,10 +80,7 @@ impl Model {
     /// in their order.
     pub(crate) fn part(&self, facts: Facts, keep: impl Fn(&EffectSpec) -> bool) -> (Model, Vec<usize>) {
         let kept = || self.placed.iter().filter(|placed| keep(placed.effect.spec()));
-        let effects = kept().map(|placed| {
-            let (index, _) = find(self.system, placed.effect.spec().id).expect("placed effects are in the catalogue");
-            (index, self.parameters[placed.parameters.clone()].to_vec())
-        });
+        let effects = kept().map(|placed| (placed.effect, self.parameters[placed.parameters.clone()].to_vec()));
         let model = Model::assemble(self.name.clone(), self.system, facts, self.sensors.clone(), self.uncertainty, effects.collect())
             .expect("no effect appears twice");
         (model, kept().flat_map(|placed| placed.parameters.clone()).collect())

@@ -87,14 +87,18 @@ fn progress_bar() -> ProgressBar {
 }
 
 fn write_model(source: &ModelSource, path: &Path, changes: &[Change]) -> anyhow::Result<()> {
-    // A table named by a relative path is not where the new file would look for it.
-    let stays = match &source.origin {
-        Origin::BuiltIn(_) => false,
-        Origin::File(from) => same_directory(from, path),
-    };
+    let stays = stays_beside(source, path);
     let inline = if stays { None } else { ocv_of_file(&source.model, &source.text) };
     let text = edit(&source.text, changes, inline)?;
     parse_beside(path, &text).with_context(|| format!("the fitted model would not load again, so {} was not written", path.display()))?;
     write_whole(path, text.as_bytes())?;
     Ok(())
+}
+
+/// Whether a table that the model names by a relative path is where a file at `path` looks for it.
+pub(super) fn stays_beside(source: &ModelSource, path: &Path) -> bool {
+    match &source.origin {
+        Origin::BuiltIn(_) => false,
+        Origin::File(from) => same_directory(from, path),
+    }
 }

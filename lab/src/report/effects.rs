@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use energy::document::hint;
-use energy::{EffectSpec, System, catalogue};
+use energy::effect::expression;
+use energy::{Channel, EffectSpec, System, catalogue};
 use serde::Serialize;
 
 use super::quantity::unit_of;
@@ -118,12 +119,57 @@ impl EffectCard {
     }
 }
 
-/// The whole catalogue, or that of one system.
+/// The whole catalogue, or that of one system, and how users write effects of their own.
 #[must_use]
 pub fn cards(system: Option<System>) -> Vec<EffectCard> {
     let specs = catalogue().iter().map(|effect| effect.spec());
-    specs.filter(|spec| system.is_none_or(|system| spec.system == system)).map(EffectCard::of).collect()
+    let known = specs.filter(|spec| system.is_none_or(|system| spec.system == system)).map(EffectCard::of);
+    known.chain([expression()]).collect()
 }
+
+/// The effect whose equation stands in the model file.
+fn expression() -> EffectCard {
+    EffectCard {
+        id: expression::ID,
+        system: "any",
+        title: "A formula of the user",
+        channel: "the channel that it names",
+        equation: "channel += formula(channels, own parameters, own states, time_s)",
+        source: "the model file",
+        validity: "any number in a model, told apart by name; acts last in its phase; adds nothing where it is not finite",
+        signature: "that of its formula",
+        matters: 0.0,
+        needs: Vec::new(),
+        parameters: Vec::new(),
+        confused_with: Vec::new(),
+    }
+}
+
+/// What a formula of each system may add to and read, with an example.
+fn how_to_write() -> String {
+    let mut whole = "\n".to_owned();
+    for system in [System::Battery, System::Robot, System::Station] {
+        let names = |channels: Vec<Channel>| channels.iter().map(|channel| channel.name()).collect::<Vec<_>>().join(", ");
+        let adds = expression::addable(system).into_iter().map(|(channel, _)| channel).collect();
+        let _ = writeln!(whole, "{}: adds to {}\n  may read {}", system.name(), names(adds), names(expression::readable(system)));
+    }
+    let functions = expression::formula::function_names().collect::<Vec<_>>().join(", ");
+    let _ =
+        write!(whole, "\noperators + - * / ^ and parentheses; functions {functions}; pi; {} since the start\n{EXAMPLE}", expression::TIME);
+    whole
+}
+
+const EXAMPLE: &str = r#"
+[[effect]]
+id = "expression"
+name = "near_empty"
+channel = "overpotential_v"
+formula = "k * slow * exp(-soc / a)"
+k = { value = 0.1, source = "guess", free = true, min = 0.0, max = 2.0, null = 0.0 }
+a = { value = 0.1, source = "guess", free = true, min = 0.01, max = 1.0 }
+tau_s = { value = 60.0, source = "guess", min = 1.0, max = 1000.0 }
+states = { slow = { input = "cell_current_a", tau = "tau_s" } }
+"#;
 
 /// The effect of that name among the cards: `id`, or `system/id` where systems share an id.
 ///
@@ -177,6 +223,9 @@ pub fn card(card: &EffectCard) -> String {
         ]);
     }
     let needs = if card.needs.is_empty() { "nothing beyond its system's inputs".to_owned() } else { card.needs.join(", ") };
+    if card.id == expression::ID {
+        return format!("{}: {}\n\nequation   {}\nvalidity   {}\n{}", card.id, card.title, card.equation, card.validity, how_to_write());
+    }
     let mut whole = format!(
         "{}/{}: {}\n\nequation   {}\nsource     {}\nvalidity   {}\nadds to    {}\nneeds      {needs}\nabsence    {}\nmatters    from {} {} of {}\n\n{}",
         card.system,

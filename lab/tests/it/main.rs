@@ -6,6 +6,7 @@ mod commands;
 mod discovery;
 mod inputs;
 mod measured;
+mod propose;
 mod recordings;
 mod recovery;
 mod regimes;

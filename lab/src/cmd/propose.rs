@@ -1,0 +1,79 @@
+//! `lab propose`: a formula for what no effect of the catalogue explains.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context as _, ensure};
+use energy::Model;
+use lab::ModelSource;
+use lab::infer::evidence::Evidence;
+use lab::infer::propose::{Proposal, propose};
+use lab::measurement::Log;
+use lab::model_edit::{edit, ocv_of_file};
+use lab::model_source::parse_beside;
+use lab::output::{check_writable, write_whole};
+use lab::report::proposal::{ProposalReport, Status};
+
+use super::fit::{date, stays_beside};
+use super::inputs::{LogInputs, ModelArg};
+use super::{Answer, Format, print};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    model: ModelArg,
+    #[command(flatten)]
+    logs: LogInputs,
+    /// Where to write the model with the proposal; nothing is written when left out, or when
+    /// nothing is proposed.
+    #[arg(short, long, value_name = "MODEL2")]
+    output: Option<PathBuf>,
+    /// Date to record as the origin of the numbers, YYYY-MM-DD.
+    #[arg(long, value_name = "DATE", value_parser = date)]
+    date: Option<String>,
+}
+
+pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
+    if let Some(path) = &args.output {
+        check_writable(path)?;
+    }
+    let source = args.model.load()?;
+    let model = &source.model;
+    let (train, holdout) = split(args.logs.train(model)?, args.logs.holdout(model)?)?;
+    let names: Vec<String> = train.iter().map(|log| log.name.clone()).collect();
+    let evidence = |logs: &[Log]| anyhow::Ok(Arc::new(Evidence::new(model, args.logs.ready(model, logs)?)));
+    let (train, holdout) = (evidence(&train)?, evidence(&holdout)?);
+    let proposal = propose(Arc::clone(model), train, &holdout);
+    let mut report = ProposalReport::of(&proposal, &holdout);
+    if let (Some(path), Status::Proposal) = (&args.output, report.status) {
+        let date = args.date.as_ref().map_or_else(String::new, |date| format!(", {date}"));
+        let origin = format!("proposed by lab {} from {}{date}", env!("CARGO_PKG_VERSION"), names.join(", "));
+        write(&source, path, &report, &proposal, &origin)?;
+        report.output = Some(path.display().to_string());
+    }
+    print(format, &report, || report.human())?;
+    Ok(if report.status == Status::Proposal { Answer::Yes } else { Answer::No })
+}
+
+/// Logs to fit to, and at least one to judge by.
+fn split(mut train: Vec<Log>, mut holdout: Vec<Log>) -> anyhow::Result<(Vec<Log>, Vec<Log>)> {
+    if holdout.is_empty() {
+        ensure!(
+            train.len() > 1,
+            "a formula is proposed only when it helps on a log that it was not fitted to: give another log, or --holdout"
+        );
+        holdout.extend(train.pop());
+        eprintln!("lab: note: no --holdout: {} is kept to judge by", holdout[0].name);
+    }
+    Ok((train, holdout))
+}
+
+fn write(source: &ModelSource, path: &Path, report: &ProposalReport, proposal: &Proposal, origin: &str) -> anyhow::Result<()> {
+    let inline = if stays_beside(source, path) { None } else { ocv_of_file(&source.model, &source.text) };
+    let mut text = edit(&source.text, &report.changes(proposal, origin), inline)?;
+    text += &report.entries(proposal, origin);
+    let _: Model =
+        parse_beside(path, &text).with_context(|| format!("the proposal would not load, so {} was not written", path.display()))?;
+    write_whole(path, text.as_bytes())?;
+    Ok(())
+}

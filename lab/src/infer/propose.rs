@@ -1,0 +1,322 @@
+//! A formula for a residual that no effect of the catalogue explains: a proposal, never a finding.
+//!
+//! Forward selection over a dictionary of terms. Each term is put into the model as an expression
+//! of size 0, so that its derivatives are those of the model with it, whatever the system does
+//! with the channel that it adds to. What a refit of the base could absorb is projected out, as in
+//! [`super::score`]; the best terms are refitted with their shapes free. One is kept when the
+//! information criterion falls by more than the number of terms tried excuses, and the error on
+//! logs that the fit has not seen falls.
+
+pub mod dictionary;
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use energy::{Channel, Model};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use self::dictionary::{COEFFICIENTS, Term, dictionary};
+use super::discover::explained;
+use super::evidence::Evidence;
+use super::frame::Frame;
+use super::state::{State, Whitened, filters, likelihood, noises};
+use super::trial::held_out;
+
+/// Most terms of a proposal.
+const TERMS_MAX: usize = 3;
+/// Terms that are weighed with the noise they leave, and that are refitted.
+const WEIGHED: usize = 12;
+const REFITTED: usize = 3;
+/// Fall of the information criterion that a term must bring, were it the only one tried.
+const DELTA_BIC: f64 = 10.0;
+/// Share by which a proposal must lower the held-out error, and by which each further term must.
+pub const HOLDOUT_FALL: f64 = 0.05;
+const FURTHER_FALL: f64 = 0.02;
+
+/// One term of a proposal.
+#[derive(Debug, Clone)]
+pub struct Proposed {
+    /// Name of its expression in the model.
+    pub name: String,
+    /// What it would mean.
+    pub words: String,
+    /// The input of its low-passed copy, if it has one.
+    pub slow: Option<String>,
+    /// Fall of the information criterion that it brought.
+    pub delta_bic: f64,
+}
+
+/// What came of the search.
+#[derive(Debug, Clone)]
+pub struct Proposal {
+    /// The model before, fitted.
+    pub base: State,
+    /// Its RMS on the held-out logs, by channel.
+    pub base_holdout: Vec<(Channel, f64)>,
+    /// The model with the terms, fitted; the base when there are none.
+    pub state: State,
+    /// Its RMS on the held-out logs, by channel.
+    pub holdout: Vec<(Channel, f64)>,
+    /// The terms, as they were found; none when nothing is proposed.
+    pub terms: Vec<Proposed>,
+    /// How many terms were tried.
+    pub tried: usize,
+    /// Dominant period of the base's residual, s.
+    pub period_s: Option<f64>,
+}
+
+impl Proposal {
+    /// The input of the low-passed copy of the term of that name, if it has one.
+    #[must_use]
+    pub fn slow(&self, name: &str) -> Option<&str> {
+        self.terms.iter().find(|term| term.name == name)?.slow.as_deref()
+    }
+}
+
+/// Looks for terms that lower the error on `holdout`.
+#[must_use]
+pub fn propose(model: Arc<Model>, evidence: Arc<Evidence>, holdout: &Arc<Evidence>) -> Proposal {
+    let frame = Arc::new(Frame::new(model, evidence));
+    let base = State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame));
+    let base_holdout = held_out(&base, holdout);
+    let mut found =
+        Proposal { state: base.clone(), holdout: base_holdout.clone(), terms: Vec::new(), tried: 0, period_s: None, base_holdout, base };
+    while found.terms.len() < TERMS_MAX && !explained(&found.state) {
+        let look = Look::new(&found.state);
+        let period_s = look.period();
+        let terms = dictionary(&found.state.frame, period_s);
+        if found.terms.is_empty() {
+            (found.tried, found.period_s) = (terms.len(), period_s);
+        }
+        let Some((state, term)) = look.best(&terms) else { break };
+        let delta_bic = found.state.bic() - state.bic();
+        if delta_bic < DELTA_BIC + 2.0 * (terms.len() as f64).ln() {
+            break;
+        }
+        let name = next_name(&found.state.frame.model);
+        let after = held_out(&state, holdout);
+        let wanted = if found.terms.is_empty() { HOLDOUT_FALL } else { FURTHER_FALL };
+        if error(holdout, &after) > (1.0 - wanted) * error(holdout, &found.holdout) {
+            break;
+        }
+        found.terms.push(Proposed { name, words: term.words.clone(), slow: term.slow.clone(), delta_bic });
+        (found.state, found.holdout) = (state, after);
+    }
+    found
+}
+
+/// RMS over all channels, in floors.
+#[must_use]
+pub fn error(evidence: &Evidence, rms: &[(Channel, f64)]) -> f64 {
+    let rows = |channel| evidence.segments.iter().filter(|segment| segment.channel == channel).map(|s| s.rows.len()).sum::<usize>() as f64;
+    let squares: f64 = rms.iter().map(|&(channel, rms)| rows(channel) * (rms / evidence.floor(channel)).powi(2)).sum();
+    (squares / rms.iter().map(|&(channel, _)| rows(channel)).sum::<f64>().max(1.0)).sqrt()
+}
+
+/// How names of proposals begin.
+const PREFIX: &str = "proposal_";
+
+/// The first name of a proposal that the model has not.
+fn next_name(model: &Model) -> String {
+    let taken = |name: &String| model.effects().any(|effect| effect.spec().id == name.as_str());
+    (1..).map(|number| format!("{PREFIX}{number}")).find(|name| !taken(name)).expect("numbers do not end")
+}
+
+/// A state through the sensors' own noise, without what a refit could absorb.
+struct Look<'a> {
+    state: &'a State,
+    white: State,
+    normal: Option<Cholesky<f64, Dyn>>,
+    left: DVector<f64>,
+}
+
+impl<'a> Look<'a> {
+    fn new(state: &'a State) -> Look<'a> {
+        let mut white = State::at(Arc::clone(&state.frame), state.x.clone(), State::white(&state.frame));
+        // What rests on a bound can absorb no more.
+        for (index, (x, (min, max))) in state.x.iter().zip(state.frame.bounds()).enumerate() {
+            if *x <= min || *x >= max {
+                white.design.column_mut(index).fill(0.0);
+            }
+        }
+        let mut normal = white.design.tr_mul(&white.design);
+        let largest = if normal.is_empty() { 0.0 } else { normal.diagonal().max() };
+        for index in 0..normal.nrows() {
+            normal[(index, index)] += 1e-11 * normal[(index, index)] + 1e-15 * largest + f64::MIN_POSITIVE;
+        }
+        let normal = if normal.is_empty() { None } else { normal.cholesky() };
+        let mut look = Look { state, left: white.whitened.clone(), white, normal };
+        look.left = look.project(&look.white.whitened);
+        look
+    }
+
+    fn project(&self, column: &DVector<f64>) -> DVector<f64> {
+        match &self.normal {
+            Some(normal) => column - &self.white.design * normal.solve(&self.white.design.tr_mul(column)),
+            None => column.clone(),
+        }
+    }
+
+    /// The period at which the residual has most power, if it has several times the usual one:
+    /// at least three periods long, over all logs with one phase since their start.
+    fn period(&self) -> Option<f64> {
+        let evidence = &self.state.frame.evidence;
+        let rows = self.left.as_slice();
+        let longest = evidence.segments.iter().max_by(|a, b| span_s(&a.time_s).total_cmp(&span_s(&b.time_s)))?;
+        let (span_s, count) = (span_s(&longest.time_s), longest.time_s.len());
+        let step_s = span_s / count.max(2) as f64;
+        let highest = ((span_s / (4.0 * step_s)) * 4.0).min(1600.0) as usize;
+        let power = |quarters: f64| {
+            let frequency = 0.25 * quarters / span_s;
+            let (mut sine, mut cosine) = (0.0, 0.0);
+            for segment in &evidence.segments {
+                let start_s = evidence.logs[segment.log].time_s[0];
+                for (&time_s, &value) in segment.time_s.iter().zip(&rows[segment.range()]) {
+                    let (s, c) = (TAU * frequency * (time_s - start_s)).sin_cos();
+                    (sine, cosine) = (sine + s * value, cosine + c * value);
+                }
+            }
+            sine * sine + cosine * cosine
+        };
+        let powers: Vec<f64> = (12..highest).map(|quarters| power(quarters as f64)).collect();
+        let peak = (0..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]))?;
+        let mut sorted = powers.clone();
+        sorted.sort_by(f64::total_cmp);
+        if powers[peak] <= 10.0 * sorted[sorted.len() / 2] {
+            return None;
+        }
+        // Between the frequencies that were tried: an edge must be met to a row or two.
+        let fine = |share: i32| (peak + 12) as f64 + 0.05 * f64::from(share);
+        let best = (-20..=20).max_by(|&a, &b| power(fine(a)).total_cmp(&power(fine(b))))?;
+        Some(span_s / (0.25 * fine(best)))
+    }
+
+    /// The term that leaves the best model, refitted; none when no term says anything.
+    fn best<'t>(&self, terms: &'t [Term]) -> Option<(State, &'t Term)> {
+        let mut scored: Vec<(f64, Vec<f64>, DVector<f64>, &Term)> = Vec::new();
+        // As many in one walk as one dual number has derivatives to spare.
+        for chunk in terms.chunks(4) {
+            let names: Vec<String> = (0..chunk.len()).map(|index| format!("term_{index}")).collect();
+            let mut model = fitted(self.state);
+            for (term, name) in chunk.iter().zip(&names) {
+                model = model.with_expression(&term.definition(name.clone(), &vec![0.0; term.parts.len()])).ok()?;
+            }
+            let (frame, x) = extended(self.state, model);
+            for (term, name) in chunk.iter().zip(&names) {
+                let by: Vec<usize> = COEFFICIENTS[..term.parts.len()].iter().filter_map(|k| unknown(&frame, name, k)).collect();
+                let (_, columns) = frame.linearise(&x, &by);
+                if let Some((gain, sizes, left)) = self.gain(columns) {
+                    scored.push((gain, sizes, left, term));
+                }
+            }
+        }
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Of one form at several shapes only the best goes on.
+        let mut forms: Vec<&[String]> = Vec::new();
+        scored.retain(|(.., term)| {
+            let new = !forms.contains(&term.parts.as_slice());
+            forms.push(&term.parts);
+            new
+        });
+        scored.truncate(WEIGHED);
+        let rows = self.state.frame.evidence.rows() as f64;
+        let weigh = |left: &DVector<f64>, term: &Term| self.cost(left) + rows.ln() * term.parts.len() as f64;
+        let mut weighed: Vec<(f64, Vec<f64>, &Term)> =
+            scored.into_iter().map(|(_, sizes, left, term)| (weigh(&left, term), sizes, term)).collect();
+        weighed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        weighed.truncate(REFITTED);
+        let name = next_name(&self.state.frame.model);
+        let refitted = weighed.into_iter().filter_map(|(_, sizes, term)| {
+            let (frame, x) = extended(self.state, fitted(self.state).with_expression(&term.definition(name.clone(), &sizes)).ok()?);
+            Some((State::search(Arc::new(frame), &x), term))
+        });
+        refitted
+            .filter(|(state, _)| state.bic().is_finite() && !loose(state).contains(&name))
+            .min_by(|(a, _), (b, _)| a.bic().total_cmp(&b.bic()))
+    }
+
+    /// Fall of the squared residual by these columns, their sizes, and what they leave.
+    fn gain(&self, columns: DMatrix<f64>) -> Option<(f64, Vec<f64>, DVector<f64>)> {
+        if columns.iter().any(|value| !value.is_finite()) {
+            return None;
+        }
+        let rows = columns.nrows();
+        let filters = self.white.filters();
+        let whitened = Whitened { frame: &self.state.frame, filters: &filters };
+        let mut seen = columns.insert_rows(rows, self.left.len() - rows, 0.0);
+        for mut column in seen.column_iter_mut() {
+            whitened.whiten(&mut column.as_mut_slice()[..rows]);
+        }
+        let raw: Vec<f64> = seen.column_iter().map(|column| column.norm_squared()).collect();
+        for mut column in seen.column_iter_mut() {
+            let projected = self.project(&column.clone_owned());
+            column.copy_from(&projected);
+        }
+        // What the base absorbs to the last digits is not there.
+        if seen.column_iter().zip(&raw).any(|(column, raw)| column.norm_squared() <= 1e-6 * raw) {
+            return None;
+        }
+        let sizes = seen.tr_mul(&seen).cholesky()?.solve(&seen.tr_mul(&self.left));
+        let left = &self.left - &seen * &sizes;
+        Some((self.left.norm_squared() - left.norm_squared(), sizes.as_slice().to_vec(), left))
+    }
+
+    /// Twice the negative log-likelihood of residuals in units of the sensors' noise, with the most
+    /// likely slow noise beside it.
+    fn cost(&self, left: &DVector<f64>) -> f64 {
+        let (frame, evidence) = (&self.state.frame, &self.state.frame.evidence);
+        let rows = evidence.rows();
+        let mut residual = left.as_slice()[..rows].to_vec();
+        for segment in &evidence.segments {
+            let floor = evidence.floor(segment.channel);
+            residual[segment.range()].iter_mut().zip(&segment.counts).for_each(|(r, count)| *r *= floor / count.sqrt());
+        }
+        let noise = noises(frame, &residual);
+        likelihood(frame, &residual, &filters(frame, &noise)) + left.as_slice()[rows..].iter().map(|e| e * e).sum::<f64>()
+    }
+}
+
+/// Deviations that the size of every proposed term must be away from none.
+const DETERMINED: f64 = 3.0;
+
+/// Proposed terms whose size the logs do not tell, or whose shape rests on a bound: such a one
+/// trades with another, or stands in for a simpler one. The edges of a switch may be as sharp as
+/// they come.
+fn loose(state: &State) -> Vec<String> {
+    let (frame, covariance, bounds) = (&state.frame, state.covariance(), state.frame.bounds());
+    let tells = |place: usize| state.x[place].abs() > DETERMINED * covariance[(place, place)].max(0.0).sqrt();
+    let on_bound = |effect: &str| {
+        frame.free.iter().enumerate().any(|(place, &index)| {
+            let (parameter, (min, max), x) = (&frame.model.parameters()[index], bounds[place], state.x[place]);
+            parameter.effect == effect && parameter.name != dictionary::EDGE && (x <= min || x >= max)
+        })
+    };
+    let names = frame.model.effects().map(|effect| effect.spec().id).filter(|id| id.starts_with(PREFIX));
+    let is_loose = |effect: &&str| on_bound(effect) || !COEFFICIENTS.iter().filter_map(|k| unknown(frame, effect, k)).any(tells);
+    names.filter(is_loose).map(str::to_owned).collect()
+}
+
+/// The model with its free parameters where the fit has them.
+fn fitted(state: &State) -> Model {
+    let mut values = state.frame.model.values();
+    state.frame.free.iter().zip(&state.x).for_each(|(&index, &value)| values[index] = value);
+    Model::clone(&state.frame.model).with_values(&values)
+}
+
+/// A model with more or less in it on the same logs, and where its unknowns begin.
+fn extended(state: &State, model: Model) -> (Frame, Vec<f64>) {
+    let frame = Frame::new(Arc::new(model), Arc::clone(&state.frame.evidence));
+    let mut x = frame.start();
+    x[frame.free.len()..].copy_from_slice(&state.x[state.frame.free.len()..]);
+    (frame, x)
+}
+
+fn span_s(time_s: &[f64]) -> f64 {
+    time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first)
+}
+
+/// Place among the unknowns of a parameter.
+fn unknown(frame: &Frame, effect: &str, name: &str) -> Option<usize> {
+    let parameters = frame.model.parameters();
+    frame.free.iter().position(|&index| parameters[index].effect == effect && parameters[index].name == name)
+}
