@@ -11,6 +11,7 @@ mod inputs;
 mod predict;
 mod propose;
 mod report;
+mod save;
 
 use std::io::{self, Write as _};
 use std::process::ExitCode;

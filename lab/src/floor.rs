@@ -3,6 +3,8 @@
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 
+use crate::residual::{lag1, noise_between};
+
 /// RMS over floor of one channel of one log.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FloorCheck {
@@ -56,7 +58,7 @@ impl FloorCheck {
         let ratio = (squares / n).sqrt() / floor;
         let (low, high) = rms_factors(effective_rows);
         let (ratio_low, ratio_high) = (ratio * low, ratio * high);
-        let noise_seen = noise_seen(rows, residual);
+        let noise_seen = noise_between(rows, residual, LEAST_NEIGHBOURS);
         let opinion = if ratio_high < TRIFLE {
             FloorOpinion::FloorTooLarge
         } else if noise_seen.is_some_and(|noise| noise > CLEARLY * floor) {
@@ -75,25 +77,6 @@ fn rms_factors(freedom: f64) -> (f64, f64) {
     let Ok(chi_square) = ChiSquared::new(freedom) else { return (0.0, f64::INFINITY) };
     let factor = |chance| (freedom / chi_square.inverse_cdf(chance)).sqrt();
     (factor(0.975), factor(0.025))
-}
-
-/// Correlation of neighbouring rows about zero.
-fn lag1(rows: &[usize], residual: &[f64]) -> f64 {
-    let neighbours = rows.windows(2).zip(residual.windows(2)).filter(|(rows, _)| rows[1] == rows[0] + 1);
-    let sums = neighbours.fold((0.0, 0.0), |sum, (_, x)| (sum.0 + x[0] * x[1], sum.1 + (x[0] * x[0] + x[1] * x[1]) / 2.0));
-    if sums.1 > 0.0 { sums.0 / sums.1 } else { 0.0 }
-}
-
-/// Standard deviation of white noise from second differences, which lines and slow curves do not
-/// enter. The median keeps steps out: |x - 2y + z| of noise has the median 0.6745 sqrt(6) sigma.
-fn noise_seen(rows: &[usize], residual: &[f64]) -> Option<f64> {
-    let thirds = rows.windows(3).zip(residual.windows(3)).filter(|(rows, _)| rows[2] == rows[0] + 2);
-    let mut sizes: Vec<f64> = thirds.map(|(_, x)| (x[0] - 2.0 * x[1] + x[2]).abs()).collect();
-    if sizes.len() < LEAST_NEIGHBOURS {
-        return None;
-    }
-    let middle = sizes.len() / 2;
-    Some(*sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.674_49 * 6f64.sqrt()))
 }
 
 #[cfg(test)]

@@ -77,6 +77,29 @@ impl Size {
     }
 }
 
+/// Autocorrelation of residuals in neighbouring rows of a log. About zero, not about the mean: a
+/// constant error is an error.
+#[must_use]
+pub fn lag1(rows: &[usize], residual: &[f64]) -> f64 {
+    let neighbours = rows.windows(2).zip(residual.windows(2)).filter(|(rows, _)| rows[1] == rows[0] + 1);
+    let sums = neighbours.fold((0.0, 0.0), |sum, (_, x)| (sum.0 + x[0] * x[1], sum.1 + (x[0] * x[0] + x[1] * x[1]) / 2.0));
+    if sums.1 > 0.0 { sums.0 / sums.1 } else { 0.0 }
+}
+
+/// Standard deviation of white noise from second differences of neighbouring rows, which lines and
+/// slow curves do not enter; none with fewer than `least` of them. The median keeps steps out:
+/// |x - 2y + z| of noise has the median 0.6745 sqrt(6) sigma.
+#[must_use]
+pub fn noise_between(rows: &[usize], values: &[f64], least: usize) -> Option<f64> {
+    let thirds = rows.windows(3).zip(values.windows(3)).filter(|(rows, _)| rows[2] == rows[0] + 2);
+    let mut sizes: Vec<f64> = thirds.map(|(_, x)| (x[0] - 2.0 * x[1] + x[2]).abs()).collect();
+    if sizes.len() < least.max(1) {
+        return None;
+    }
+    let middle = sizes.len() / 2;
+    Some(*sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.674_49 * 6f64.sqrt()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

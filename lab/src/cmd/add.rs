@@ -1,6 +1,5 @@
 //! `lab add`: adds one effect that the user names, refits, and says what it is worth.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{anyhow, bail};
@@ -13,12 +12,11 @@ use lab::infer::score::Scoring;
 use lab::infer::state::State;
 use lab::infer::trial::{Trial, held_out};
 use lab::learned::left_out;
-use lab::output::check_writable;
 use lab::report::addition::{Addition, Look};
 
 use super::case::{Case, Written, busy};
-use super::fit::date;
 use super::inputs::{LogInputs, ModelArg};
+use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]
@@ -29,18 +27,12 @@ pub(super) struct Args {
     model: ModelArg,
     #[command(flatten)]
     logs: LogInputs,
-    /// Where to write the model with the effect; nothing is written when left out.
-    #[arg(short, long, value_name = "MODEL2")]
-    output: Option<PathBuf>,
-    /// Date to record as the origin of the numbers, YYYY-MM-DD.
-    #[arg(long, value_name = "DATE", value_parser = date)]
-    date: Option<String>,
+    #[command(flatten)]
+    save: SaveArgs,
 }
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
-    if let Some(path) = &args.output {
-        check_writable(path)?;
-    }
+    args.save.check()?;
     let spec = absent(&args.model.load()?.model, &args.effect)?;
     let case = Case::read(&args.model, &args.logs)?;
     let bar = busy(format!("fitting {} with {}", case.source.model.name, spec.id));
@@ -50,9 +42,9 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let before = case.held.as_ref().map_or_else(Vec::new, |held| held_out(&base, held));
     // Only this one was tried, and its name is not the logs' choice but the user's.
     let refused = refusals(&base, &trial, &before, case.held.as_ref(), 1);
-    let refitted = case.learned(&base, None, args.date.as_deref())?;
-    let extended = case.learned(&trial.state, args.output.as_deref(), args.date.as_deref())?;
-    if let Some(path) = &args.output {
+    let refitted = case.learned(&base, None, args.save.date())?;
+    let extended = case.learned(&trial.state, args.save.output(), args.save.date())?;
+    if let Some(path) = args.save.output() {
         extended.save(path)?;
     }
     let report = Addition {
@@ -69,7 +61,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         words: look(&extended).train.words,
         decision: case.decisions(&extended),
         left_out: left_out(&trial.state),
-        output: args.output.as_ref().map(|path| path.display().to_string()),
+        output: args.save.told(),
     };
     print(format, &report, || report.human())?;
     Ok(if report.accepted { Answer::Yes } else { Answer::No })

@@ -61,7 +61,7 @@ impl<'a> Case<'a> {
     /// The model as given, its free parameters and all that is roughly known at their best.
     pub(super) fn fitted(&self) -> State {
         let frame = Arc::new(Frame::new(Arc::clone(&self.source.model), Arc::clone(&self.evidence)));
-        State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame))
+        State::search(Arc::clone(&frame), &frame.start())
     }
 
     /// The model as given, as a written one: what a comparison begins with.

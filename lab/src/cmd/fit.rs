@@ -1,7 +1,7 @@
 //! `lab fit`: calibrates a model on logs.
 
 use std::io::{IsTerminal as _, stderr};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context as _;
@@ -11,11 +11,12 @@ use lab::compare::compare;
 use lab::fit::{Step, fit, free_parameters};
 use lab::model_edit::{Change, edit, ocv_of_file};
 use lab::model_source::{Origin, parse_beside};
-use lab::output::{check_writable, write_whole};
+use lab::output::write_whole;
 use lab::report::fitted::FitReport;
 
 use super::case::{origin, same_directory};
 use super::inputs::{LogArgs, ModelArg};
+use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]
@@ -24,36 +25,18 @@ pub(super) struct Args {
     model: ModelArg,
     #[command(flatten)]
     logs: LogArgs,
-    /// Where to write the fitted model; nothing is written when left out.
-    #[arg(short, long, value_name = "MODEL2")]
-    output: Option<PathBuf>,
     /// Also fit this parameter (or all of this effect), whatever the model says.
     #[arg(long, value_name = "EFFECT.PARAMETER", num_args = 1..)]
     free: Vec<String>,
     /// Leave this parameter (or all of this effect) as it is, whatever the model says.
     #[arg(long, value_name = "EFFECT.PARAMETER", num_args = 1..)]
     fix: Vec<String>,
-    /// Date to record as the origin of the numbers, YYYY-MM-DD.
-    #[arg(long, value_name = "DATE", value_parser = date)]
-    date: Option<String>,
-}
-
-/// A date as people and files write it.
-pub(super) fn date(text: &str) -> Result<String, String> {
-    let parts: Vec<&str> = text.split('-').collect();
-    let number = |part: &str, digits: usize, max: u32| {
-        part.len() == digits && part.bytes().all(|byte| byte.is_ascii_digit()) && part.parse().is_ok_and(|n: u32| (1..=max).contains(&n))
-    };
-    match parts[..] {
-        [year, month, day] if number(year, 4, 9999) && number(month, 2, 12) && number(day, 2, 31) => Ok(text.to_owned()),
-        _ => Err("write it as YYYY-MM-DD".to_owned()),
-    }
+    #[command(flatten)]
+    save: SaveArgs,
 }
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
-    if let Some(path) = &args.output {
-        check_writable(path)?;
-    }
+    args.save.check()?;
     let source = args.model.load()?;
     let model = &source.model;
     let free = free_parameters(model, &args.free, &args.fix)?;
@@ -67,8 +50,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let fitted = fitted?;
     let after = compare(model, &fitted.values, &logs);
     let mut report = FitReport::of(model, &fitted, &before, &after);
-    if let Some(path) = &args.output {
-        let changes = report.changes(&fitted, &format!("fitted by {}", origin(&logs, args.date.as_deref())));
+    if let Some(path) = args.save.output() {
+        let changes = report.changes(&fitted, &format!("fitted by {}", origin(&logs, args.save.date())));
         write_model(&source, path, &changes)?;
         report.output = Some(path.display().to_string());
     }

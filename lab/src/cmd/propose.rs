@@ -1,6 +1,6 @@
 //! `lab propose`: a formula for what no effect of the catalogue explains.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
@@ -11,11 +11,12 @@ use lab::infer::propose::{Proposal, propose};
 use lab::measurement::Log;
 use lab::model_edit::{edit, ocv_of_file};
 use lab::model_source::parse_beside;
-use lab::output::{check_writable, write_whole};
+use lab::output::write_whole;
 use lab::report::proposal::{ProposalReport, Status};
 
-use super::fit::{date, stays_beside};
+use super::fit::stays_beside;
 use super::inputs::{LogInputs, ModelArg};
+use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]
@@ -24,19 +25,12 @@ pub(super) struct Args {
     model: ModelArg,
     #[command(flatten)]
     logs: LogInputs,
-    /// Where to write the model with the proposal; nothing is written when left out, or when
-    /// nothing is proposed.
-    #[arg(short, long, value_name = "MODEL2")]
-    output: Option<PathBuf>,
-    /// Date to record as the origin of the numbers, YYYY-MM-DD.
-    #[arg(long, value_name = "DATE", value_parser = date)]
-    date: Option<String>,
+    #[command(flatten)]
+    save: SaveArgs,
 }
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
-    if let Some(path) = &args.output {
-        check_writable(path)?;
-    }
+    args.save.check()?;
     let source = args.model.load()?;
     let model = &source.model;
     let (train, holdout) = split(args.logs.train(model)?, args.logs.holdout(model)?)?;
@@ -45,8 +39,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let (train, holdout) = (evidence(&train)?, evidence(&holdout)?);
     let proposal = propose(Arc::clone(model), train, &holdout);
     let mut report = ProposalReport::of(&proposal, &holdout);
-    if let (Some(path), Status::Proposal) = (&args.output, report.status) {
-        let date = args.date.as_ref().map_or_else(String::new, |date| format!(", {date}"));
+    if let (Some(path), Status::Proposal) = (args.save.output(), report.status) {
+        let date = args.save.date().map_or_else(String::new, |date| format!(", {date}"));
         let origin = format!("proposed by lab {} from {}{date}", env!("CARGO_PKG_VERSION"), names.join(", "));
         write(&source, path, &report, &proposal, &origin)?;
         report.output = Some(path.display().to_string());

@@ -12,8 +12,8 @@ use serde::Serialize;
 use super::case::Case;
 use super::compare::answer;
 use super::discover::searched;
-use super::fit::date;
 use super::inputs::{LogInputs, ModelArg};
+use super::save::date;
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]

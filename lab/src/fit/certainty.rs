@@ -16,6 +16,8 @@ use std::ops::Range;
 use energy::Channel;
 use nalgebra::{DMatrix, DVector};
 
+use crate::residual::lag1;
+
 /// The rows of a fit that come from one channel of one log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
@@ -70,7 +72,7 @@ pub fn certainty(jacobian: &DMatrix<f64>, residual: &DVector<f64>, segments: &[S
         let rows = segment.range.len() as f64;
         let part = jacobian.rows(segment.range.start, segment.range.len());
         let own = residual.rows(segment.range.start, segment.range.len());
-        let lag1 = lag1(own.as_slice(), &segment.rows);
+        let lag1 = lag1(&segment.rows, own.as_slice());
         let kept = lag1.clamp(0.0, (rows - 1.0) / (rows + 1.0));
         let inflation = (1.0 + kept) / (1.0 - kept);
         worth.push(SegmentCertainty { lag1, effective_rows: rows / inflation });
@@ -100,17 +102,6 @@ pub fn certainty(jacobian: &DMatrix<f64>, residual: &DVector<f64>, segments: &[S
 #[must_use]
 pub fn uniform_sigma((min, max): (f64, f64)) -> f64 {
     (max - min) / 12f64.sqrt()
-}
-
-/// Autocorrelation of neighbours. About zero, not about the mean: a constant error is an error.
-fn lag1(residual: &[f64], rows: &[usize]) -> f64 {
-    let neighbours = rows.windows(2).zip(residual.windows(2)).filter(|(rows, _)| rows[1] == rows[0] + 1);
-    let (mut products, mut squares) = (0.0, 0.0);
-    for (_, pair) in neighbours {
-        products += pair[0] * pair[1];
-        squares += (pair[0] * pair[0] + pair[1] * pair[1]) / 2.0;
-    }
-    if squares > 0.0 { products / squares } else { 0.0 }
 }
 
 /// Inverse of a normal matrix without the directions that it does not determine, and the sets of

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use energy::{Channel, Model, System};
 
 use crate::prepare::Prepared;
+use crate::residual::noise_between;
 
 /// The judged rows of one target of one log.
 #[derive(Debug, Clone)]
@@ -104,7 +105,7 @@ impl Evidence {
             if !floors.iter().any(|(channel, _)| *channel == segment.channel) {
                 let of_channel = segments.iter().filter(|other| other.channel == segment.channel);
                 let known = model.sensor(segment.channel).floor();
-                let white = if known > 0.0 { known } else { roughness(of_channel.map(|segment| segment.observed.as_slice())) };
+                let white = if known > 0.0 { known } else { roughness(of_channel) };
                 floors.push((segment.channel, white));
             }
         }
@@ -186,17 +187,16 @@ fn both_temperatures(log: &Prepared) -> Option<&[f64]> {
     input(Channel::AmbientDegc).and(input(Channel::TemperatureDegc))
 }
 
-/// Noise of measurements as their changes from row to row show it (von Neumann's estimate, taken
-/// by the median so that steps do not count), in the channel's unit.
-fn roughness<'a>(observed: impl Iterator<Item = &'a [f64]>) -> f64 {
-    let mut bends: Vec<f64> = Vec::new();
-    let mut scale = 0.0_f64;
-    for values in observed {
-        bends.extend(values.windows(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()));
-        scale = values.iter().fold(scale, |scale, value| scale.max(value.abs()));
+/// Noise of a channel as its measurements show it from row to row, in the channel's unit: the mean
+/// of its logs. Never zero, so that a likelihood exists for readings that never change.
+fn roughness<'a>(segments: impl Iterator<Item = &'a Segment>) -> f64 {
+    let (mut squares, mut rows, mut scale) = (0.0, 0.0, 0.0_f64);
+    for segment in segments {
+        let count = segment.rows.len() as f64;
+        squares += count * noise_between(&segment.rows, &segment.observed, 1).unwrap_or(0.0).powi(2);
+        rows += count;
+        scale = segment.observed.iter().fold(scale, |scale, value| scale.max(value.abs()));
     }
-    bends.sort_by(f64::total_cmp);
-    let median = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
-    // The median of |N(0, 6 s^2)| is 0.6745 sqrt(6) s.
-    (median / (0.6745 * 6f64.sqrt())).max(1e-6 * scale).max(f64::MIN_POSITIVE)
+    let noise = if rows > 0.0 { (squares / rows).sqrt() } else { 0.0 };
+    noise.max(1e-6 * scale).max(f64::MIN_POSITIVE)
 }
