@@ -6,7 +6,7 @@
 //!             models.rs       the coordinator's own models and settings
 //!             forecast.rs     what a service takes
 //!             view.rs         beliefs and models as one planning problem
-//!             scheduler/      problem -> plan, capacity
+//!             scheduler/      beliefs -> planner's problem -> services, capacity, words
 //!             service_run.rs  a service that has begun, and the commands that carry it on
 //!             answers.rs      schedule, capacity, explanations for the wire
 //!   files   config.rs       the live coordinator's configuration

@@ -117,7 +117,8 @@ impl<'p> Book<'p> {
         }
         let base = problem.base_load(station);
         for limit in &mut book.energy {
-            limit.energy -= base[..limit.before as usize].iter().sum::<i64>();
+            let begun = station.chance.as_ref().map_or(0, |chance| chance.begun);
+            limit.energy -= begun + base[..limit.before as usize].iter().sum::<i64>();
         }
         for tick in 0..ticks {
             book.tight.put(tick, book.headroom[tick] < draw_max);

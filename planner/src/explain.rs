@@ -4,7 +4,7 @@
 use crate::book::Clash;
 use crate::draft::{Draft, NONE};
 use crate::plan::Session;
-use crate::problem::{Problem, Tick};
+use crate::problem::Tick;
 use crate::way::{Mode, Way, Ways};
 
 /// What can be said of a robot's place in a plan.
@@ -19,7 +19,7 @@ pub struct Explained {
     pub others: Vec<Other>,
     /// What stands in the way of the earliest service of the kind that is planned, at its station; none
     /// when nothing earlier is to be had by the rules.
-    pub earlier: Option<Earlier>,
+    pub earlier: Option<Other>,
 }
 
 /// Another way to service the robot.
@@ -43,46 +43,56 @@ pub struct Other {
     pub blockers: Vec<usize>,
 }
 
-/// An earlier service.
-pub type Earlier = Other;
+/// A plan of which one can ask why it is as it is.
+#[derive(Debug)]
+pub struct Explainer<'w, 'p> {
+    draft: Draft<'w, 'p>,
+}
 
-/// Explains a robot's place in the plan with these sessions.
-#[must_use]
-pub fn explain(problem: &Problem, sessions: &[Session], robot: usize) -> Explained {
-    let ways = Ways::new(problem);
-    let mut draft = Draft::new(&ways);
-    for session in sessions {
-        if let Some(way) = ways.of(session.robot).find(session.station, session.start, session.mode) {
-            draft.serve(session.robot, way as u32);
-        }
-    }
-    let choices = ways.of(robot);
-    let chosen = draft.chosen[robot];
-    let planned = (chosen != NONE).then(|| choices.ways[chosen as usize]);
-    let cost = draft.cost_of(robot);
-    if planned.is_some() {
-        draft.release(robot);
-    }
-    let mut others = Vec::new();
-    for travel in &problem.robots[robot].travel {
-        for charges in [true, false] {
-            let here = |way: &&Way| usize::from(way.station) == travel.station && charges == matches!(way.mode, Mode::Charge(_));
-            let other = |way: &&Way| planned.is_none_or(|planned| **way != planned);
-            let free = choices.ways.iter().filter(here).filter(other).find(|way| draft.books[travel.station].fits(choices, way));
-            let Some(best) = free.or_else(|| choices.ways.iter().find(here)) else { continue };
-            if other(&best) {
-                others.push(described(&draft, robot, best));
+impl<'w, 'p> Explainer<'w, 'p> {
+    /// Opens the plan with these sessions.
+    #[must_use]
+    pub fn new(ways: &'w Ways<'p>, sessions: &[Session]) -> Self {
+        let mut draft = Draft::new(ways);
+        for session in sessions {
+            if let Some(way) = ways.of(session.robot).find(session.station, session.start, session.mode) {
+                draft.serve(session.robot, way as u32);
             }
         }
+        draft.keep();
+        Self { draft }
     }
-    others.sort_by_key(|other| (other.clash.is_some(), other.cost, other.energy, other.start));
-    let earlier = planned.and_then(|planned| {
-        let alike = |way: &&Way| {
-            way.station == planned.station && way.start < planned.start && std::mem::discriminant(&way.mode) == std::mem::discriminant(&planned.mode)
-        };
-        choices.ways.iter().filter(alike).min_by_key(|way| (way.start, way.cost)).map(|way| described(&draft, robot, way))
-    });
-    Explained { cost, unserved_cost: i64::from(choices.unserved_cost), others, earlier }
+
+    /// Explains a robot's place in the plan.
+    pub fn explain(&mut self, robot: usize) -> Explained {
+        let draft = &mut self.draft;
+        let (ways, problem) = (draft.ways, draft.problem());
+        let (choices, chosen, cost) = (ways.of(robot), draft.chosen[robot], draft.cost_of(robot));
+        let planned = (chosen != NONE).then(|| choices.ways[chosen as usize]);
+        if planned.is_some() {
+            draft.release(robot);
+        }
+        let mut others = Vec::new();
+        for travel in &problem.robots[robot].travel {
+            for charges in [true, false] {
+                let here = |way: &&Way| usize::from(way.station) == travel.station && charges == matches!(way.mode, Mode::Charge(_));
+                let other = |way: &&Way| planned.is_none_or(|planned| **way != planned);
+                let free = choices.ways.iter().filter(here).filter(other).find(|way| draft.books[travel.station].fits(choices, way));
+                let Some(best) = free.or_else(|| choices.ways.iter().find(here)) else { continue };
+                if other(&best) {
+                    others.push(described(draft, robot, best));
+                }
+            }
+        }
+        others.sort_by_key(|other| (other.clash.is_some(), other.cost, other.energy, other.start));
+        let earlier = planned.and_then(|planned| {
+            let kind = std::mem::discriminant(&planned.mode);
+            let alike = |way: &&Way| way.station == planned.station && way.start < planned.start && std::mem::discriminant(&way.mode) == kind;
+            choices.ways.iter().filter(alike).min_by_key(|way| (way.start, way.cost)).map(|way| described(draft, robot, way))
+        });
+        draft.undo(0);
+        Explained { cost, unserved_cost: i64::from(choices.unserved_cost), others, earlier }
+    }
 }
 
 fn described(draft: &Draft<'_, '_>, robot: usize, way: &Way) -> Other {

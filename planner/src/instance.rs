@@ -249,6 +249,7 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         energy: range(at("energy"), raw.energy, 0, ENERGY_MAX)?,
         drain,
         drain_hi: range(at("drain_hi"), raw.drain_hi, drain.max(1), ENERGY_MAX / HORIZON_MAX)?,
+        drain_served: raw.drain_hi,
         mission_end,
         weight,
         critical: raw.critical.map(|(from, to)| Critical { from, to, weight: critical_weight }),

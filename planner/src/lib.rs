@@ -54,6 +54,7 @@ pub mod supply;
 pub mod way;
 
 pub use capacity::{Capacity, capacity};
+pub use explain::{Explained, Explainer};
 pub use instance::{Instance, InstanceError};
 pub use optimise::{Budget, Moves};
 pub use plan::{Levels, Plan, Session, Unserved};

@@ -138,6 +138,8 @@ pub struct Chance {
     pub quantile_held: f64,
     /// What the station draws by itself until its last service has ended, per tick.
     pub hotel: i64,
+    /// What services that have begun still take.
+    pub begun: i64,
     /// Variance of what the packs hold and of services that have begun, units².
     pub variance: f64,
     /// Products of the deviations by shared parameters of what has begun (0), of the station itself in a
@@ -207,6 +209,8 @@ pub struct Robot {
     pub drain: i64,
     /// The same with the caution that promises need, per tick; at least `drain` and 1.
     pub drain_hi: i64,
+    /// The same after a service: what is uncertain of the charge of now no longer counts.
+    pub drain_served: i64,
     /// The tick in which its work ends; may lie beyond the horizon.
     pub mission_end: i64,
     /// Worth of a tick of work.
@@ -215,7 +219,7 @@ pub struct Robot {
     pub critical: Option<Critical>,
     /// No service begins before this tick.
     pub not_before: Tick,
-    /// The tick in which a service is wanted: work between then and a service counts for nothing.
+    /// The tick in which a service is wanted: every tick between then and its beginning counts as missed.
     pub wanted: Tick,
     /// Whether an earlier plan promised it a service: then less certainty is asked for.
     pub held: bool,
@@ -264,10 +268,11 @@ impl Robot {
         self.weight * (end - within(0, end)) + critical
     }
 
-    /// Worth of the work that is missed without a service.
+    /// Worth of the work that is missed without a service: all after the tick in which one is wanted, as if it
+    /// were late for ever.
     #[must_use]
     pub fn missed_unserved(&self, floor: i64) -> i64 {
-        self.missed([(0, self.endurance(floor)), (0, 0)])
+        self.missed([(0, self.endurance(floor).min(i64::from(self.wanted))), (0, 0)])
     }
 }
 

@@ -176,7 +176,9 @@ fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commit
         })
         .collect();
     let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != honest[robot]).collect();
-    let ways = Ways::for_replanning(problem, &honest, &vec![false; honest.len()], 0);
+    // Who is left out is told why, and for that all ways count.
+    let left_out: Vec<bool> = honest.iter().map(Option::is_none).collect();
+    let ways = Ways::for_replanning(problem, &honest, &left_out, 0);
     let mut draft = Draft::new(&ways);
     for robot in (0..honest.len()).filter(|&robot| honest[robot].is_some()) {
         draft.serve(robot, 0);

@@ -90,6 +90,14 @@ impl Core {
         }
         let before = station.state.replace(state.clone());
         station.lost = false;
+        for spare in &state.spares {
+            // A pack that a robot left stands in its place from when that is first heard of.
+            if spare.ready {
+                station.left.remove(&spare.spare);
+            } else {
+                station.left.entry(spare.spare.clone()).or_insert(state.at);
+            }
+        }
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
         let Some(before) = before else {
             let modelled = &self.models.stations[&id].packs;

@@ -25,8 +25,7 @@ pub(super) struct Odds<'p> {
 
 impl<'p> Odds<'p> {
     pub(super) fn new(chance: &'p Chance, station: &Station, horizon: Tick) -> Self {
-        let begun: i64 = station.ongoing.iter().map(|ongoing| ongoing.draw * i64::from(ongoing.until - ongoing.from)).sum();
-        let held = station.packs.iter().map(|pack| pack.usable().max(0)).sum::<i64>() - begun;
+        let held = station.packs.iter().map(|pack| pack.usable().max(0)).sum::<i64>() - chance.begun;
         let last = station.ongoing.iter().map(|ongoing| ongoing.until).max().unwrap_or(0);
         Self { chance, held, taken: 0, variance: 0, new: 0, ends: vec![0; horizon as usize + 1], last, last_begun: last }
     }

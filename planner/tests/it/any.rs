@@ -82,6 +82,7 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
             energy,
             drain,
             drain_hi: drain + caution,
+            drain_served: drain + caution,
             mission_end,
             weight,
             critical: critical.map(|(from, length, weight)| Critical { from, to: from + length, weight }),

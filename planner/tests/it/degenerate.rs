@@ -24,6 +24,7 @@ fn robot(energy: i64) -> Robot {
         energy,
         drain: 20,
         drain_hi: 24,
+        drain_served: 24,
         mission_end: 50,
         weight: 1,
         critical: None,
