@@ -79,6 +79,7 @@ fn running_service(run: &ServiceRun) -> Service {
         start: run.start,
         end: run.end,
         pack_energy_wh: node::wire(run.need.estimate()),
+        probability: None,
         status: run.status(),
         why: run.why.clone(),
     }
@@ -99,6 +100,7 @@ fn planned_service(planned: &Planned) -> Service {
         start: planned.start,
         end: planned.end,
         pack_energy_wh: node::wire(planned.need.estimate()),
+        probability: Some(planned.probability),
         status: ServiceStatus::Planned,
         why: planned.why.clone(),
     }
@@ -197,6 +199,7 @@ pub fn explain(
     } else {
         reasons.push("it has not been heard, or was lost".to_owned());
     }
+    reasons.extend(basis.trust.fault(basis.now, robot).map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
     match (&service, schedule.unserved.iter().find(|unserved| unserved.robot == *robot)) {
         (Some(service), _) => reasons.extend(service.why.iter().cloned()),
         (None, Some(unserved)) => reasons.extend(unserved.reasons.iter().cloned()),

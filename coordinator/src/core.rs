@@ -29,6 +29,7 @@ use crate::scheduler::{Effort, Plan, Solved, Tables, solve};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
 use crate::view::Basis;
+use crate::trust::Trust;
 use crate::watch::Watch;
 
 /// How many different refusals are told; a flood of bad messages must not fill the memory.
@@ -114,6 +115,7 @@ pub struct Core {
     trigger: Option<String>,
     refused: BTreeSet<String>,
     watch: Watch,
+    trust: Trust,
     outputs: VecDeque<Output>,
 }
 
@@ -151,6 +153,7 @@ impl Core {
             trigger: None,
             refused: BTreeSet::new(),
             watch: Watch::default(),
+            trust: Trust::default(),
             outputs: VecDeque::new(),
         }
     }
@@ -169,6 +172,7 @@ impl Core {
             Input::Tick => {}
             Input::Refused(what) => self.refuse(now, what),
         }
+        self.doubt_gauges(now);
         self.resend(now);
         self.carry_on(now);
         if self.plan_due(now) {
@@ -219,6 +223,7 @@ impl Core {
             running: &self.running,
             promised: &self.promised,
             watch: &self.watch,
+            trust: &self.trust,
         }
     }
 

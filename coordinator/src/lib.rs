@@ -3,6 +3,7 @@
 //! ```text
 //!   pure    core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
 //!             fleet.rs        the newest word of each robot and station
+//!             trust.rs        whether gauges can be believed
 //!             models.rs       the coordinator's own models and settings
 //!             forecast.rs     what a service takes
 //!             view.rs         beliefs and models as one planning problem
@@ -30,6 +31,7 @@ pub mod service;
 pub mod service_run;
 pub mod sim;
 pub mod store;
+mod trust;
 pub mod view;
 mod watch;
 

@@ -14,10 +14,13 @@ use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::Table;
 use crate::scheduler::{Begun, PackView, RobotView, SpareView, StationView, Tables, View};
 use crate::service_run::{How, ServiceRun, Stage};
+use crate::trust::Trust;
 use crate::watch::{Subject, Watch};
 
 /// Share of the time to empty after which a service is wanted whatever the state of charge.
 const QUEUE_SHARE: f64 = 0.9;
+/// Share of the usual caution with which a robot's time is judged that was promised a service.
+const HELD_CAUTION: f64 = 0.5;
 /// A spare that should have been charged by now is counted on after this time, s.
 const SPARE_LATE_S: f64 = 300.0;
 
@@ -40,6 +43,8 @@ pub struct Basis<'a> {
     pub promised: &'a BTreeSet<RobotId>,
     /// Doubts in models.
     pub(crate) watch: &'a Watch,
+    /// Doubts in gauges.
+    pub(crate) trust: &'a Trust,
 }
 
 impl Basis<'_> {
@@ -58,10 +63,11 @@ impl Basis<'_> {
     }
 
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, stations: &[StationView]) -> RobotView {
-        let soc = wider(from_wire(gauge.soc), self.watch.wider(&Subject::RobotBattery(id.clone())));
+        let (soc, remaining_wh) = self.trust.belief(self.now, id, gauge, state, battery.battery().stored_wh());
+        let soc = wider(soc, self.watch.wider(&Subject::RobotBattery(id.clone())));
         let per_s = |power_w: f64| (power_w / battery.battery().stored_wh() / S_PER_H).max(1e-12);
         let drain_soc_per_s = per_s(state.drain_w.value);
-        let (empty_s, drain_hi_w) = self.empty_s(id, gauge, state);
+        let (empty_s, drain_hi_w) = self.empty_s(id, remaining_wh, state);
         let mut view = RobotView {
             robot: id.clone(),
             battery: Arc::clone(battery),
@@ -105,8 +111,10 @@ impl Basis<'_> {
 
     /// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic; and
     /// that drain, W.
-    fn empty_s(&self, id: &RobotId, gauge: &Gauge, state: &RobotState) -> (f64, f64) {
-        let z = Normal::standard().inverse_cdf(self.settings.confidence);
+    fn empty_s(&self, id: &RobotId, remaining_wh: Estimate, state: &RobotState) -> (f64, f64) {
+        // A promise that was given is not broken over the last minute of its margin.
+        let caution = if self.promised.contains(id) { HELD_CAUTION } else { 1.0 };
+        let z = caution * Normal::standard().inverse_cdf(self.settings.confidence);
         // A doubted model is less certain than it says.
         let [battery, work, on_way] = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())]
             .map(|of| self.watch.wider(&of));
@@ -115,7 +123,7 @@ impl Basis<'_> {
         let beyond_wh = |way: &Travel| way.energy_wh.value + z * on_way * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
         let reserve_wh = state.travel.values().map(beyond_wh).fold(f64::INFINITY, f64::min);
         let reserve_wh = if reserve_wh.is_finite() { reserve_wh.max(0.0) } else { 0.0 };
-        let energy_wh = (gauge.remaining_wh.value - z * battery * gauge.remaining_wh.sigma - reserve_wh).max(0.0);
+        let energy_wh = (remaining_wh.value - z * battery * remaining_wh.sigma - reserve_wh).max(0.0);
         (if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }, drain_w)
     }
 
@@ -173,9 +181,13 @@ impl Basis<'_> {
             } else if spare.ready {
                 (0.0, spare.soc.value)
             } else {
-                view.committed = view.committed.plus(&forecast::spare_again(models, from_wire(spare.soc), to_soc));
                 let since_s = station.left.get(&spare.spare).map_or(0.0, |since| self.now.seconds_since(*since));
-                ((charge_s(spare.soc.value) - since_s).max(SPARE_LATE_S), to_soc)
+                let whole_s = charge_s(spare.soc.value).max(1.0);
+                // What it has taken since then, the packs' gauges have counted.
+                let lacking = (1.0 - since_s / whole_s).clamp(0.0, 1.0);
+                let need = forecast::spare_again(models, from_wire(spare.soc), to_soc).scaled(lacking);
+                view.committed = view.committed.plus(&self.doubted(&view.station, need));
+                ((whole_s - since_s).max(SPARE_LATE_S), to_soc)
             };
             if (ready_s == 0.0 && charged) || (ready_s > 0.0 && view.charges_spares) {
                 view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s });

@@ -172,7 +172,13 @@ impl<'p> Book<'p> {
     /// Whether power and energy are there for a way, wherever it may take place.
     #[must_use]
     pub fn feeds(&self, choices: &Choices, way: &Way) -> bool {
-        self.draw_clash(choices, way).is_none()
+        self.lack(choices, way).is_none()
+    }
+
+    /// The first lack of power or energy, whether there is a place or not.
+    #[must_use]
+    pub fn lack(&self, choices: &Choices, way: &Way) -> Option<Clash> {
+        self.draw_clash(choices, way)
     }
 
     /// The first lack of power or energy.

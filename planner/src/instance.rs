@@ -244,7 +244,7 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         name: raw.id.to_string(),
         battery: 0,
         not_before: 0,
-        wanted: Tick::MAX,
+        wanted: None,
         held: false,
         energy: range(at("energy"), raw.energy, 0, ENERGY_MAX)?,
         drain,

@@ -219,8 +219,9 @@ pub struct Robot {
     pub critical: Option<Critical>,
     /// No service begins before this tick.
     pub not_before: Tick,
-    /// The tick in which a service is wanted: every tick between then and its beginning counts as missed.
-    pub wanted: Tick,
+    /// The tick in which a service is wanted, if that matters: every tick between then and its beginning counts
+    /// as missed, be it earlier or later.
+    pub wanted: Option<Tick>,
     /// Whether an earlier plan promised it a service: then less certainty is asked for.
     pub held: bool,
     /// Stations in reach.
@@ -272,7 +273,7 @@ impl Robot {
     /// were late for ever.
     #[must_use]
     pub fn missed_unserved(&self, floor: i64) -> i64 {
-        self.missed([(0, self.endurance(floor).min(i64::from(self.wanted))), (0, 0)])
+        self.missed([(0, self.endurance(floor).min(self.wanted.map_or(i64::MAX, i64::from))), (0, 0)])
     }
 }
 

@@ -103,7 +103,8 @@ fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
     for way in ways {
         count += 1;
         let start = Tick::from(way.start);
-        match book.clash(choices, way) {
+        // A place is no use to who cannot be paid for there.
+        match book.lack(choices, way).or_else(|| book.clash(choices, way)) {
             None => return Why::Free { start, cost: way.cost, unserved: choices.unserved_cost },
             Some(clash) if nearest.is_none_or(|(least, _)| severity(clash) < severity(least)) => nearest = Some((clash, start)),
             Some(_) => {}

@@ -127,7 +127,13 @@ pub fn renew(
     }
     let everyone: Vec<usize> = (0..problem.robots.len()).collect();
     greedy(&mut known, &everyone, 0.0);
-    let (draft, _) = optimise::best(&ways, Some(known), seed, budget);
+    let kept = known.chosen.clone();
+    let (mut draft, _) = optimise::best(&ways, Some(known), seed, budget);
+    // A promise is not broken for the sake of others.
+    let broken = |chosen: &[u32]| (0..chosen.len()).filter(|&robot| problem.robots[robot].held && chosen[robot] == NONE).count();
+    if broken(&draft.chosen) > broken(&kept) {
+        draft.become_choice(&kept);
+    }
     let mut mended = finished(problem, &draft, &committed);
     let honest = Ways::new(problem);
     mended.plan.bound.stranded = optimise::least_stranded(&honest);

@@ -340,12 +340,12 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
             });
             let from = &at[place];
             let away = i64::from(travel.ticks);
-            let in_time = start.min(robot.wanted.max(travel.ticks));
-            let works_until = i64::from(in_time) - away;
-            let late = robot.weight * i64::from(start - in_time);
+            let in_time = robot.wanted.map_or(start, |wanted| wanted.max(travel.ticks));
+            let works_until = i64::from(start.min(in_time)) - away;
+            let amiss = robot.weight * i64::from(start.abs_diff(in_time));
             let cost = |end: Tick, stored: i64| {
                 let (from, to) = (i64::from(end) + away, i64::from(end) + (stored - battery.floor).div_euclid(robot.drain_served));
-                late + robot.missed([(0, works_until), (from, to)])
+                amiss + robot.missed([(0, works_until), (from, to)])
             };
             let mut add = |mode, end: Tick, stored, ready, runs, energy| {
                 let cost = cost(end, stored);

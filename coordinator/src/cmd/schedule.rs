@@ -84,7 +84,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
             if let Some(file) = svg {
                 node::files::write_text(file, &chart::svg(&schedule))?;
             }
-            print(args.format, &schedule, if *gantt { chart::show } else { tell::show });
+            print(args.format, &schedule, if *gantt { chart::show } else { show });
         }
         What::Capacity => {
             let capacity: Capacity = match live(&place, &Key::Capacity).await? {

@@ -26,6 +26,8 @@ const BOOKED_MAX: f64 = 60_000.0;
 const TICKS_MAX: [f64; 2] = [300.0, 3000.0];
 /// Nobody plans farther ahead, s.
 const HORIZON_MAX_S: f64 = 48.0 * S_PER_H;
+/// Services after each other that are looked at beyond that.
+const QUEUE_MAX: Tick = 6;
 /// What a station may draw in a tick where nothing limits it.
 const NO_LIMIT: i64 = 1 << 40;
 /// A promise that was given is kept as long as it is more likely than not that it can be.
@@ -177,8 +179,8 @@ fn tick_s(view: &View) -> u32 {
     TICKS_S.into_iter().find(|&tick_s| f64::from(tick_s) >= wanted_s).unwrap_or(TICKS_S[TICKS_S.len() - 1])
 }
 
-/// Ends the horizon when everybody who may be empty within it could have been serviced, and lets work
-/// without an end go on for as long as a charge lasts after that.
+/// Ends the horizon when everybody who may be empty within it could have been serviced. Work that has no
+/// end counts until then: a later service adds as much work as an earlier one, but who knows what comes.
 fn close_horizon(problem: &mut Problem, view: &View) {
     let most = Tick::try_from((HORIZON_MAX_S / f64::from(problem.tick_s)) as i64).unwrap_or(Tick::MAX);
     let charging = |battery: &Battery, station: &Station| {
@@ -188,13 +190,14 @@ fn close_horizon(problem: &mut Problem, view: &View) {
     };
     let services = problem.batteries.iter().flat_map(|battery| problem.stations.iter().map(move |station| charging(battery, station)));
     let service = services.max().unwrap_or(0).min(most);
-    let until = |robot: usize| problem.endurance(robot).min(i64::from(most)).max(i64::from(problem.robots[robot].wanted));
+    let until = |robot: usize| problem.endurance(robot).min(i64::from(most)).max(problem.robots[robot].wanted.map_or(0, i64::from));
     let empty = (0..problem.robots.len()).map(until).max().unwrap_or(0);
     let begun = problem.stations.iter().flat_map(|station| &station.ongoing).map(|ongoing| ongoing.until).max().unwrap_or(0);
-    problem.horizon = (empty as Tick + service + 2).max(begun + 1);
-    let lasts = problem.batteries.iter().map(|battery| battery.capacity).max().unwrap_or(0);
-    let longest = problem.robots.iter().map(|robot| lasts / robot.drain_served).max().unwrap_or(0).min(i64::from(most));
-    let end = i64::from(problem.horizon) + i64::from(service) + longest;
+    // Who never gets empty may come one after the other, all the same.
+    let lasting = (0..problem.robots.len()).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
+    let queue = service * (1 + lasting.min(QUEUE_MAX));
+    problem.horizon = (empty as Tick + queue + 2).max(begun + 1);
+    let end = i64::from(problem.horizon);
     for (robot, view) in problem.robots.iter_mut().zip(&view.robots) {
         let until = view.until_s.map_or(end, |until_s| (until_s / f64::from(problem.tick_s)).max(0.0) as i64);
         robot.mission_end = until.min(end);
@@ -359,7 +362,7 @@ impl Places<'_> {
             weight,
             critical: None,
             not_before: gate,
-            wanted,
+            wanted: Some(wanted),
             held: robot.held,
             travel: travel.collect(),
         }

@@ -36,13 +36,13 @@ pub struct Alternative {
 pub(super) fn why(task: &Task, session: &Session, planned: &Planned) -> Vec<String> {
     let robot = &task.problem.robots[session.robot];
     let away = robot.travel.iter().find(|travel| travel.station == session.station).map_or(0, |travel| travel.ticks);
-    let wanted = robot.wanted.max(away);
+    let wanted = robot.wanted.unwrap_or(0).max(away);
     let minutes = |ticks: Tick| f64::from(ticks) * f64::from(task.grid.tick_s) / 60.0;
     let time = if session.start < wanted {
         format!("comes {:.0} min before it is wanted: later no place would be free in time", minutes(wanted - session.start))
     } else if session.start > wanted {
         format!("comes {:.0} min after it is wanted", minutes(session.start - wanted))
-    } else if away >= robot.wanted {
+    } else if robot.wanted.is_none_or(|wanted| away >= wanted) {
         "comes as soon as the robot can be there".to_owned()
     } else {
         "comes when it is wanted".to_owned()
@@ -192,7 +192,7 @@ fn why_not_earlier(task: &Task, session: &Session, earlier: Option<&Other>) -> S
             ),
         },
         None if robot.not_before >= session.start => {
-            format!("not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it", clock(task.grid.time(robot.wanted)))
+            format!("not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it", clock(task.grid.time(robot.wanted.unwrap_or(0))))
         }
         None => "not earlier: the robot is on its way as soon as it can be".to_owned(),
     }

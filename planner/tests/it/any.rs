@@ -77,7 +77,7 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
             name: "any".to_owned(),
             battery: 0,
             not_before: 0,
-            wanted: u32::MAX,
+            wanted: None,
             held: false,
             energy,
             drain,

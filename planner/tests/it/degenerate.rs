@@ -29,7 +29,7 @@ fn robot(energy: i64) -> Robot {
         weight: 1,
         critical: None,
         not_before: 0,
-        wanted: u32::MAX,
+        wanted: None,
         held: false,
         travel,
     }

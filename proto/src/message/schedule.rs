@@ -76,6 +76,10 @@ pub struct Service {
     pub end: Timestamp,
     /// Energy taken from the packs, Wh (zero or more).
     pub pack_energy_wh: Estimate,
+    /// Probability that the packs hold enough for all services up to this one (0 to 1), as of when it
+    /// was planned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
     /// How far it has come.
     pub status: ServiceStatus,
     /// Why this station, mode and time.
@@ -89,6 +93,7 @@ impl Service {
         }
         let ordered = self.end >= self.start;
         check::require(ordered, &format!("{field}.end"), self.end, "not before `start`")?;
+        check::within(&format!("{field}.probability"), self.probability.unwrap_or(1.0), 0.0, 1.0)?;
         check::estimate_not_negative(&format!("{field}.pack_energy_wh"), self.pack_energy_wh)
     }
 }

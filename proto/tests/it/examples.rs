@@ -116,6 +116,7 @@ fn service(robot: &str, mode: Mode) -> Service {
         start: at(45),
         end: at(2_745),
         pack_energy_wh: Estimate::new(17.9, 0.7),
+        probability: Some(0.975),
         status: ServiceStatus::Planned,
         why: vec!["north is nearest".to_owned()],
     }
