@@ -199,7 +199,8 @@ pub fn explain(
     } else {
         reasons.push("it has not been heard, or was lost".to_owned());
     }
-    reasons.extend(basis.trust.fault(basis.now, robot).map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
+    reasons
+        .extend(basis.trust.fault(basis.now, robot).map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
     match (&service, schedule.unserved.iter().find(|unserved| unserved.robot == *robot)) {
         (Some(service), _) => reasons.extend(service.why.iter().cloned()),
         (None, Some(unserved)) => reasons.extend(unserved.reasons.iter().cloned()),

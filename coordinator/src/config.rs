@@ -155,7 +155,11 @@ impl PolicyConfig {
             charge_to_soc: fraction("charge_to_soc", self.charge_to_soc)?,
             min_gain_soc: fraction("min_gain_soc", self.min_gain_soc)?,
             loyalty_s: {
-                ensure!((0.0..=TIME_MAX_S).contains(&self.loyalty_s), "policy.loyalty_s = {}: must be between 0 and {TIME_MAX_S}", self.loyalty_s);
+                ensure!(
+                    (0.0..=TIME_MAX_S).contains(&self.loyalty_s),
+                    "policy.loyalty_s = {}: must be between 0 and {TIME_MAX_S}",
+                    self.loyalty_s
+                );
                 self.loyalty_s
             },
             moves_per_robot: {

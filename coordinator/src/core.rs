@@ -28,8 +28,8 @@ use crate::models::{Models, Settings};
 use crate::scheduler::{Effort, Plan, Solved, Tables, solve};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
-use crate::view::Basis;
 use crate::trust::Trust;
+use crate::view::Basis;
 use crate::watch::Watch;
 
 /// How many different refusals are told; a flood of bad messages must not fill the memory.

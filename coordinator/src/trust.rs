@@ -145,9 +145,8 @@ impl Trust {
                     }
                     _ => 0.0,
                 };
-                let less = |estimate: Estimate, by: f64| {
-                    Estimate::new((estimate.value - by).max(0.0), estimate.sigma.hypot(UNCOUNTED_SHARE * by))
-                };
+                let less =
+                    |estimate: Estimate, by: f64| Estimate::new((estimate.value - by).max(0.0), estimate.sigma.hypot(UNCOUNTED_SHARE * by));
                 (less(soc, uncounted_wh / stored_wh), less(remaining_wh, uncounted_wh))
             }
         }

@@ -72,8 +72,11 @@ fn fleet(robots: usize, stations: usize) -> Problem {
     for number in 0..robots {
         let like = &base.robots[number % base.robots.len()];
         let home = number * stations / robots.max(1);
-        let travel =
-            (0..3.min(stations)).map(|next| Travel { station: (home + next) % stations, ticks: (2 + (number * 7 + next * 5) % 9) as u32, variance: 0.0 });
+        let travel = (0..3.min(stations)).map(|next| Travel {
+            station: (home + next) % stations,
+            ticks: (2 + (number * 7 + next * 5) % 9) as u32,
+            variance: 0.0,
+        });
         let energy = (like.energy + (number as i64 * 977) % 3000).min(base.batteries[0].capacity);
         problem.robots.push(Robot { name: number.to_string(), energy, travel: travel.collect(), ..like.clone() });
     }

@@ -49,8 +49,7 @@ impl<'w, 'p> Draft<'w, 'p> {
         }
         let books = problem.stations.iter().map(|station| Book::new(problem, station)).collect();
         let mut lost_at = vec![NONE; problem.robots.len()];
-        let lost: Vec<u32> =
-            (0..problem.robots.len()).filter(|&robot| problem.strands(robot)).map(|robot| robot as u32).collect();
+        let lost: Vec<u32> = (0..problem.robots.len()).filter(|&robot| problem.strands(robot)).map(|robot| robot as u32).collect();
         lost.iter().zip(0..).for_each(|(&robot, place)| lost_at[robot as usize] = place);
         Self { ways, books, chosen: vec![NONE; problem.robots.len()], score, lost, lost_at, log: Vec::new() }
     }

@@ -87,7 +87,8 @@ impl<'w, 'p> Explainer<'w, 'p> {
         others.sort_by_key(|other| (other.clash.is_some(), other.cost, other.energy, other.start));
         let earlier = planned.and_then(|planned| {
             let kind = std::mem::discriminant(&planned.mode);
-            let alike = |way: &&Way| way.station == planned.station && way.start < planned.start && std::mem::discriminant(&way.mode) == kind;
+            let alike =
+                |way: &&Way| way.station == planned.station && way.start < planned.start && std::mem::discriminant(&way.mode) == kind;
             choices.ways.iter().filter(alike).min_by_key(|way| (way.start, way.cost)).map(|way| described(draft, robot, way))
         });
         draft.undo(0);

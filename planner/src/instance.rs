@@ -124,7 +124,16 @@ fn checked(raw: raw::Instance) -> Result<Instance, InstanceError> {
     }
     let pack_ids = raw.stations.iter().map(|station| station.packs.iter().map(|pack| pack.id).collect()).collect();
     let tick_s = range("tick_s", raw.tick_s, 1, 86_400)? as u32;
-    let problem = Problem { name: raw.name, tick_s, horizon: horizon as Tick, units_per_wh: MWH_PER_WH, capacity_target, batteries: vec![battery], stations, robots };
+    let problem = Problem {
+        name: raw.name,
+        tick_s,
+        horizon: horizon as Tick,
+        units_per_wh: MWH_PER_WH,
+        capacity_target,
+        batteries: vec![battery],
+        stations,
+        robots,
+    };
     Ok(Instance { problem, robot_ids, station_ids, pack_ids })
 }
 

@@ -352,7 +352,17 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
                 // Who can do without is not serviced to no gain: that holds at every level.
                 if end <= horizon && (strands || cost < unserved) {
                     let (start, end, variance) = (start as u16, end as u16, travel.variance as f32);
-                    made.ways.push(Way { cost: cost as i32, mode, station: travel.station as u16, start, end, ready, runs, variance, energy });
+                    made.ways.push(Way {
+                        cost: cost as i32,
+                        mode,
+                        station: travel.station as u16,
+                        start,
+                        end,
+                        ready,
+                        runs,
+                        variance,
+                        energy,
+                    });
                 }
             };
             let handling = i64::from(station.load_ticks) * station.load_draw + i64::from(station.unload_ticks) * station.unload_draw;

@@ -216,4 +216,3 @@ fn covered(station: &StationView, need: &Need) -> f64 {
     let need = need.estimate();
     Normal::standard().cdf((usable.value - need.value) / usable.sigma.hypot(need.sigma).max(1e-9))
 }
-

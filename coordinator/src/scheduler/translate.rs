@@ -115,8 +115,16 @@ impl Task {
         let stations: Vec<Station> = stations.collect();
         let places = Places { view: &view, grid, gates, before };
         let robots: Vec<Robot> = view.robots.iter().zip(kind_of).map(|(robot, kind)| places.robot(robot, kind, &batteries[kind])).collect();
-        let mut problem =
-            Problem { name: String::new(), tick_s, units_per_wh: UNITS_PER_WH as i64, horizon: 0, capacity_target: 0, batteries, stations, robots };
+        let mut problem = Problem {
+            name: String::new(),
+            tick_s,
+            units_per_wh: UNITS_PER_WH as i64,
+            horizon: 0,
+            capacity_target: 0,
+            batteries,
+            stations,
+            robots,
+        };
         close_horizon(&mut problem, &view);
         Self { view, problem, grid }
     }
@@ -185,7 +193,8 @@ fn close_horizon(problem: &mut Problem, view: &View) {
     let most = Tick::try_from((HORIZON_MAX_S / f64::from(problem.tick_s)) as i64).unwrap_or(Tick::MAX);
     let charging = |battery: &Battery, station: &Station| {
         let curve = &battery.chargers[station.charger].curve;
-        let ticks: i64 = curve.iter().scan(0, |from, segment| Some((segment.below - std::mem::replace(from, segment.below)) / segment.gain + 1)).sum();
+        let ticks: i64 =
+            curve.iter().scan(0, |from, segment| Some((segment.below - std::mem::replace(from, segment.below)) / segment.gain + 1)).sum();
         ticks as Tick + station.load_ticks + station.unload_ticks + station.swap_ticks
     };
     let services = problem.batteries.iter().flat_map(|battery| problem.stations.iter().map(move |station| charging(battery, station)));
@@ -262,7 +271,14 @@ fn station(view: &View, station: &StationView, index: usize, lift_wh: f64, setti
         let bay = begun.bay.as_ref().map(|bay| station.bays.iter().position(|known| known == bay).unwrap_or(0) as u32);
         let (from, until) = (if begun.from_s > 0.0 { tick(begun.from_s) } else { 0 }, tick(begun.until_s));
         let lift = |ticks: Tick, at: bool| if at && bay.is_some() { ticks } else { 0 };
-        Ongoing { bay, from: from.min(until), until, draw: 0, load_ticks: lift(load_ticks, begun.to_load), unload_ticks: lift(unload_ticks, true) }
+        Ongoing {
+            bay,
+            from: from.min(until),
+            until,
+            draw: 0,
+            load_ticks: lift(load_ticks, begun.to_load),
+            unload_ticks: lift(unload_ticks, true),
+        }
     });
     let out = station.out_of_order.is_some();
     let lifting = i64::from(load_ticks + unload_ticks).max(1);

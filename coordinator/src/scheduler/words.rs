@@ -154,7 +154,10 @@ pub fn account(task: &Task, sessions: &[Session], robot: &RobotId) -> Account {
     let Explained { cost, others, earlier, .. } = Explainer::new(&ways, sessions).explain(index);
     let session = sessions.iter().find(|session| session.robot == index);
     let others = others.iter().map(|other| alternative(task, other, cost));
-    Account { others: others.collect(), earlier: session.map_or_else(Vec::new, |session| vec![why_not_earlier(task, session, earlier.as_ref())]) }
+    Account {
+        others: others.collect(),
+        earlier: session.map_or_else(Vec::new, |session| vec![why_not_earlier(task, session, earlier.as_ref())]),
+    }
 }
 
 fn alternative(task: &Task, other: &Other, cost: i64) -> Alternative {
@@ -192,7 +195,10 @@ fn why_not_earlier(task: &Task, session: &Session, earlier: Option<&Other>) -> S
             ),
         },
         None if robot.not_before >= session.start => {
-            format!("not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it", clock(task.grid.time(robot.wanted.unwrap_or(0))))
+            format!(
+                "not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it",
+                clock(task.grid.time(robot.wanted.unwrap_or(0)))
+            )
         }
         None => "not earlier: the robot is on its way as soon as it can be".to_owned(),
     }

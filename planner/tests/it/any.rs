@@ -86,7 +86,11 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
             mission_end,
             weight,
             critical: critical.map(|(from, length, weight)| Critical { from, to: from + length, weight }),
-            travel: travel.into_iter().enumerate().filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks, variance: 0.0 })).collect(),
+            travel: travel
+                .into_iter()
+                .enumerate()
+                .filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks, variance: 0.0 }))
+                .collect(),
         },
     )
 }
@@ -104,5 +108,24 @@ pub fn problem() -> impl Strategy<Value = Problem> {
             stations: stations.clone(),
             robots,
         })
+    })
+}
+
+/// A problem whose stations' packs are not known for certain.
+pub fn doubtful() -> impl Strategy<Value = Problem> {
+    let doubt = (0.0_f64..400.0, 0.0_f64..0.2, 0_i64..12, 0_i64..600);
+    (problem(), doubt, vec(any::<bool>(), 14), vec(0.0_f64..60.0, 14)).prop_map(|(mut problem, (sigma, share, hotel, begun), held, own)| {
+        for station in &mut problem.stations {
+            (station.hotel, station.switch_cost) = (0, 0);
+            station.packs.iter_mut().for_each(|pack| pack.available_from = 0);
+            let mut shared = [[0.0; 3]; 3];
+            shared[2][2] = share * share;
+            station.chance = Some(Chance { quantile: 1.645, quantile_held: 0.0, hotel, begun, variance: sigma * sigma, shared });
+        }
+        for ((robot, held), own) in problem.robots.iter_mut().zip(held).zip(own) {
+            robot.held = held;
+            robot.travel.iter_mut().for_each(|travel| travel.variance = own * own);
+        }
+        problem
     })
 }

@@ -15,7 +15,8 @@ pub use event::{Event, EventKind};
 pub use gauge::Gauge;
 pub use robot::{Mission, RobotPhase, RobotState, Travel};
 pub use schedule::{
-    Alternative, Capacity, Doubt, Explanation, Mode, PackCapacity, Promise, Quality, Schedule, Service, ServiceStatus, StationCapacity, Unserved,
+    Alternative, Capacity, Doubt, Explanation, Mode, PackCapacity, Promise, Quality, Schedule, Service, ServiceStatus, StationCapacity,
+    Unserved,
 };
 pub use sim::{SimDraw, SimSupply};
 pub use station::{BayPhase, BayState, PackState, SpareState, StationState};

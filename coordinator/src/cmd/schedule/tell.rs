@@ -97,7 +97,9 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             right(format!("{:.1} Wh", pack.short_for_next_wh)),
         ]);
     }
-    for station in capacity.stations.iter().filter(|station| capacity.packs.iter().filter(|pack| pack.station == station.station).count() > 1) {
+    for station in
+        capacity.stations.iter().filter(|station| capacity.packs.iter().filter(|pack| pack.station == station.station).count() > 1)
+    {
         packs.add_row([
             Cell::new(&station.station),
             Cell::new("together"),
