@@ -67,7 +67,11 @@ impl Basis<'_> {
         let soc = wider(soc, self.watch.wider(&Subject::RobotBattery(id.clone())));
         let per_s = |power_w: f64| (power_w / battery.battery().stored_wh() / S_PER_H).max(1e-12);
         let drain_soc_per_s = per_s(state.drain_w.value);
-        let (empty_s, drain_hi_w) = self.empty_s(id, remaining_wh, state);
+        let caution = Normal::standard().inverse_cdf(self.settings.confidence);
+        let held = self.promised.contains(id);
+        let (pessimistic_s, drain_hi_w) = self.empty_s(id, remaining_wh, state, caution);
+        // A promise that was given is not broken over the last minute of its margin.
+        let empty_s = if held { self.empty_s(id, remaining_wh, state, HELD_CAUTION * caution).0 } else { pessimistic_s };
         let mut view = RobotView {
             robot: id.clone(),
             battery: Arc::clone(battery),
@@ -79,7 +83,7 @@ impl Basis<'_> {
             drain_hi_soc_per_s: per_s(drain_hi_w),
             weight: state.mission.weight,
             until_s: state.mission.until.map(|until| until.seconds_since(self.now)),
-            held: self.promised.contains(id),
+            held,
             travel: Vec::new(),
             closed: Vec::new(),
         };
@@ -98,7 +102,7 @@ impl Basis<'_> {
         view.empty_s = (empty_s - handled_s).max(0.0);
         // A heavy load may empty a pack soon after it reaches the level at which a service is
         // wanted, or before: it comes while there is time left for a queue.
-        view.wanted_s = view.wanted_s.min(QUEUE_SHARE * view.empty_s);
+        view.wanted_s = view.wanted_s.min(QUEUE_SHARE * (pessimistic_s - handled_s).max(0.0));
         view
     }
 
@@ -109,12 +113,9 @@ impl Basis<'_> {
         self.tables.of(id, models, self.side_by_side(id), battery, temperature_degc, levels)
     }
 
-    /// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic; and
-    /// that drain, W.
-    fn empty_s(&self, id: &RobotId, remaining_wh: Estimate, state: &RobotState) -> (f64, f64) {
-        // A promise that was given is not broken over the last minute of its margin.
-        let caution = if self.promised.contains(id) { HELD_CAUTION } else { 1.0 };
-        let z = caution * Normal::standard().inverse_cdf(self.settings.confidence);
+    /// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic by `z`
+    /// sigmas; and that drain, W.
+    fn empty_s(&self, id: &RobotId, remaining_wh: Estimate, state: &RobotState, z: f64) -> (f64, f64) {
         // A doubted model is less certain than it says.
         let [battery, work, on_way] = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())]
             .map(|of| self.watch.wider(&of));

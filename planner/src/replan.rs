@@ -125,7 +125,9 @@ pub fn renew(
             known.serve(session.robot, way as u32);
         }
     }
-    let everyone: Vec<usize> = (0..problem.robots.len()).collect();
+    // Whoever was promised a service and can no longer have just that one comes before who was not.
+    let mut everyone: Vec<usize> = (0..problem.robots.len()).collect();
+    everyone.sort_by_key(|&robot| (!problem.robots[robot].held, problem.endurance(robot), robot));
     greedy(&mut known, &everyone, 0.0);
     let kept = known.chosen.clone();
     let (mut draft, _) = optimise::best(&ways, Some(known), seed, budget);
