@@ -10,6 +10,7 @@ pub mod demo;
 pub mod plan;
 pub mod run;
 pub mod schedule;
+mod serve;
 pub mod simulate;
 
 use clap::ValueEnum;
