@@ -138,13 +138,7 @@ fn title(scenario: &Scenario, run: &RunEntry) -> String {
     if run.name == scenario.name { run.name.clone() } else { format!("{}: {}", scenario.name, run.name) }
 }
 
-fn simulate(
-    scenario: &Scenario,
-    run: &RunEntry,
-    seed: u64,
-    args: &Args,
-    mut stage: Option<&mut Stage>,
-) -> anyhow::Result<(Outcome, Past)> {
+fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, args: &Args, mut stage: Option<&mut Stage>) -> anyhow::Result<(Outcome, Past)> {
     let duration_s = *scenario.duration_s.get_ref();
     let bar = if std::io::stderr().is_terminal() { ProgressBar::new(duration_s as u64) } else { ProgressBar::hidden() };
     let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} % {eta}").unwrap_or_else(|_| ProgressStyle::default_bar());

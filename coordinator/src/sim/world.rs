@@ -146,7 +146,16 @@ pub fn simulate(
     ];
     measured.finish(&totals, socs(&stations));
     let end = start.plus_s(steps as f64 * STEP_S);
-    Ok(Outcome { measured, events, start, schedule: core.schedule().clone(), telemetry, site: deployment.coordinator.site.clone(), core, end })
+    Ok(Outcome {
+        measured,
+        events,
+        start,
+        schedule: core.schedule().clone(),
+        telemetry,
+        site: deployment.coordinator.site.clone(),
+        core,
+        end,
+    })
 }
 
 impl Robot {

@@ -151,12 +151,18 @@ impl Question {
 }
 
 fn fleet(now: Timestamp, core: &Core) -> String {
-    let robots: std::collections::BTreeMap<_, _> = core.fleet().robots.iter().map(|(id, robot)| {
-        (id, RobotWord { lost: robot.lost, gauge: robot.gauge.as_ref(), state: robot.state.as_ref() })
-    }).collect();
-    let stations: std::collections::BTreeMap<_, _> = core.fleet().stations.iter().map(|(id, station)| {
-        (id, StationWord { lost: station.lost, state: station.state.as_ref(), packs: &station.packs })
-    }).collect();
+    let robots: std::collections::BTreeMap<_, _> = core
+        .fleet()
+        .robots
+        .iter()
+        .map(|(id, robot)| (id, RobotWord { lost: robot.lost, gauge: robot.gauge.as_ref(), state: robot.state.as_ref() }))
+        .collect();
+    let stations: std::collections::BTreeMap<_, _> = core
+        .fleet()
+        .stations
+        .iter()
+        .map(|(id, station)| (id, StationWord { lost: station.lost, state: station.state.as_ref(), packs: &station.packs }))
+        .collect();
     json(&serde_json::json!({ "at": now, "robots": robots, "stations": stations }))
 }
 

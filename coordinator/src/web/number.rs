@@ -28,9 +28,13 @@ pub fn quantity(estimate: Estimate, unit: &'static str) -> Quantity {
     // The sigma's first digit, or its first two below 10: `22.83 ± 0.41`, but `22.8 ± 1.2`.
     let digits = if sigma > 0.0 { (1 - sigma.log10().floor() as i32).clamp(0, DIGITS_MAX) as usize } else { 1 };
     let digits = if sigma >= 1.0 { digits.min(1) } else { digits.min(2) };
-    // Rounding may leave a minus before nothing.
-    let value_shown = if format!("{value:.digits$}").trim_start_matches(['-', '0', '.']).is_empty() { 0.0 } else { value };
-    Quantity { value, sigma, unit, text: format!("{value_shown:.digits$} ± {sigma:.digits$} {unit}") }
+    Quantity { value, sigma, unit, text: format!("{} ± {sigma:.digits$} {unit}", rounded(value, digits)) }
+}
+
+/// A number with that many digits; rounding leaves no minus before nothing.
+fn rounded(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').to_owned() } else { text }
 }
 
 /// A fraction as percent.
@@ -42,7 +46,7 @@ pub fn percent(fraction: Estimate) -> Quantity {
 /// What a sensor shows: no sigma goes with it on the wire.
 #[must_use]
 pub fn reading(value: f64, unit: &'static str, digits: usize) -> Quantity {
-    Quantity { value, sigma: 0.0, unit, text: format!("{value:.digits$} {unit}") }
+    Quantity { value, sigma: 0.0, unit, text: format!("{} {unit}", rounded(value, digits)) }
 }
 
 const S_PER_MIN: f64 = 60.0;
@@ -51,7 +55,15 @@ const S_PER_MIN: f64 = 60.0;
 #[must_use]
 pub fn span(estimate_s: Estimate) -> Quantity {
     let Estimate { value, sigma } = estimate_s;
-    Quantity { value, sigma, unit: "s", text: format!("{} ± {}", span_text(value), span_text(sigma)) }
+    let text = if value < 1.5 * S_PER_MIN {
+        format!("{value:.0} ± {sigma:.0} s")
+    } else if value < S_PER_H && sigma < S_PER_H {
+        let digits = usize::from(sigma < 10.0 * S_PER_MIN);
+        format!("{:.digits$} ± {:.digits$} min", value / S_PER_MIN, sigma / S_PER_MIN)
+    } else {
+        format!("{} ± {}", span_text(value), span_text(sigma))
+    };
+    Quantity { value, sigma, unit: "s", text }
 }
 
 /// `45 s`, `12 min`, `3 h 05 min`, `2 d 4 h`.
@@ -106,6 +118,10 @@ mod tests {
     fn spans_are_told_in_the_unit_that_fits() {
         let told: Vec<String> = [45.0, 89.0, 720.0, 3599.0, 11_100.0, 187_200.0].into_iter().map(span_text).collect();
         assert_eq!(told, ["45 s", "89 s", "12 min", "1 h 00 min", "3 h 05 min", "2 d 4 h"]);
-        assert_eq!(span(Estimate::new(5000.0, 240.0)).text, "1 h 23 min ± 4 min");
+        let told = |value: f64, sigma: f64| span(Estimate::new(value, sigma)).text;
+        assert_eq!(told(5000.0, 240.0), "1 h 23 min ± 4 min");
+        assert_eq!(told(2004.0, 66.0), "33.4 ± 1.1 min");
+        assert_eq!(told(40.0, 3.0), "40 ± 3 s");
+        assert_eq!(reading(-0.001, "A", 2).text, "0.00 A");
     }
 }

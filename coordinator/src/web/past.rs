@@ -98,7 +98,7 @@ impl Past {
             EventKind::ServiceFailed => Some(ServiceStatus::Failed),
             _ => None,
         };
-        let ended = status.zip(event.robot.as_ref().and_then(|robot| self.running.remove(robot)));
+        let ended = status.and_then(|status| Some((status, self.running.remove(event.robot.as_ref()?)?)));
         if let Some((status, service)) = ended {
             let begun = service.start.min(event.at);
             push_bounded(&mut self.services, Service { status, start: begun, end: event.at, ..service }, SERVICES_MAX);
@@ -130,7 +130,9 @@ impl Past {
         let whole = self.period_s * POINTS_MAX as f64 >= SPAN_S;
         for series in self.robots.values_mut().chain(self.packs.values_mut()) {
             if whole {
-                series.columns().into_iter().for_each(|column| drop(column.pop_front()));
+                series.columns().into_iter().for_each(|column| {
+                    column.pop_front();
+                });
             } else {
                 series.thin();
             }
@@ -162,6 +164,34 @@ fn push_bounded<T>(queue: &mut VecDeque<T>, item: T, most: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_service_becomes_past_when_it_is_done_whatever_else_its_robot_did_before() {
+        let at = Timestamp::from_unix_ms;
+        let robot: RobotId = "r".parse().unwrap();
+        let service = Service {
+            robot: robot.clone(),
+            station: "s".parse().unwrap(),
+            mode: proto::Mode::Recharge { to_soc: 1.0 },
+            bay: None,
+            packs: Vec::new(),
+            leave: at(0),
+            start: at(10),
+            end: at(90),
+            pack_energy_wh: Estimate::new(20.0, 1.0),
+            status: ServiceStatus::Charging,
+            why: Vec::new(),
+        };
+        let mut past = Past::default();
+        past.running.insert(robot.clone(), service.clone());
+        let event =
+            |kind, ms| Event { at: at(ms), seq: 1, kind, robot: Some(robot.clone()), station: None, pack: None, text: String::new() };
+        past.event(&event(EventKind::PhaseChanged, 70));
+        past.event(&event(EventKind::ServiceDone, 80));
+        past.event(&event(EventKind::ServiceDone, 85));
+        assert_eq!(past.services, [Service { status: ServiceStatus::Done, end: at(80), ..service }]);
+        assert_eq!(past.counts[&EventKind::ServiceDone], 2);
+    }
 
     #[test]
     fn a_full_series_keeps_every_second_point_from_its_first_to_its_last() {

@@ -67,7 +67,10 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
         .route("/explain/{robot}", get(|web, Path(robot): Path<RobotId>| tell(web, Question::Explain(robot))))
         .route("/view", get(|web, Query(wanted): Query<Wanted>| tell(web, Question::View(wanted))))
         .route("/view/robot/{robot}", get(|web, Path(robot): Path<RobotId>| tell(web, Question::Robot(robot))))
-        .route("/view/pack/{station}/{pack}", get(|web, Path((station, pack)): Path<(StationId, PackId)>| tell(web, Question::Pack(station, pack))))
+        .route(
+            "/view/pack/{station}/{pack}",
+            get(|web, Path((station, pack)): Path<(StationId, PackId)>| tell(web, Question::Pack(station, pack))),
+        )
         .route("/live", get(live))
         .merge(changes);
     let file = |kind: &'static str, text: &'static str| get(move || async move { ([(header::CONTENT_TYPE, kind)], text) });
@@ -77,7 +80,10 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
         .route("/script.js", file("text/javascript; charset=utf-8", assets::JS))
         .route("/icon.svg", file("image/svg+xml", assets::ICON))
         .route("/metrics", get(metrics_page))
-        .route("/healthz", get(|State(web): State<Web>| async move { web.desk.ask(Question::Events(0)).await.map(|_| "ok\n").map_err(refusal) }))
+        .route(
+            "/healthz",
+            get(|State(web): State<Web>| async move { web.desk.ask(Question::Events(0)).await.map(|_| "ok\n").map_err(refusal) }),
+        )
         .nest("/api/v1", api)
         .fallback(|| async { refusal(NoAnswer::Unknown("there is no such page; see /api/v1/".to_owned())) })
         .layer(from_fn(guarded))
@@ -182,7 +188,8 @@ async fn with_token(State(web): State<Web>, request: Request, next: Next) -> Res
     let Some(token) = &web.token else {
         return error(StatusCode::FORBIDDEN, "nothing can be changed here: no token is configured (web.token)");
     };
-    let given = request.headers().get(header::AUTHORIZATION).and_then(|value| value.to_str().ok()).and_then(|value| value.strip_prefix("Bearer "));
+    let given =
+        request.headers().get(header::AUTHORIZATION).and_then(|value| value.to_str().ok()).and_then(|value| value.strip_prefix("Bearer "));
     if given.is_some_and(|given| same(given.as_bytes(), token.as_bytes())) {
         return next.run(request).await;
     }

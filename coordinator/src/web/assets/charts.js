@@ -49,8 +49,12 @@ function options(holder, series, unit, height, range) {
   const grid = { stroke: cssColour("--line"), width: 1 };
   const font = "12px system-ui, sans-serif";
   const axis = { stroke: ink, grid, ticks: { show: false }, font };
-  const number = (_, v) => (v == null ? "–" : `${v.toFixed(1)} ${unit}`);
-  const columns = [{ label: "UTC", value: (_, s) => (s == null ? "–" : new Date(s * 1000).toISOString().slice(11, 19)) }];
+  // Without a cursor the legend tells the last value.
+  const number = (chart, v, column) => {
+    const shown = v ?? chart.data[column].findLast((each) => each != null);
+    return shown == null ? "–" : `${shown.toFixed(1)} ${unit}`;
+  };
+  const columns = [{ label: "UTC", value: (chart, s) => new Date((s ?? chart.data[0].at(-1)) * 1000).toISOString().slice(11, 19) }];
   const bands = [];
   series.forEach((one, n) => {
     const colour = cssColour(SERIES_COLOURS[n % SERIES_COLOURS.length]);
@@ -66,7 +70,7 @@ function options(holder, series, unit, height, range) {
     padding: [8, 8, 0, 0],
     tzDate: (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC"),
     scales: { y: { range: range ?? ((_, low, high) => [Math.min(0, low), Math.max(high * 1.05, 1)]) } },
-    axes: [axis, { ...axis, size: 52, values: (_, ticks) => ticks.map((v) => `${v} ${unit}`) }],
+    axes: [{ ...axis, values: (_, ticks) => ticks.map((s) => clockText(s * 1000)) }, { ...axis, size: 52, values: (_, ticks) => ticks.map((v) => `${v} ${unit}`) }],
     series: columns,
     bands,
     legend: { show: true },

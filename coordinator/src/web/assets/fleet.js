@@ -12,7 +12,7 @@ function makeRobotRow(row) {
     cell("Charge", bar, h("span", { class: "num", "data-part": "charge" })),
     cell("Energy left", h("span", { class: "num", "data-part": "remaining" })),
     cell("Time left", h("span", { class: "num", "data-part": "time" })),
-    cell("Draws", h("span", { class: "num", "data-part": "drain" })),
+    cell("Draws at work", h("span", { class: "num", "data-part": "drain" })),
     cell("Service", h("span", { "data-part": "service" })));
 }
 

@@ -12,6 +12,7 @@ function renderTiles(tiles) {
 function renderCapacity(capacity) {
   setText(byId("capacity-headline"), capacity.headline);
   setText(byId("capacity-note"), capacity.note);
+  setText(byId("capacity-promised"), capacity.certain);
   const names = ["label", "usable", "service", "expected", "promised", "short"];
   keyed(byId("capacity").tBodies[0], capacity.packs, (pack) => pack.label,
     () => h("tr", {}, h("th", { scope: "row", "data-part": "label" }), ...names.slice(1).map((name) => h("td", { class: names.indexOf(name) > 2 ? "number num" : "num", "data-part": name }))),
@@ -27,9 +28,8 @@ function renderCapacity(capacity) {
 }
 
 function makeWatched() {
-  return h("li", {}, h("div", { class: "watch-head" }, h("span", { "data-part": "subject" }), h("span", { class: "num", "data-part": "z" })),
-    h("div", { class: "meter", "aria-hidden": "true" }, h("i", { "data-part": "evidence" })),
-    h("p", { "data-part": "state" }),
+  return h("li", {}, h("div", { class: "watch-head" }, h("span", { "data-part": "subject" }), h("span", { class: "small", "data-part": "state" }),
+    h("span", { class: "meter", "aria-hidden": "true" }, h("i", { "data-part": "evidence" })), h("span", { class: "num", "data-part": "z" })),
     h("div", { class: "command", "data-part": "command" }, h("code", { "data-part": "code" }), copyButton()));
 }
 

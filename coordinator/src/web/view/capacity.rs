@@ -14,6 +14,8 @@ pub struct CapacityPanel {
     pub headline: String,
     /// What to expect beside what is promised.
     pub note: String,
+    /// Head of the column of promised services: `At 95 %`.
+    pub certain: String,
     /// Pack by pack.
     pub packs: Vec<PackRow>,
     /// Where the energy of one service goes, the largest part first.
@@ -60,11 +62,15 @@ pub(super) fn panel(capacity: &Capacity) -> CapacityPanel {
     let percent = 100.0 * capacity.confidence;
     let note = match capacity.packs.is_empty() {
         true => "No pack has been heard yet.".to_owned(),
-        false => format!("{} to expect. Each pack is counted by itself, beyond services that have begun.", capacity.robots_expected),
+        false => format!(
+            "{} to expect. Each pack by itself, beyond services that have begun; planned ones are among these.",
+            capacity.robots_expected
+        ),
     };
     CapacityPanel {
         headline: format!("{} more at {percent:.0} %", capacity.robots_promised),
         note,
+        certain: format!("At {percent:.0} %"),
         packs: capacity.packs.iter().map(row).collect(),
         causes: capacity.packs.first().map_or_else(Vec::new, causes),
         service: capacity.packs.first().map(|pack| quantity(from_wire(pack.service_wh), "Wh")),

@@ -52,7 +52,7 @@ pub struct RobotRow {
     pub time: Option<Quantity>,
     /// Whether that time ends with a full battery.
     pub filling: bool,
-    /// Its service: `mds-1 bay-3, 12:52 to 13:44`; or why there is none.
+    /// Its service: `mds-1 bay-3, 12:52 to 13:44`; or `left out`.
     pub service: String,
     /// Whether a model of it is doubted.
     pub doubted: bool,
@@ -148,10 +148,8 @@ fn service(schedule: &Schedule, robot: &RobotId) -> String {
         };
         return format!("{}{bay}, {when}", service.station);
     }
-    match schedule.unserved.iter().find(|unserved| unserved.robot == *robot) {
-        Some(unserved) => format!("left out: {}", unserved.reasons.join("; ")),
-        None => String::new(),
-    }
+    // Why stands with the plan, and with the robot in full.
+    if schedule.unserved.iter().any(|unserved| unserved.robot == *robot) { "left out".to_owned() } else { String::new() }
 }
 
 #[cfg(test)]

@@ -95,7 +95,9 @@ pub(super) fn panel(core: &Core, ladder: Option<Result<Ladder, String>>) -> Heal
 fn row(standing: Standing) -> HealthRow {
     let Standing { subject, z, evidence, doubt } = standing;
     let (state, tone, command) = match doubt {
-        Some(Doubt { since, z, command, .. }) => (format!("doubted since {}, {z:+.1} σ on average", clock_min(since)), Tone::Warn, Some(command)),
+        Some(Doubt { since, z, command, .. }) => {
+            (format!("doubted since {}, {z:+.1} σ on average", clock_min(since)), Tone::Warn, Some(command))
+        }
         None => ("explains its data".to_owned(), Tone::Good, None),
     };
     HealthRow { subject: subject.to_string(), z, z_text: format!("{z:+.1} σ"), evidence, state, tone, command }
@@ -130,7 +132,8 @@ impl Ladder {
     /// # Errors
     /// Says what is wrong with the text.
     pub fn parse(source: &str, text: &str) -> Result<Self, String> {
-        let found: Discovery = serde_json::from_str(text).map_err(|error| format!("{source}: not a report of `lab discover --format json`: {error}"))?;
+        let found: Discovery =
+            serde_json::from_str(text).map_err(|error| format!("{source}: not a report of `lab discover --format json`: {error}"))?;
         let verdict = match found.verdict.as_str() {
             "complete" if found.selected.is_empty() => "complete: nothing is missing".to_owned(),
             "complete" => format!("complete with {}", found.selected.join(", ")),

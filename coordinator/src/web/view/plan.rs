@@ -119,7 +119,11 @@ fn bar(service: &Service) -> Bar {
     );
     Bar {
         // A robot may be serviced often; planned services keep their bar while they move.
-        id: if stage == "planned" || stage == "running" { service.robot.to_string() } else { format!("{}@{}", service.robot, service.end.unix_ms()) },
+        id: if stage == "planned" || stage == "running" {
+            service.robot.to_string()
+        } else {
+            format!("{}@{}", service.robot, service.end.unix_ms())
+        },
         robot: service.robot.clone(),
         stage,
         mode,

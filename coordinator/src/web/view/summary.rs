@@ -71,7 +71,8 @@ fn at_work(basis: &Basis<'_>) -> Tile {
     let lost = count(&|robot| robot.lost);
     let troubles: Vec<String> =
         [(stranded, "stranded"), (lost, "lost")].iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
-    let (note, tone) = if troubles.is_empty() { ("nobody stranded or lost".to_owned(), Tone::Good) } else { (troubles.join(", "), Tone::Bad) };
+    let (note, tone) =
+        if troubles.is_empty() { ("nobody stranded or lost".to_owned(), Tone::Good) } else { (troubles.join(", "), Tone::Bad) };
     Tile { id: "at_work", label: "Robots at work".to_owned(), value: format!("{working} of {all}"), note, tone }
 }
 
