@@ -162,12 +162,20 @@ impl PolicyConfig {
 }
 
 impl Config {
-    /// Reads a file.
+    /// Reads a file, with what the environment sets.
     ///
     /// # Errors
     /// Names file, line, key and the allowed range.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let (name, text) = (path.display().to_string(), read_text(path)?);
+        Self::read_with(path, &[])
+    }
+
+    /// The same, with keys that are set before all: `KEY=VALUE`.
+    ///
+    /// # Errors
+    /// Names file, line, key and the allowed range.
+    pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let (name, text) = (path.display().to_string(), node::settings::settled(&read_text(path)?, sets)?);
         let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
         ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
         config.network.check().with_context(|| name.clone())?;

@@ -23,20 +23,23 @@ pub(super) const JS: &str = concat!(
 
 /// The page that lives on its server.
 pub(super) fn live_page() -> String {
-    page("<link rel=\"stylesheet\" href=\"style.css\">", "<script src=\"script.js\" defer></script>", "")
+    page("icon.svg", "<link rel=\"stylesheet\" href=\"style.css\">", "<script src=\"script.js\" defer></script>", "")
 }
 
 /// The page as one file that holds all it shows.
 pub(super) fn whole_page(data: &str) -> String {
     // Inside a script element only the text that would end it must be hidden.
     let data = data.replace("</", "<\\/").replace("<!--", "<\\u0021--");
+    let icon = format!("data:image/svg+xml,{}", ICON.trim().replace('%', "%25").replace('#', "%23").replace('"', "'"));
     page(
+        &icon,
         &format!("<style>\n{CSS}\n</style>"),
         &format!("<script>\n{JS}\n</script>"),
         &format!("<script type=\"application/json\" id=\"data\">{data}</script>"),
     )
 }
 
-fn page(style: &str, script: &str, data: &str) -> String {
-    HTML.replace("<!-- style -->", style).replace("<!-- data -->", data).replace("<!-- script -->", script)
+fn page(icon: &str, style: &str, script: &str, data: &str) -> String {
+    let icon = format!("<link rel=\"icon\" href=\"{icon}\">");
+    HTML.replace("<!-- icon -->", &icon).replace("<!-- style -->", style).replace("<!-- data -->", data).replace("<!-- script -->", script)
 }

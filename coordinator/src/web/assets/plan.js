@@ -72,6 +72,8 @@ function drawPlan() {
   for (let tick = Math.ceil(from / step) * step; tick < to; tick += step) ticks.push(tick);
   keyed(holder.axis, ticks, (tick) => tick, () => h("span"), (span, tick) => {
     setText(span, clockText(tick));
+    // Cut off at an edge it would say something else.
+    span.hidden = at(tick) < 3 || at(tick) > 97;
     setStyle(span, "left", `${at(tick).toFixed(3)}%`);
   });
   keyed(holder.grid.lines, ticks, (tick) => tick, () => h("i"), (line, tick) => setStyle(line, "left", `${at(tick).toFixed(3)}%`));

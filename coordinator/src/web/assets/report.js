@@ -7,15 +7,19 @@ function showReport(report) {
   setClass(byId("status"), "status quiet");
   setText(byId("outcome-note"), report.note);
   byId("outcome").hidden = false;
-  const names = [...new Set(report.runs.flatMap((run) => run.metrics.map((row) => row.metric)))];
+  const all = [...new Set(report.runs.flatMap((run) => run.metrics.map((row) => row.metric)))];
+  const judged = all.filter((name) => report.runs.some((run) => run.metrics.some((row) => row.metric === name && row.holds != null)));
   const cell = (run, name) => {
     const row = run.metrics.find((metric) => metric.metric === name);
     const mark = row?.holds == null ? null : h("span", { class: row.holds ? "tone good" : "tone bad" }, row.holds ? "as expected" : `expected ${row.expected}`);
     return h("td", { class: "num" }, row?.text ?? "–", " ", mark);
   };
-  byId("outcome-body").replaceChildren(h("table", {},
+  const table = (names) => h("table", {},
     h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Measured"), ...report.runs.map((run) => h("th", { scope: "col" }, run.name)))),
-    h("tbody", {}, ...names.map((name) => h("tr", {}, h("th", { scope: "row" }, name.replaceAll("_", " ")), ...report.runs.map((run) => cell(run, name)))))));
+    h("tbody", {}, ...names.map((name) => h("tr", {}, h("th", { scope: "row" }, name.replaceAll("_", " ")), ...report.runs.map((run) => cell(run, name))))));
+  const rest = all.filter((name) => !judged.includes(name));
+  const more = judged.length === 0 ? table(all) : h("details", {}, h("summary", {}, `${rest.length} more that were measured`), table(rest));
+  byId("outcome-body").replaceChildren(...(judged.length ? [table(judged)] : []), more);
   const buttons = report.runs.map((run, n) => h("button", { type: "button", "aria-pressed": "false", onclick: () => showRun(report, n) }, run.name));
   byId("runs").replaceChildren(...buttons);
   byId("runs").hidden = report.runs.length < 2;
