@@ -84,6 +84,7 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
             "/healthz",
             get(|State(web): State<Web>| async move { web.desk.ask(Question::Events(0)).await.map(|_| "ok\n").map_err(refusal) }),
         )
+        .route("/api/v1/", get(index))
         .nest("/api/v1", api)
         .fallback(|| async { refusal(NoAnswer::Unknown("there is no such page; see /api/v1/".to_owned())) })
         .layer(from_fn(guarded))
