@@ -4,5 +4,8 @@ mod browser;
 mod decisions;
 mod failures;
 mod network;
+mod operations;
+mod python;
+mod reference;
 mod replay;
 mod tidy;
