@@ -27,7 +27,7 @@ function sameQuantity(text, value, sigma, what) {
 }
 
 const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
-const LOOKS = [["desktop-light", 1440, 1000, "light"], ["desktop-dark", 1440, 1000, "dark"], ["phone-light", 390, 844, "light"], ["phone-dark", 390, 844, "dark"]];
+const LOOKS = [["desktop-light", 1440, 1000, "light"], ["desktop-dark", 1440, 1000, "dark"], ["laptop-light", 1280, 800, "light"], ["tablet-dark", 820, 1180, "dark"], ["phone-light", 390, 844, "light"], ["phone-dark", 390, 844, "dark"]];
 
 async function open([name, width, height, colorScheme]) {
   // The page's own rules hold, but axe must get in.
@@ -43,6 +43,8 @@ async function open([name, width, height, colorScheme]) {
 async function everywhere(page, name) {
   const beyond = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
   check(beyond <= 0, `${name}: the page is ${beyond} pixels wider than the window`);
+  const wide = await page.locator(".card").evaluateAll((cards) => cards.filter((card) => card.scrollWidth > card.clientWidth).map((card) => card.className));
+  check(wide.length === 0, `${name}: more than fits into ${wide.join(", ")}`);
   await page.screenshot({ path: path.join(dir, `${mode}-${name}.png`), fullPage: true });
   await page.evaluate(axe);
   const { violations } = await page.evaluate(() => window.axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21aa"] }));
