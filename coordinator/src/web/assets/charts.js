@@ -70,7 +70,7 @@ function options(holder, series, unit, height, range) {
     padding: [8, 8, 0, 0],
     tzDate: (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC"),
     scales: { y: { range: range ?? ((_, low, high) => [Math.min(0, low), Math.max(high * 1.05, 1)]) } },
-    axes: [{ ...axis, values: (_, ticks) => ticks.map((s) => clockText(s * 1000)) }, { ...axis, size: 52, values: (_, ticks) => ticks.map((v) => `${v} ${unit}`) }],
+    axes: [{ ...axis, values: (_, ticks) => ticks.map((s) => (ticks[1] - ticks[0] < 60 ? secondsText : clockText)(s * 1000)) }, { ...axis, size: 52, values: (_, ticks) => ticks.map((v) => `${v} ${unit}`) }],
     series: columns,
     bands,
     legend: { show: true },

@@ -61,7 +61,6 @@ function part(element, name) {
   return element.parts[name];
 }
 
-/** Hour and minute of an instant, UTC. */
-function clockText(ms) {
-  return new Date(ms).toISOString().slice(11, 16);
-}
+/** Hour and minute of an instant, UTC; and with seconds. */
+const clockText = (ms) => new Date(ms).toISOString().slice(11, 16);
+const secondsText = (ms) => new Date(ms).toISOString().slice(11, 19);

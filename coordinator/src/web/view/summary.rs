@@ -78,6 +78,7 @@ fn at_work(basis: &Basis<'_>) -> Tile {
 
 fn models(health: &HealthPanel) -> Tile {
     let (value, note, tone) = match health.doubted {
+        0 if health.rows.is_empty() => ("–".to_owned(), "none has been judged yet".to_owned(), Tone::Quiet),
         0 => ("hold".to_owned(), format!("{} watched, none doubted", health.rows.len()), Tone::Good),
         n => (format!("{n} doubted"), "forecasts that rest on them are taken as less certain".to_owned(), Tone::Warn),
     };
