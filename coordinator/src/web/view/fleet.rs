@@ -83,8 +83,11 @@ pub(super) fn table(basis: &Basis<'_>, schedule: &Schedule, wanted: &Wanted) -> 
     FleetTable { total, matching, note, rows }
 }
 
-/// A name with its numbers as numbers.
-pub(super) fn natural(name: &str) -> Vec<(String, u64)> {
+/// A name with its numbers as numbers: texts, each with the number behind it.
+pub(super) type Natural = Vec<(String, u64)>;
+
+/// What a name is ordered by.
+pub(super) fn natural(name: &str) -> Natural {
     let mut parts = Vec::new();
     let mut rest = name;
     while !rest.is_empty() {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use proto::{Mode, RobotId, Schedule, Service, ServiceStatus, Timestamp};
 use serde::Serialize;
 
-use super::fleet::natural;
+use super::fleet::{Natural, natural};
 use crate::models::from_wire;
 use crate::view::Basis;
 use crate::web::number::{Quantity, clock_min, quantity};
@@ -71,7 +71,7 @@ pub struct LeftOut {
 }
 
 pub(super) fn chart(now: Timestamp, basis: &Basis<'_>, schedule: &Schedule, past: &Past) -> PlanChart {
-    let mut lanes: BTreeMap<(Vec<(String, u64)>, String), Vec<Bar>> = BTreeMap::new();
+    let mut lanes: BTreeMap<(Natural, String), Vec<Bar>> = BTreeMap::new();
     let mut lane_of = |label: String, bar: Option<Bar>| lanes.entry((natural(&label), label)).or_default().extend(bar);
     for (id, station) in &basis.fleet.stations {
         let Some(state) = &station.state else { continue };
