@@ -78,7 +78,7 @@ fn an_ended_simulation_and_its_report_show_what_the_api_says() {
     let folder = tempfile::tempdir().unwrap();
     let (scenario, port) = (short_scenario(folder.path()), free_port());
     let mut command = program("coordinator");
-    command.arg("simulate").arg(&scenario).arg("--out").arg(folder.path().join("out"));
+    command.arg("simulate").arg(scenario).arg("--out").arg(folder.path().join("out"));
     command.args(["--serve", "--speed", "100000", "--port", &port.to_string()]);
     let _running = start(command).unwrap();
     let report = folder.path().join("out/report.html");

@@ -20,8 +20,12 @@ fn a_flag_comes_before_the_environment_and_that_before_the_file() {
     let doctor = |environment: Option<&str>, flag: Option<&str>| {
         let mut command = program("coordinator");
         command.args(["doctor", "--config", LIVE]).current_dir(workspace());
-        environment.map(|value| command.env("TENDER_SET_POLICY__CONFIDENCE", value));
-        flag.map(|value| command.args(["--set", &format!("policy.confidence={value}")]));
+        if let Some(value) = environment {
+            command.env("TENDER_SET_POLICY__CONFIDENCE", value);
+        }
+        if let Some(value) = flag {
+            command.args(["--set", &format!("policy.confidence={value}")]);
+        }
         text(&command.output().unwrap().stdout)
     };
     assert!(doctor(None, None).contains("at 95 %"), "{}", doctor(None, None));
@@ -77,9 +81,7 @@ fn json_logs_are_one_object_a_line() {
     let folder = tempfile::tempdir().unwrap();
     let store = folder.path().join("tender.db");
     let mut command = program("coordinator");
-    command
-        .args(["--log-format", "json", "run", "--config", LIVE, "--listen", "tcp/127.0.0.1:0", "--web-port", "0", "--store"])
-        .arg(&store);
+    command.args(["--log-format", "json", "run", "--config", LIVE, "--listen", "tcp/127.0.0.1:0", "--web-port", "0", "--store"]).arg(store);
     let mut child = command.current_dir(workspace()).stderr(std::process::Stdio::piped()).spawn().unwrap();
     let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
     // It says where its dashboard is, last of what it says at the start.
