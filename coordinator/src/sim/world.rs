@@ -279,7 +279,7 @@ impl World {
                     self.measured.event(&event, socs);
                     events.push(event);
                 }
-                Output::Record(Record::Plan(plan)) if self.measured.first_plan.is_none() => self.measured.first_plan = Some(plan),
+                Output::Record(Record::Plan(plan)) => self.measured.plan(&plan),
                 Output::Record(Record::Capacity(capacity)) if self.measured.first_capacity.is_none() => {
                     self.measured.first_capacity = Some(capacity);
                 }

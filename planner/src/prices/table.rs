@@ -32,8 +32,9 @@ pub(super) struct Layout {
 impl Layout {
     pub(super) fn new(problem: &Problem) -> Self {
         let ticks = problem.horizon as usize;
-        let draw = problem.battery.curve.iter().map(|segment| segment.draw).max().unwrap_or(1).max(1) as f64;
-        let service = (problem.battery.capacity as f64 * 0.7).max(1.0);
+        let curves = problem.batteries.iter().flat_map(|battery| &battery.chargers).flat_map(|charger| &charger.curve);
+        let draw = curves.map(|segment| segment.draw).max().unwrap_or(1).max(1) as f64;
+        let service = (problem.batteries.iter().map(|battery| battery.capacity).max().unwrap_or(1) as f64 * 0.7).max(1.0);
         let mut layout = Self { ticks, first: vec![0], before: Vec::new(), there: Vec::new(), inverse: Vec::new() };
         for station in &problem.stations {
             let book = Book::new(problem, station);
