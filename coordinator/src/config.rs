@@ -164,7 +164,8 @@ impl Config {
     /// Names file, line, key and the allowed range.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let (name, text) = (path.display().to_string(), read_text(path)?);
-        let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        let mut config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        config.network.beside(path);
         ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
         config.network.check().with_context(|| name.clone())?;
         config.clock.map_or(Ok(()), |clock| clock.check()).with_context(|| name)?;

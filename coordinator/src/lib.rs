@@ -8,6 +8,7 @@
 //!             view.rs         beliefs and models as one planning problem
 //!             scheduler/      problem -> plan, capacity
 //!             service_run.rs  a service that has begun, and the commands that carry it on
+//!             outbox.rs       records before commands; replay.rs the journal told to a core again
 //!             answers.rs      schedule, capacity, explanations for the wire
 //!   files   config.rs       the live coordinator's configuration
 //!           scenario/       scenario file -> configurations of coordinator, agents and worlds
@@ -24,6 +25,8 @@ pub mod core;
 pub mod fleet;
 pub mod forecast;
 pub mod models;
+pub mod outbox;
+pub mod replay;
 pub mod scenario;
 pub mod scheduler;
 pub mod service;

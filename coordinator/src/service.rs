@@ -22,12 +22,11 @@ use zenoh::sample::{Sample, SampleKind};
 
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
+use crate::outbox::Outbox;
 use crate::store::{Record, Store};
 
 /// Telemetry that waits for the core; beyond this the newest is dropped, and said so.
 const TELEMETRY_QUEUE: usize = 65_536;
-/// Records that wait while the store cannot be written; beyond this telemetry is dropped.
-const RECORDS_MAX: usize = 100_000;
 /// Longest real time between two writes of telemetry.
 const FLUSH: Duration = Duration::from_millis(500);
 /// Shortest real time that an answer to a command is waited for.
@@ -39,7 +38,7 @@ struct Service {
     clock: Clock,
     core: Core,
     store: Store,
-    records: Vec<Record>,
+    outbox: Outbox,
     store_failed: bool,
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
@@ -74,7 +73,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     let clock = Clock::new(config.clock);
     let core = Core::new(settings, models, numbering);
     let patience_s = settings.deadline_s;
-    let mut service = Service { link, clock, core, store, records: Vec::new(), store_failed: false, answers: news_in.clone(), patience_s };
+    let mut service = Service { link, clock, core, outbox: Outbox::new(numbering.epoch), store, store_failed: false, answers: news_in.clone(), patience_s };
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
@@ -163,32 +162,22 @@ fn input_of(sample: &Sample) -> Input {
 
 impl Service {
     async fn take(&mut self, input: Input) {
-        self.core.handle(self.clock.now(), input);
-        let mut commands = Vec::new();
-        while let Some(output) = self.core.poll() {
-            match output {
-                Output::Record(Record::Event(event)) => {
-                    info!("{}: {}", event.kind, event.text);
-                    self.records.push(Record::Event(event));
-                }
+        let before = self.outbox.records().len();
+        self.outbox.handle(&mut self.core, self.clock.now(), input);
+        for record in &self.outbox.records()[before..] {
+            match record {
+                Record::Event(event) => info!("{}: {}", event.kind, event.text),
                 // Whoever follows the schedule hears of each new plan without asking.
-                Output::Record(Record::Plan(schedule)) => {
-                    self.tell_all(&Key::Schedule, &schedule).await;
-                    self.records.push(Record::Plan(schedule));
-                }
-                Output::Record(Record::Capacity(capacity)) => {
-                    self.tell_all(&Key::Capacity, &capacity).await;
-                    self.records.push(Record::Capacity(capacity));
-                }
-                Output::Record(record) => self.records.push(record),
-                command => commands.push(command),
+                Record::Plan(schedule) => self.tell_all(&Key::Schedule, schedule).await,
+                Record::Capacity(capacity) => self.tell_all(&Key::Capacity, capacity).await,
+                _ => {}
             }
         }
-        if commands.is_empty() {
+        if !self.outbox.urgent() {
             return;
         }
         self.flush().await;
-        for command in commands {
+        for command in self.outbox.take_commands() {
             match command {
                 Output::ToRobot(robot, command) => self.send(Key::RobotCommand(robot), command),
                 Output::ToStation(station, command) => self.send(Key::StationCommand(station), command),
@@ -219,12 +208,12 @@ impl Service {
     /// Writes what waits. A record that the store will never take is dropped, and said so; when
     /// the disk is full all wait, and old telemetry makes room.
     async fn flush(&mut self) {
-        if self.records.is_empty() {
+        if self.outbox.records().is_empty() {
             return;
         }
-        match self.store.append(&self.records).await {
+        match self.store.append(self.outbox.records()).await {
             Ok(()) => {
-                self.records.clear();
+                self.outbox.written();
                 if std::mem::take(&mut self.store_failed) {
                     info!("the store can be written again");
                 }
@@ -236,8 +225,7 @@ impl Service {
                 if !failure.may_pass() {
                     self.append_singly().await;
                 }
-                if self.records.len() > RECORDS_MAX {
-                    self.records.retain(|record| !is_telemetry(record));
+                if self.outbox.failed() {
                     warn!("telemetry was dropped: the store cannot be written");
                 }
             }
@@ -246,10 +234,10 @@ impl Service {
 
     /// One bad record must not hold back the others.
     async fn append_singly(&mut self) {
-        for record in std::mem::take(&mut self.records) {
+        for record in self.outbox.take_records() {
             if let Err(failure) = self.store.append(std::slice::from_ref(&record)).await {
                 if failure.may_pass() {
-                    self.records.push(record);
+                    self.outbox.wait(record);
                 } else {
                     error!("a record was dropped: {failure}");
                 }
@@ -274,10 +262,6 @@ impl Service {
             warn!("an answer was not sent: {failure}");
         }
     }
-}
-
-fn is_telemetry(record: &Record) -> bool {
-    matches!(record, Record::RobotGauge { .. } | Record::PackGauge { .. } | Record::RobotState { .. } | Record::StationState { .. })
 }
 
 /// Asks a running coordinator.

@@ -12,6 +12,7 @@
 //! kept once, so a batch whose fate is unknown may be appended again.
 
 mod error;
+mod heard;
 mod lock;
 mod place;
 mod read;
@@ -27,6 +28,7 @@ use sqlx::sqlite::{SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynch
 use sqlx::{Connection, SqliteConnection};
 
 pub use error::StoreError;
+pub use heard::{Heard, What};
 pub use read::{Reader, SentCommand, StoredCommand, TelemetryRow};
 pub use record::Record;
 

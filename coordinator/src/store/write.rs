@@ -88,6 +88,7 @@ impl<'a> Batch<'a> {
                     self.decisions.push(Decision::Explanation(explanation, body));
                 }
             }
+            Record::Heard(_) => {}
             decision => self.decisions.push(Decision::of(decision)?),
         }
         Ok(())
@@ -206,6 +207,7 @@ impl<'a> Decision<'a> {
             | Record::PackGauge { .. }
             | Record::RobotState { .. }
             | Record::StationState { .. }
+            | Record::Heard(_)
             | Record::Explanations(_) => unreachable!("`Batch::take` keeps these apart"),
         })
     }

@@ -1,6 +1,7 @@
 //! The simulator and its command, from outside.
 
 mod commands;
+mod faults;
 mod scenarios;
 mod stories;
 mod telemetry;

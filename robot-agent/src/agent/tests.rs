@@ -43,6 +43,7 @@ fn bench() -> Bench {
         travel: BTreeMap::from([(station("mds-1"), travel)]),
         mission: Mission { weight: 1.0, until: None },
         publish: Publish::default(),
+        alone: Alone::default(),
         source: "test".to_owned(),
     };
     let gauge = Kind::CoulombCounter.open(model, energy::Estimate::new(0.5, 0.01), 25.0);

@@ -118,6 +118,12 @@ impl RobotBody {
         self.pack.remembered_soc()
     }
 
+    /// The true value of a channel of its pack at the end of the last step.
+    #[must_use]
+    pub fn truth(&self, channel: Channel) -> f64 {
+        self.pack.truth(channel)
+    }
+
     /// True state of charge.
     #[must_use]
     pub fn true_soc(&self) -> f64 {
