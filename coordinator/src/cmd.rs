@@ -6,8 +6,10 @@ macro_rules! say {
     ($($line:tt)*) => { $crate::cmd::say_text(&(format!($($line)*) + "\n")) };
 }
 
+pub mod certs;
 pub mod demo;
 pub mod plan;
+pub mod replay;
 pub mod run;
 pub mod schedule;
 pub mod simulate;

@@ -188,7 +188,7 @@ impl Config {
             );
             Ok(model)
         };
-        let mut models = Models { store: self.store.display().to_string(), ..Models::default() };
+        let mut models = Models { store: crate::store::shown(&self.store).display().to_string(), ..Models::default() };
         for (robot, reference) in &self.robots {
             models.robots.insert(robot.clone(), of(System::Battery, reference, format!("robots.{robot}"))?);
         }

@@ -11,6 +11,7 @@
 //!             outbox.rs       records before commands; replay.rs the journal told to a core again
 //!             answers.rs      schedule, capacity, explanations for the wire
 //!   files   config.rs       the live coordinator's configuration
+//!           certs.rs        a site's certificates
 //!           scenario/       scenario file -> configurations of coordinator, agents and worlds
 //!   shells  service.rs      the core on tokio and Zenoh
 //!           store/          what happened, in SQLite
@@ -19,6 +20,7 @@
 //! ```
 
 pub mod answers;
+pub mod certs;
 pub mod cmd;
 pub mod config;
 pub mod core;

@@ -24,6 +24,10 @@ enum Command {
     Schedule(cmd::schedule::Args),
     /// Plans an instance of the docking problem and proves how good the plan is.
     Plan(cmd::plan::Args),
+    /// Tells a core again what a store's coordinators were told: does it decide the same?
+    Replay(cmd::replay::Args),
+    /// Makes the certificates by which a site's processes know each other.
+    Certs(cmd::certs::Args),
     /// Starts a whole demonstration fleet on this machine.
     Demo(cmd::demo::Args),
     #[command(hide = true)]
@@ -46,6 +50,8 @@ fn execute(command: Command) -> anyhow::Result<ExitCode> {
         Command::Run(args) => live()?.block_on(cmd::run::execute(&args)),
         Command::Schedule(args) => live()?.block_on(cmd::schedule::execute(&args)),
         Command::Plan(args) => cmd::plan::execute(&args),
+        Command::Replay(args) => live()?.block_on(cmd::replay::execute(&args)),
+        Command::Certs(args) => cmd::certs::execute(&args),
         Command::Demo(args) => live()?.block_on(cmd::demo::execute(&args)),
         Command::Agent(args) => live()?.block_on(cmd::demo::agent(&args)),
     }

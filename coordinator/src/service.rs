@@ -9,9 +9,10 @@
 //! written, the fleet is served on: events and commands wait in memory, old telemetry is dropped.
 
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, ensure};
+use node::access::Members;
 use node::session::{Answer, decoded};
 use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
@@ -23,7 +24,7 @@ use zenoh::sample::{Sample, SampleKind};
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
 use crate::outbox::Outbox;
-use crate::store::{Record, Store};
+use crate::store::{Record, Store, StoreError, shown};
 
 /// Telemetry that waits for the core; beyond this the newest is dropped, and said so.
 const TELEMETRY_QUEUE: usize = 65_536;
@@ -40,6 +41,10 @@ struct Service {
     store: Store,
     outbox: Outbox,
     store_failed: bool,
+    /// Until when it leads for sure; none where nobody can replace it.
+    leads_until: Option<Instant>,
+    /// Another leads.
+    replaced: bool,
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
 }
@@ -51,11 +56,22 @@ struct Service {
 pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output = ()>) -> anyhow::Result<()> {
     let (settings, models) = config.load(path)?;
     let place = store_path(config, path);
-    let store = Store::open(&place).await?;
+    let mut stop = std::pin::pin!(stop);
+    let store = tokio::select! {
+        store = Store::open_for(&place, config.site.as_ref()) => store?,
+        () = &mut stop => return Ok(()),
+    };
     let numbering = Numbering { epoch: store.epoch(), event: store.next_event_seq().await?, plan: store.next_plan().await? };
-    let link = Link::open(&config.network, config.site.clone()).await?;
+    let mut network = config.network.clone();
+    network.members = Some(Members {
+        robots: config.robots.keys().cloned().collect(),
+        stations: config.stations.keys().cloned().collect(),
+        viewers: Vec::new(),
+    });
+    let link = Link::open(&network, config.site.clone()).await?;
+    // On a server the lease says who leads; the one before may not be missed on the network yet.
     ensure!(
-        !link.alive(&Key::CoordinatorAlive).await,
+        store.lease().is_some() || !link.alive(&Key::CoordinatorAlive).await,
         "another coordinator serves site {} already: two would command the same robots; stop it, or give this one another site",
         link.site
     );
@@ -68,24 +84,40 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     let _queryables = answer(&link, &questions_in).await?;
     let (listen, connect) = (&config.network.listen, &config.network.connect);
     let meets = if listen.is_empty() { format!("through {}", connect.join(", ")) } else { format!("listening on {}", listen.join(", ")) };
-    info!("coordinator of site {} is up: store {}, {meets}", link.site, place.display());
+    info!("coordinator of site {} is up: store {}, {meets}", link.site, shown(&place).display());
 
     let clock = Clock::new(config.clock);
     let core = Core::new(settings, models, numbering);
     let patience_s = settings.deadline_s;
-    let mut service = Service { link, clock, core, outbox: Outbox::new(numbering.epoch), store, store_failed: false, answers: news_in.clone(), patience_s };
+    let leads_until = store.lease().map(|lease| monotonic() + lease);
+    let mut service = Service {
+        link,
+        clock,
+        core,
+        outbox: Outbox::new(numbering.epoch),
+        store,
+        store_failed: false,
+        leads_until,
+        replaced: false,
+        answers: news_in.clone(),
+        patience_s,
+    };
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
-    let mut stop = std::pin::pin!(stop);
+    let mut renewals = tokio::time::interval(service.store.renewal().unwrap_or(FLUSH));
     loop {
         tokio::select! {
             Some(input) = news.recv() => service.take(input).await,
             Some(input) = telemetry.recv() => service.take(input).await,
             _ = ticks.tick() => service.take(Input::Tick).await,
             _ = flushes.tick() => service.flush().await,
+            _ = renewals.tick() => service.renew().await,
             Some(query) = questions.recv() => service.tell(&query).await,
             () = &mut stop => break,
+        }
+        if service.deposed() {
+            return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
     }
     service.flush().await;
@@ -97,6 +129,9 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
 /// Where the store is: beside the configuration unless it says an absolute path.
 #[must_use]
 pub fn store_path(config: &Config, path: Option<&Path>) -> std::path::PathBuf {
+    if config.store.to_str().is_some_and(|text| text.contains("://")) {
+        return config.store.clone();
+    }
     path.and_then(Path::parent).map_or_else(|| config.store.clone(), |folder| folder.join(&config.store))
 }
 
@@ -177,6 +212,9 @@ impl Service {
             return;
         }
         self.flush().await;
+        if self.deposed() {
+            return;
+        }
         for command in self.outbox.take_commands() {
             match command {
                 Output::ToRobot(robot, command) => self.send(Key::RobotCommand(robot), command),
@@ -205,6 +243,24 @@ impl Service {
         });
     }
 
+    /// Whether it must not command any more: another leads, or may lead by now.
+    fn deposed(&self) -> bool {
+        self.replaced || self.leads_until.is_some_and(|until| monotonic() >= until)
+    }
+
+    /// Goes on leading, where that has to be asked for.
+    async fn renew(&mut self) {
+        if self.store.renewal().is_none() {
+            return;
+        }
+        let asked = monotonic();
+        match self.store.renew().await {
+            Ok(()) => self.leads_until = self.store.lease().map(|lease| asked + lease),
+            Err(StoreError::Deposed { .. }) => self.replaced = true,
+            Err(failure) => warn!("{failure}"),
+        }
+    }
+
     /// Writes what waits. A record that the store will never take is dropped, and said so; when
     /// the disk is full all wait, and old telemetry makes room.
     async fn flush(&mut self) {
@@ -218,6 +274,7 @@ impl Service {
                     info!("the store can be written again");
                 }
             }
+            Err(StoreError::Deposed { .. }) => self.replaced = true,
             Err(failure) => {
                 if !std::mem::replace(&mut self.store_failed, true) {
                     error!("{failure}; the fleet is served on, events wait in memory");
@@ -262,6 +319,12 @@ impl Service {
             warn!("an answer was not sent: {failure}");
         }
     }
+}
+
+/// A clock that is never set: leases are counted by it.
+#[allow(clippy::disallowed_methods, reason = "this is the shell's clock")]
+fn monotonic() -> Instant {
+    Instant::now()
 }
 
 /// Asks a running coordinator.

@@ -97,8 +97,15 @@ fn viewer() -> Vec<Grant> {
 /// Everything below the site's key.
 fn coordinator() -> Vec<Grant> {
     const ALL: &[&str] = &[
-        "put", "delete", "declare_subscriber", "query", "declare_queryable", "reply", "liveliness_token",
-        "declare_liveliness_subscriber", "liveliness_query",
+        "put",
+        "delete",
+        "declare_subscriber",
+        "query",
+        "declare_queryable",
+        "reply",
+        "liveliness_token",
+        "declare_liveliness_subscriber",
+        "liveliness_query",
     ];
     vec![("ingress", ALL, vec!["**".to_owned()]), ("egress", ALL, vec!["**".to_owned()])]
 }
@@ -140,9 +147,11 @@ mod tests {
             rule["id"].as_str().unwrap().rsplit_once('.').unwrap().0 == who
                 && rule["flows"][0] == flow
                 && rule["messages"].as_array().unwrap().iter().any(|known| known == message)
-                && rule["key_exprs"].as_array().unwrap().iter().any(|known| {
-                    zenoh::key_expr::KeyExpr::try_from(known.as_str().unwrap().to_owned()).unwrap().includes(&wanted)
-                })
+                && rule["key_exprs"]
+                    .as_array()
+                    .unwrap()
+                    .iter()
+                    .any(|known| zenoh::key_expr::KeyExpr::try_from(known.as_str().unwrap().to_owned()).unwrap().includes(&wanted))
         })
     }
 

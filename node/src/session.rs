@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
+use crate::network::NetworkConfig;
 use anyhow::{Context, anyhow};
 use proto::{CodecError, Key, Message, Pattern, SiteId, decode, encode};
 use tokio::sync::mpsc;
 use tracing::warn;
-use crate::network::NetworkConfig;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;

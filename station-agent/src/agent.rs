@@ -11,8 +11,8 @@ use energy::gauge::{Gauge as Estimator, Sample};
 use energy::selector::{PackSeen, Rule};
 use node::{Due, Ledger, Publish, Silence, gauge_message, refused, wire};
 use proto::{
-    BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, RobotPhase, RobotState, SpareId, SpareState, StationAction,
-    StationCommand, StationId, StationState, Timestamp,
+    BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, RobotPhase, RobotState, SpareId,
+    SpareState, StationAction, StationCommand, StationId, StationState, Timestamp,
 };
 
 pub use alone::Alone;
@@ -204,7 +204,9 @@ impl Agent {
     /// Where a robot is that the station already has to do with: nothing is in two places.
     fn whereabouts(&self, robot: &RobotId) -> Option<String> {
         let bay = self.bays.iter().find(|bay| bay.robot.as_ref() == Some(robot)).map(|bay| format!("{robot} has bay {}", bay.id));
-        bay.or_else(|| self.swapping.as_ref().is_some_and(|(known, _)| known == robot).then(|| format!("the pack of {robot} is being exchanged")))
+        bay.or_else(|| {
+            self.swapping.as_ref().is_some_and(|(known, _)| known == robot).then(|| format!("the pack of {robot} is being exchanged"))
+        })
     }
 
     fn act(&mut self, action: &StationAction) -> Outcome {

@@ -2,6 +2,8 @@
 
 mod decisions;
 mod failures;
+mod kills;
 mod network;
 mod replay;
+mod security;
 mod tidy;

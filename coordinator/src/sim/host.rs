@@ -133,7 +133,15 @@ impl Robot {
     }
 
     /// What was observed, with what nobody has taken note of before.
-    pub(super) fn observed(&mut self, id: &RobotId, mut seen: robot_agent::source::Observation, now: Timestamp, net: &mut Net, checks: Option<&mut Checks>, stations: &[StationId]) {
+    pub(super) fn observed(
+        &mut self,
+        id: &RobotId,
+        mut seen: robot_agent::source::Observation,
+        now: Timestamp,
+        net: &mut Net,
+        checks: Option<&mut Checks>,
+        stations: &[StationId],
+    ) {
         seen.exchanged = seen.exchanged.or(self.missed.take());
         let event = seen.exchanged;
         let Some(agent) = &mut self.agent else {
@@ -146,7 +154,15 @@ impl Robot {
         }
     }
 
-    pub(super) fn command(&mut self, id: &RobotId, command: RobotCommand, now: Timestamp, net: &mut Net, mut checks: Option<&mut Checks>, stations: &[StationId]) {
+    pub(super) fn command(
+        &mut self,
+        id: &RobotId,
+        command: RobotCommand,
+        now: Timestamp,
+        net: &mut Net,
+        mut checks: Option<&mut Checks>,
+        stations: &[StationId],
+    ) {
         // Out of reach it hears nothing; the coordinator asks again.
         let Some(agent) = self.agent.as_mut().filter(|_| self.body.in_reach()) else { return };
         if let Some(checks) = checks.as_deref_mut() {
@@ -156,7 +172,15 @@ impl Robot {
         self.drain(id, now, net, checks, stations);
     }
 
-    pub(super) fn coordinator(&mut self, id: &RobotId, heard: bool, now: Timestamp, net: &mut Net, checks: Option<&mut Checks>, stations: &[StationId]) {
+    pub(super) fn coordinator(
+        &mut self,
+        id: &RobotId,
+        heard: bool,
+        now: Timestamp,
+        net: &mut Net,
+        checks: Option<&mut Checks>,
+        stations: &[StationId],
+    ) {
         let Some(agent) = &mut self.agent else { return };
         agent.handle(self.life.clock.shows(now), robot_agent::Input::Coordinator(heard));
         self.drain(id, now, net, checks, stations);
@@ -256,7 +280,14 @@ impl Station {
 
     /// What was observed, with what nobody has taken note of before: a lift's or exchange's controller
     /// shows that it is done until somebody looks.
-    pub(super) fn observed(&mut self, id: &StationId, mut seen: station_agent::source::Observation, now: Timestamp, net: &mut Net, checks: Option<&mut Checks>) {
+    pub(super) fn observed(
+        &mut self,
+        id: &StationId,
+        mut seen: station_agent::source::Observation,
+        now: Timestamp,
+        net: &mut Net,
+        checks: Option<&mut Checks>,
+    ) {
         if let Some(missed) = self.missed.take() {
             seen.lifted = seen.lifted.or(missed.lifted);
             seen.swapped = seen.swapped.or(missed.swapped);
@@ -276,7 +307,14 @@ impl Station {
         }
     }
 
-    pub(super) fn command(&mut self, id: &StationId, command: StationCommand, now: Timestamp, net: &mut Net, mut checks: Option<&mut Checks>) {
+    pub(super) fn command(
+        &mut self,
+        id: &StationId,
+        command: StationCommand,
+        now: Timestamp,
+        net: &mut Net,
+        mut checks: Option<&mut Checks>,
+    ) {
         let Some(agent) = &mut self.agent else { return };
         if let Some(checks) = checks.as_deref_mut() {
             checks.commands.arrives(&Host::Station(id.clone()), &command.id, command.epoch);
@@ -286,7 +324,14 @@ impl Station {
     }
 
     /// Something that needs no answer.
-    pub(super) fn hears(&mut self, id: &StationId, input: station_agent::Input, now: Timestamp, net: &mut Net, checks: Option<&mut Checks>) {
+    pub(super) fn hears(
+        &mut self,
+        id: &StationId,
+        input: station_agent::Input,
+        now: Timestamp,
+        net: &mut Net,
+        checks: Option<&mut Checks>,
+    ) {
         let Some(agent) = &mut self.agent else { return };
         agent.handle(self.life.clock.shows(now), input);
         self.drain(id, now, net, checks);

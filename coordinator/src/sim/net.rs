@@ -76,7 +76,11 @@ impl Net {
 
     /// Cuts a host off, or joins it again.
     pub(super) fn cut(&mut self, host: Host, cut: bool) {
-        if cut { self.cut.insert(host) } else { self.cut.remove(&host) };
+        if cut {
+            self.cut.insert(host)
+        } else {
+            self.cut.remove(&host)
+        };
     }
 
     /// Sends a message from a host to who it is for.

@@ -30,8 +30,8 @@ pub struct Trial {
     pub coordinators: usize,
 }
 
-/// Length of a trial, s: two hours and a half, in which every robot needs a service.
-const DURATION_S: f64 = 9_000.0;
+/// Length of a trial, s: an hour and a half, in which every robot needs a service.
+const DURATION_S: f64 = 5_400.0;
 
 /// Seeds of what the fleet is differ from those of what goes wrong in it.
 const FLEET_STREAM: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -43,7 +43,7 @@ fn fleet(seed: u64) -> anyhow::Result<Deployment> {
     let (robots, stations) = (rng.random_range(1..=4), rng.random_range(1..=2));
     let mut text = format!(
         "schema = 1\nname = \"trial\"\nseed = {}\nduration_s = {DURATION_S}\n\
-         [policy]\nserve_below_soc = 0.3\ncharge_to_soc = 0.6\npatience_s = 60\n\
+         [policy]\nserve_below_soc = 0.25\ncharge_to_soc = 0.45\npatience_s = 60\n\
          [publish]\ngauge_period_s = 5\nstate_period_s = 10\n",
         seed % 1_000_000
     );
@@ -65,7 +65,7 @@ fn fleet(seed: u64) -> anyhow::Result<Deployment> {
             "[[robot]]\nid = \"explorer-{number}\"\nbattery = \"explorer-3s1p-1320mah\"\nload = \"explorer-robot\"\n\
              soc = {:.3}\nmission.inputs = {{ speed_mps = 0.1 }}\n",
             // Those who come first must not wait for all others in one bay.
-            0.35 + 0.12 * f64::from(number) + rng.random_range(0.0..0.05)
+            0.2 + 0.1 * f64::from(number) + rng.random_range(0.0..0.05)
         );
         for station in 1..=stations {
             text += &format!("travel_s.mds-{station} = {}\n", rng.random_range(30..180));

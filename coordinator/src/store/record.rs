@@ -72,7 +72,7 @@ impl Record {
     /// Whether it is something that the core decided, or noticed.
     #[must_use]
     pub fn is_decision(&self) -> bool {
-        self.is_event() || self.is_command() || self.is_plan() || self.is_capacity()
+        self.is_event() || self.is_command() || self.is_plan()
     }
 
     pub(crate) fn is_event(&self) -> bool {
@@ -85,10 +85,6 @@ impl Record {
 
     pub(crate) fn is_plan(&self) -> bool {
         matches!(self, Record::Plan(_))
-    }
-
-    pub(crate) fn is_capacity(&self) -> bool {
-        matches!(self, Record::Capacity(_))
     }
 
     /// Whether it is one of many of its kind, and may be dropped where there is no room.

@@ -34,5 +34,8 @@ fn no_promise_is_broken_whatever_goes_wrong() {
     }
     assert!(failed.is_empty(), "{} of {} seeds:\n{}", failed.len(), seeds.end - seeds.start, failed.join("\n"));
     // Trials in which nothing happens would hold any promise.
-    assert!(alone || services as u64 > seeds.end - seeds.start && coordinators as u64 > seeds.end - seeds.start, "{services} {coordinators}");
+    assert!(
+        alone || services as u64 > seeds.end - seeds.start && coordinators as u64 > seeds.end - seeds.start,
+        "{services} {coordinators}"
+    );
 }

@@ -52,13 +52,15 @@ impl Agent {
         }
         self.here.retain(|_, (heard, _)| now.seconds_since(*heard).abs() <= FRESH_S);
         let phase = |robot: &RobotId| self.here.get(robot).map(|(_, phase)| *phase);
-        let charged = |bay: &&mut super::Bay| bay.phase == BayPhase::Occupied && bay.robot.as_ref().and_then(phase) == Some(RobotPhase::Charged);
+        let charged =
+            |bay: &&mut super::Bay| bay.phase == BayPhase::Occupied && bay.robot.as_ref().and_then(phase) == Some(RobotPhase::Charged);
         for bay in self.bays.iter_mut().filter(charged) {
             bay.phase = BayPhase::Unloading;
             let robot = bay.robot.clone().expect("an occupied bay has its robot");
             self.lifts.push_back(Lifted { robot, bay: bay.id.clone(), into: false });
         }
-        let waiting: Vec<RobotId> = self.here.iter().filter(|(_, (_, phase))| *phase == RobotPhase::Waiting).map(|(id, _)| id.clone()).collect();
+        let waiting: Vec<RobotId> =
+            self.here.iter().filter(|(_, (_, phase))| *phase == RobotPhase::Waiting).map(|(id, _)| id.clone()).collect();
         for robot in waiting {
             if self.whereabouts(&robot).is_some() {
                 continue;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use energy::Channel;
 use energy::units::S_PER_H;
-use proto::{RobotId, StationId};
+use proto::{PackId, RobotId, StationId};
 use robot_agent::source::{RobotBody, Source as _};
 use station_agent::source::StationBody;
 
@@ -14,8 +14,7 @@ use crate::sim::host::STEP_S;
 /// Relative error of a sum of so many steps that is still rounding.
 const CLOSED: f64 = 1e-9;
 /// What a pack's charge hangs on.
-const CHARGE: [Channel; 5] =
-    [Channel::Soc, Channel::CapacityAh, Channel::TerminalCurrentA, Channel::LostCurrentA, Channel::SocPerA];
+const CHARGE: [Channel; 5] = [Channel::Soc, Channel::CapacityAh, Channel::TerminalCurrentA, Channel::LostCurrentA, Channel::SocPerA];
 /// How many breaches are told; the first ones say it.
 const TOLD_MAX: usize = 5;
 
@@ -27,7 +26,8 @@ pub(in crate::sim) struct Balance {
     given_w: f64,
     taken_w: f64,
     taking_w: f64,
-    packs: BTreeMap<String, Charge>,
+    robots: BTreeMap<RobotId, Charge>,
+    packs: BTreeMap<(StationId, PackId), Charge>,
     pub(super) found: Vec<String>,
 }
 
@@ -37,6 +37,27 @@ struct Charge {
     begin_c: f64,
     out_c: f64,
     now_c: f64,
+}
+
+impl Charge {
+    /// Charge now, C, and what flowed out in the last step, A.
+    fn now(&[soc, capacity_ah, terminal_a, lost_a, soc_per_a]: &[f64; 5]) -> (f64, f64) {
+        // What leaks inside the cells is told for one of those in parallel.
+        let parallel = soc_per_a * capacity_ah * S_PER_H / STEP_S;
+        (soc * capacity_ah * S_PER_H, terminal_a + lost_a * parallel)
+    }
+
+    /// Before the last step.
+    fn before(values: &[f64; 5]) -> Self {
+        let (charge_c, out_a) = Self::now(values);
+        Self { begin_c: charge_c + out_a * STEP_S, out_c: 0.0, now_c: charge_c }
+    }
+
+    fn step(&mut self, values: &[f64; 5]) {
+        let (charge_c, out_a) = Self::now(values);
+        self.out_c += out_a * STEP_S;
+        self.now_c = charge_c;
+    }
 }
 
 impl Balance {
@@ -51,38 +72,30 @@ impl Balance {
     /// A station has made a step.
     pub(in crate::sim) fn station(&mut self, id: &StationId, body: &StationBody) {
         self.given_w += body.truth(Channel::ChargePowerW);
-        let mut packs: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-        for channel in CHARGE {
-            body.packs_truth(channel).for_each(|(pack, value)| packs.entry(format!("{pack} of {id}")).or_default().push(value));
-        }
-        for (name, values) in packs {
-            self.pack(name, &values, false);
+        let values = CHARGE.map(|channel| body.packs_truth(channel).map(|(_, value)| value).collect::<Vec<_>>());
+        for (index, (pack, _)) in body.packs_truth(Channel::Soc).enumerate() {
+            let values = values.each_ref().map(|of| of[index]);
+            let known = self.packs.entry((id.clone(), pack.clone())).or_insert_with(|| Charge::before(&values));
+            known.step(&values);
         }
     }
 
     /// A robot has made a step; `exchanged`: with another pack than before.
     pub(in crate::sim) fn robot(&mut self, id: &RobotId, body: &RobotBody, exchanged: bool) {
         self.taking_w += body.draw().map_or(0.0, |draw| draw.charge_power_w);
-        self.pack(format!("the pack of {id}"), &CHARGE.map(|channel| body.truth(channel)), exchanged);
-    }
-
-    fn pack(&mut self, name: String, values: &[f64], anew: bool) {
-        let &[soc, capacity_ah, terminal_a, lost_a, soc_per_a] = values else { return };
-        let charge_c = soc * capacity_ah * S_PER_H;
-        // What leaks inside the cells is told for one of those in parallel.
-        let current_a = terminal_a + lost_a * soc_per_a * capacity_ah * S_PER_H / STEP_S;
-        let begin = Charge { begin_c: charge_c + current_a * STEP_S, out_c: 0.0, now_c: charge_c };
-        let known = self.packs.entry(name).or_insert(begin);
-        if anew {
-            *known = begin;
+        let values = CHARGE.map(|channel| body.truth(channel));
+        let known = self.robots.entry(id.clone()).or_insert_with(|| Charge::before(&values));
+        if exchanged {
+            *known = Charge::before(&values);
         }
-        known.out_c += current_a * STEP_S;
-        known.now_c = charge_c;
+        known.step(&values);
     }
 
     /// Closes the books.
     pub(in crate::sim) fn close(&mut self) {
-        for (pack, charge) in &self.packs {
+        let robots = self.robots.iter().map(|(robot, charge)| (robot.to_string(), charge));
+        let packs = self.packs.iter().map(|((station, pack), charge)| (format!("{pack} of {station}"), charge));
+        for (pack, charge) in robots.chain(packs) {
             let lost_c = charge.begin_c - charge.now_c;
             if (lost_c - charge.out_c).abs() > CLOSED * charge.begin_c.abs().max(1.0) {
                 self.found.push(format!("{pack} lost {lost_c} C of charge, {} C flowed out", charge.out_c));

@@ -24,7 +24,12 @@ impl Issue {
                 let place = (station.clone(), lift.bay.clone());
                 let elsewhere = self.bays.iter().find(|(known, robot)| **robot == lift.robot && **known != place);
                 if let Some(((other, bay), _)) = elsewhere {
-                    self.found.push(format!("{}: {} is taken into {} of {station}, but has {bay} of {other}", moment(at), lift.robot, lift.bay));
+                    self.found.push(format!(
+                        "{}: {} is taken into {} of {station}, but has {bay} of {other}",
+                        moment(at),
+                        lift.robot,
+                        lift.bay
+                    ));
                 }
                 if let Some(holder) = self.bays.insert(place, lift.robot.clone()).filter(|holder| *holder != lift.robot) {
                     self.found.push(format!("{}: {} of {station} is issued to {}, but {holder} has it", moment(at), lift.bay, lift.robot));

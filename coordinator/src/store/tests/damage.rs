@@ -107,3 +107,38 @@ async fn a_row_that_no_coordinator_wrote_is_an_error_that_names_the_table() {
         assert!(matches!(error, StoreError::Damaged { .. }) && error.to_string().contains(table), "{error}");
     }
 }
+
+/// A power cut tears what was being written: any part of the log's end may be missing, or be something
+/// else. What was appended before stands, what was being appended is there as a whole or not at all.
+#[tokio::test]
+async fn a_log_whose_end_is_torn_loses_nothing_that_was_appended_before() {
+    let (directory, path) = place();
+    let log = path.with_file_name("journal.db-wal");
+    let store = open(&path).await;
+    store.append(&one_of_each()).await.unwrap();
+    store.append(&events(2..=5)).await.unwrap();
+    let before = std::fs::metadata(&log).unwrap().len() as usize;
+    store.append(&events(6..=40)).await.unwrap();
+    let (database, whole) = (std::fs::read(&path).unwrap(), std::fs::read(&log).unwrap());
+    assert!(whole.len() > before + 4_096, "the last batch is in the log: {} after {before}", whole.len());
+    let mut seen = std::collections::BTreeSet::new();
+    let step = (whole.len() - before) / 20;
+    for cut in (before..=whole.len()).step_by(step.max(1)).chain([whole.len() - 1, whole.len()]) {
+        for garbage in [None, Some(0x00), Some(0x55)] {
+            let torn = directory.path().join(format!("torn-{cut}-{garbage:?}.db"));
+            let mut bytes = whole[..cut].to_vec();
+            if let Some(byte) = garbage {
+                bytes.resize(whole.len(), byte);
+            }
+            std::fs::write(&torn, &database).unwrap();
+            std::fs::write(torn.with_file_name(format!("torn-{cut}-{garbage:?}.db-wal")), bytes).unwrap();
+            let store = open(&torn).await;
+            let next = store.next_event_seq().await.unwrap();
+            assert!(next == 6 || next == 41, "cut at {cut} of {}: the next event is {next}", whole.len());
+            assert!(store.command(&id("c1")).await.unwrap().is_some_and(|command| command.reply.is_some()));
+            seen.insert(next);
+            store.close().await;
+        }
+    }
+    assert_eq!(seen, [6, 41].into(), "torn before and after the end of the last batch");
+}
