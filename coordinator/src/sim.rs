@@ -26,4 +26,4 @@ mod world;
 
 pub use measure::Measured;
 pub use run::{Outcome, simulate};
-pub use trial::{Trial, trial};
+pub use trial::{Trial, forgetful_trial, trial};

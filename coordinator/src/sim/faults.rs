@@ -43,6 +43,8 @@ pub(super) struct Faults {
     pub(super) skews: Vec<(Host, f64)>,
     /// When, where, what; in the order of time.
     pub(super) events: Vec<(f64, Host, Fault)>,
+    /// Whether agents lose what they had kept, too: nothing promises to withstand that.
+    pub(super) forgetful: bool,
     /// Chooses the messages that are lost.
     pub(super) seed: u64,
 }
@@ -57,7 +59,7 @@ const RESTART_S: f64 = 30.0;
 impl Faults {
     /// Nothing goes wrong.
     pub(super) fn none() -> Self {
-        Self { weather: Weather::FAIR, skews: Vec::new(), events: Vec::new(), seed: 0 }
+        Self { weather: Weather::FAIR, skews: Vec::new(), events: Vec::new(), forgetful: false, seed: 0 }
     }
 
     /// Draws what goes wrong in a run of that length with those agents.
@@ -88,7 +90,7 @@ impl Faults {
             })
             .collect();
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Self { weather, skews, events, seed: rng.random() }
+        Self { weather, skews, events, forgetful: false, seed: rng.random() }
     }
 
     pub(super) fn rng(&self) -> Pcg64Mcg {

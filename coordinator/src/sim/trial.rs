@@ -43,7 +43,7 @@ fn fleet(seed: u64) -> anyhow::Result<Deployment> {
     let (robots, stations) = (rng.random_range(1..=4), rng.random_range(1..=2));
     let mut text = format!(
         "schema = 1\nname = \"trial\"\nseed = {}\nduration_s = {DURATION_S}\n\
-         [policy]\nserve_below_soc = 0.25\ncharge_to_soc = 0.45\npatience_s = 60\n\
+         [policy]\nserve_below_soc = 0.25\ncharge_to_soc = 0.45\npatience_s = 60\nreplan_period_s = 600\n\
          [publish]\ngauge_period_s = 5\nstate_period_s = 10\n",
         seed % 1_000_000
     );
@@ -80,10 +80,23 @@ fn fleet(seed: u64) -> anyhow::Result<Deployment> {
 /// # Errors
 /// When a model cannot be read.
 pub fn trial(seed: u64) -> anyhow::Result<Trial> {
+    run(seed, false)
+}
+
+/// The same with agents that lose their memory when they are killed, which breaks promises: so it is
+/// seen that the checks see.
+///
+/// # Errors
+/// When a model cannot be read.
+pub fn forgetful_trial(seed: u64) -> anyhow::Result<Trial> {
+    run(seed, true)
+}
+
+fn run(seed: u64, forgetful: bool) -> anyhow::Result<Trial> {
     let deployment = fleet(seed)?;
     let robots = deployment.robots.iter().map(|config| Host::Robot(config.id.clone()));
     let stations = deployment.stations.iter().map(|config| Host::Station(config.id.clone()));
-    let faults = Faults::draw(seed, DURATION_S, &robots.chain(stations).collect::<Vec<_>>());
+    let faults = Faults { forgetful, ..Faults::draw(seed, DURATION_S, &robots.chain(stations).collect::<Vec<_>>()) };
     let told = faults.lines();
     let mut world = World::new(&deployment, faults, false, energy::units::REFERENCE_DEGC, START)?;
     world.checks = Some(Checks::default());

@@ -36,6 +36,7 @@ pub(super) struct World {
     /// What goes wrong later, the next last.
     faults: Vec<(f64, Host, Fault)>,
     ends: Vec<(Timestamp, Host, End)>,
+    forgetful: bool,
     pub(super) telemetry: Option<Telemetry>,
     pub(super) measured: Measured,
     pub(super) events: Vec<Event>,
@@ -79,6 +80,7 @@ impl World {
             net: Net::new(faults.weather, faults.rng()),
             faults: faults.events.into_iter().rev().collect(),
             ends: Vec::new(),
+            forgetful: faults.forgetful,
             telemetry,
             measured: Measured::default(),
             events: Vec::new(),
@@ -161,12 +163,18 @@ impl World {
             }
             Host::Robot(id) => {
                 let robot = self.robots.get_mut(id).expect("a host of the run");
+                if self.forgetful {
+                    robot.memory = None;
+                }
                 if robot.agent.is_none() || robot.life.doomed.take().is_some() {
                     robot.start()?;
                 }
             }
             Host::Station(id) => {
                 let station = self.stations.get_mut(id).expect("a host of the run");
+                if self.forgetful {
+                    station.memory = None;
+                }
                 if station.agent.is_none() || station.life.doomed.take().is_some() {
                     station.start()?;
                 }

@@ -10,39 +10,45 @@ use super::{Heard, What};
 /// The columns of a line, in this order.
 pub(super) const INTO: &str = "inputs (epoch, number, at_ms, kind, robot, station, pack, message_at_ms, message_seq, body)";
 
+/// What stands in a row beside number and instant.
+#[derive(Default)]
+struct Line<'a> {
+    robot: Option<&'a RobotId>,
+    station: Option<&'a StationId>,
+    pack: Option<&'a PackId>,
+    message: Option<(Timestamp, u64)>,
+    body: Option<String>,
+}
+
 /// A line as a row.
 pub(super) fn row(heard: &Heard) -> Vec<Value> {
-    let (kind, robot, station, pack, message, body): (
-        &str,
-        Option<&RobotId>,
-        Option<&StationId>,
-        Option<&PackId>,
-        Option<(Timestamp, u64)>,
-        Option<String>,
-    ) = match &heard.what {
-        What::Nothing => ("nothing", None, None, None, None, None),
-        What::RobotGauge(robot, at, seq) => ("robot_gauge", Some(robot), None, None, Some((*at, *seq)), None),
-        What::RobotState(robot, at, seq) => ("robot_state", Some(robot), None, None, Some((*at, *seq)), None),
-        What::RobotAlive(robot, alive) => (if *alive { "robot_there" } else { "robot_lost" }, Some(robot), None, None, None, None),
-        What::StationState(station, at, seq) => ("station_state", None, Some(station), None, Some((*at, *seq)), None),
-        What::PackGauge(station, pack, at, seq) => ("pack_gauge", None, Some(station), Some(pack), Some((*at, *seq)), None),
-        What::StationAlive(station, alive) => {
-            (if *alive { "station_there" } else { "station_lost" }, None, Some(station), None, None, None)
+    let none = Line::default();
+    let of_robot = |robot| Line { robot: Some(robot), ..Line::default() };
+    let of_station = |station| Line { station: Some(station), ..Line::default() };
+    let (kind, line) = match &heard.what {
+        What::Nothing => ("nothing", none),
+        What::RobotGauge(robot, at, seq) => ("robot_gauge", Line { message: Some((*at, *seq)), ..of_robot(robot) }),
+        What::RobotState(robot, at, seq) => ("robot_state", Line { message: Some((*at, *seq)), ..of_robot(robot) }),
+        What::RobotAlive(robot, alive) => (if *alive { "robot_there" } else { "robot_lost" }, of_robot(robot)),
+        What::StationState(station, at, seq) => ("station_state", Line { message: Some((*at, *seq)), ..of_station(station) }),
+        What::PackGauge(station, pack, at, seq) => {
+            ("pack_gauge", Line { pack: Some(pack), message: Some((*at, *seq)), ..of_station(station) })
         }
-        What::Reply(reply) => ("reply", None, None, None, None, Some(String::from_utf8(encode(reply)).expect("JSON is UTF-8"))),
-        What::Refused(text) => ("refused", None, None, None, None, Some(text.clone())),
+        What::StationAlive(station, alive) => (if *alive { "station_there" } else { "station_lost" }, of_station(station)),
+        What::Reply(reply) => ("reply", Line { body: Some(String::from_utf8(encode(reply)).expect("JSON is UTF-8")), ..none }),
+        What::Refused(text) => ("refused", Line { body: Some(text.clone()), ..none }),
     };
     vec![
         Value::int(heard.epoch.cast_signed()),
         Value::int(heard.number.cast_signed()),
         Value::int(heard.at.unix_ms()),
         Value::text(kind),
-        Value::perhaps(robot.map(RobotId::as_str)),
-        Value::perhaps(station.map(StationId::as_str)),
-        Value::perhaps(pack.map(PackId::as_str)),
-        Value::Int(message.map(|(at, _)| at.unix_ms())),
-        Value::Int(message.map(|(_, seq)| seq.cast_signed())),
-        Value::Text(body),
+        Value::perhaps(line.robot.map(RobotId::as_str)),
+        Value::perhaps(line.station.map(StationId::as_str)),
+        Value::perhaps(line.pack.map(PackId::as_str)),
+        Value::Int(line.message.map(|(at, _)| at.unix_ms())),
+        Value::Int(line.message.map(|(_, seq)| seq.cast_signed())),
+        Value::Text(line.body),
     ]
 }
 
