@@ -47,7 +47,7 @@ fn bench() -> Bench {
     let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
     let gauge = || Kind::CoulombCounter.open(Arc::clone(&model), energy::Estimate::new(0.9, 0.01), 25.0);
     let profile = Profile {
-        id: proto::StationId::new("mds-1").unwrap(),
+        id: StationId::new("mds-1").unwrap(),
         rule: node::UNTIL_EMPTY,
         alone: Alone::default(),
         bays: vec![bay(1), bay(2)],
