@@ -34,8 +34,13 @@ impl Outbox {
     /// Gives the core an input and takes everything that comes of it. The input is kept too, so that
     /// the journal can be replayed.
     pub fn handle(&mut self, core: &mut Core, now: Timestamp, input: Input) {
-        let place = self.records.len();
         core.handle(now, input.clone());
+        self.came(core, now, input);
+    }
+
+    /// Takes everything that has come of an input that the core was given by somebody else.
+    pub fn came(&mut self, core: &mut Core, now: Timestamp, input: Input) {
+        let place = self.records.len();
         while let Some(output) = core.poll() {
             match output {
                 Output::Record(record) => self.records.push(record),

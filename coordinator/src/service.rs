@@ -25,6 +25,7 @@ use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
 use crate::outbox::Outbox;
 use crate::store::{Record, Store, StoreError, shown};
+use crate::web::{self, Asked, Books, Desk, Past, Question, REPLAN_WHY, WebConfig};
 
 /// Telemetry that waits for the core; beyond this the newest is dropped, and said so.
 const TELEMETRY_QUEUE: usize = 65_536;
@@ -47,6 +48,7 @@ struct Service {
     replaced: bool,
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
+    past: Past,
 }
 
 /// Runs until `stop` comes.
@@ -101,7 +103,10 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         replaced: false,
         answers: news_in.clone(),
         patience_s,
+        past: Past::default(),
     };
+    let (desk, mut asked) = web::desk();
+    let _web = open_web(&config.web, desk).await?;
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
@@ -114,6 +119,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             _ = flushes.tick() => service.flush().await,
             _ = renewals.tick() => service.renew().await,
             Some(query) = questions.recv() => service.tell(&query).await,
+            Some(asked) = asked.recv() => service.show(asked, config, path).await,
             () = &mut stop => break,
         }
         if service.deposed() {
@@ -133,6 +139,35 @@ pub fn store_path(config: &Config, path: Option<&Path>) -> std::path::PathBuf {
         return config.store.clone();
     }
     path.and_then(Path::parent).map_or_else(|| config.store.clone(), |folder| folder.join(&config.store))
+}
+
+/// Serves the dashboard in the background, if there is to be one.
+async fn open_web(config: &WebConfig, desk: Desk) -> anyhow::Result<Option<AbortOnDrop>> {
+    if !config.enabled {
+        return Ok(None);
+    }
+    let listener = web::bind(config).await?;
+    let address = listener.local_addr()?;
+    info!("dashboard at http://{address}/");
+    if !config.address.is_loopback() {
+        warn!("whoever reaches {address} sees the whole fleet: web.address is not this machine's own");
+    }
+    let config = config.clone();
+    let serving = tokio::spawn(async move {
+        if let Err(failure) = web::serve(listener, &config, desk).await {
+            error!("{failure:#}");
+        }
+    });
+    Ok(Some(AbortOnDrop(serving)))
+}
+
+/// A task that ends with what it serves.
+struct AbortOnDrop(tokio::task::JoinHandle<()>);
+
+impl Drop for AbortOnDrop {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
 }
 
 /// Whatever must live as long as the service.
@@ -197,11 +232,36 @@ fn input_of(sample: &Sample) -> Input {
 
 impl Service {
     async fn take(&mut self, input: Input) {
+        let now = self.clock.now();
+        if input == Input::Tick {
+            self.past.look(now, &self.core);
+        }
         let before = self.outbox.records().len();
-        self.outbox.handle(&mut self.core, self.clock.now(), input);
+        self.outbox.handle(&mut self.core, now, input);
+        self.follow(before).await;
+    }
+
+    /// Answers the dashboard.
+    async fn show(&mut self, asked: Asked, config: &Config, path: Option<&Path>) {
+        let now = self.clock.now();
+        let replans = matches!(asked.question, Question::Replan);
+        let books = Books { site: &self.link.site, title: "", past: &self.past, ladder: config.web.ladder(path) };
+        asked.answer(now, &mut self.core, books);
+        if replans {
+            let before = self.outbox.records().len();
+            self.outbox.came(&mut self.core, now, Input::Replan(REPLAN_WHY.to_owned()));
+            self.follow(before).await;
+        }
+    }
+
+    /// Does what the core wants done: what came since the record at `before`, and the commands.
+    async fn follow(&mut self, before: usize) {
         for record in &self.outbox.records()[before..] {
             match record {
-                Record::Event(event) => info!("{}: {}", event.kind, event.text),
+                Record::Event(event) => {
+                    info!("{}: {}", event.kind, event.text);
+                    self.past.event(event);
+                }
                 // Whoever follows the schedule hears of each new plan without asking.
                 Record::Plan(schedule) => self.tell_all(&Key::Schedule, schedule).await,
                 Record::Capacity(capacity) => self.tell_all(&Key::Capacity, capacity).await,

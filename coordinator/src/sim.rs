@@ -25,5 +25,5 @@ mod trial;
 mod world;
 
 pub use measure::Measured;
-pub use run::{Outcome, simulate};
+pub use run::{Outcome, Step, simulate};
 pub use trial::{Trial, forgetful_trial, trial};

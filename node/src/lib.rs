@@ -12,7 +12,9 @@
 //!   shell   clock.rs    real or accelerated time
 //!           network.rs  the [network] table; access.rs who may say what
 //!           session.rs  a Zenoh session: publish, ask, serve, watch
-//!           files.rs    texts and models from disk, and logging to stderr
+//!           files.rs    texts and models from disk
+//!           settings.rs keys from flags and environment over those of the file
+//!           log.rs      what this program says of itself, on stderr
 //!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent
 //!           memory.rs   what a restarted agent must not have forgotten
 //!           stop.rs     when to end
@@ -29,12 +31,14 @@ mod depot;
 pub mod files;
 pub mod ledger;
 mod live_log;
+pub mod log;
 mod memory;
 pub mod mission;
 mod network;
 mod publish;
 mod selector;
 pub mod session;
+pub mod settings;
 mod silence;
 mod stop;
 mod telemetry;

@@ -1,9 +1,13 @@
 //! Whole-system tests: real processes over real Zenoh on loopback.
 
+mod browser;
 mod decisions;
 mod failures;
 mod kills;
 mod network;
+mod operations;
+mod python;
+mod reference;
 mod replay;
 mod security;
 mod tidy;

@@ -70,6 +70,16 @@ impl Desk {
         self.process.as_ref().map(|process| &process.core)
     }
 
+    /// The core, for who may ask it for something between two steps.
+    pub(super) fn core_mut(&mut self) -> Option<&mut Core> {
+        self.process.as_mut().map(|process| &mut process.core)
+    }
+
+    /// The core at the end of a run.
+    pub(super) fn into_core(self) -> Option<Core> {
+        self.process.map(|process| process.core)
+    }
+
     pub(super) fn settings(&self) -> Settings {
         self.settings
     }

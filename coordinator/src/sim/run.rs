@@ -3,12 +3,13 @@
 use std::fmt::Write as _;
 
 use node::Telemetry;
-use proto::{Event, Timestamp};
+use proto::{Event, SiteId, Timestamp};
 
 use super::faults::Faults;
 use super::host::STEP_S;
 use super::measure::Measured;
 use super::world::World;
+use crate::core::Core;
 use crate::scenario::Deployment;
 
 /// Simulated time begins here: 1 January 2026, 00:00 UTC.
@@ -26,6 +27,24 @@ pub struct Outcome {
     pub schedule: proto::Schedule,
     /// Logs for the lab, if asked for.
     pub telemetry: Option<Telemetry>,
+    /// The site.
+    pub site: SiteId,
+    /// The coordinator as it stood at the end.
+    pub core: Core,
+    /// When the run ended.
+    pub end: Timestamp,
+}
+
+/// What whoever watches a run is shown after each step.
+pub struct Step<'a> {
+    /// Now.
+    pub now: Timestamp,
+    /// Since the start, s.
+    pub elapsed_s: f64,
+    /// The coordinator; what it wants done is done in the next step.
+    pub core: &'a mut Core,
+    /// What happened in this step.
+    pub news: &'a [Event],
 }
 
 impl Outcome {
@@ -46,7 +65,7 @@ pub(super) fn trace(events: &[Event]) -> String {
     trace
 }
 
-/// Simulates a deployment. `progress` is told the simulated seconds now and then.
+/// Simulates a deployment. `watch` is shown every step.
 ///
 /// # Errors
 /// When a model cannot be read.
@@ -55,18 +74,27 @@ pub fn simulate(
     duration_s: f64,
     ambient_degc: f64,
     with_telemetry: bool,
-    progress: &mut dyn FnMut(f64),
+    watch: &mut dyn FnMut(Step<'_>),
 ) -> anyhow::Result<Outcome> {
     let mut world = World::new(deployment, Faults::none(), with_telemetry, ambient_degc, START)?;
     let steps = (duration_s / STEP_S).round() as u64;
     for step in 1..=steps {
-        world.step(START.plus_s(step as f64 * STEP_S))?;
-        if step % 256 == 0 {
-            progress(step as f64 * STEP_S);
-        }
+        let (elapsed_s, known) = (step as f64 * STEP_S, world.events.len());
+        let now = START.plus_s(elapsed_s);
+        world.step(now)?;
+        let core = world.desk.core_mut().expect("nothing goes wrong in this run");
+        watch(Step { now, elapsed_s, core, news: &world.events[known..] });
     }
     world.finish();
-    let core = world.desk.core().expect("nothing goes wrong in this run");
-    let schedule = core.schedule().clone();
-    Ok(Outcome { measured: world.measured, events: world.events, start: START, schedule, telemetry: world.telemetry })
+    let core = world.desk.into_core().expect("nothing goes wrong in this run");
+    Ok(Outcome {
+        measured: world.measured,
+        events: world.events,
+        start: START,
+        schedule: core.schedule().clone(),
+        telemetry: world.telemetry,
+        site: deployment.coordinator.site.clone(),
+        core,
+        end: START.plus_s(steps as f64 * STEP_S),
+    })
 }

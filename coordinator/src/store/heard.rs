@@ -39,6 +39,8 @@ pub enum What {
     Reply(CommandReply),
     /// Something that could not be read.
     Refused(String),
+    /// A new plan was asked for.
+    Replan(String),
 }
 
 impl Heard {
@@ -51,6 +53,7 @@ impl Heard {
             Input::StationAlive(station, alive) => What::StationAlive(station, alive),
             Input::Reply(reply) => What::Reply(reply),
             Input::Refused(_) => refused(came),
+            Input::Replan(why) => What::Replan(why),
             Input::RobotGauge(robot, gauge) if came.iter().any(|record| matches!(record, Record::RobotGauge { .. })) => {
                 What::RobotGauge(robot, gauge.at, gauge.seq)
             }
