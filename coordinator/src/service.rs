@@ -8,6 +8,8 @@
 //! What a command rests on is in the store before the command leaves. When the store cannot be
 //! written, the fleet is served on: events and commands wait in memory, old telemetry is dropped.
 
+mod lead;
+
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -20,6 +22,8 @@ use tokio::sync::mpsc;
 use tracing::{error, info, warn};
 use zenoh::query::Query;
 use zenoh::sample::{Sample, SampleKind};
+
+use lead::monotonic;
 
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
@@ -303,24 +307,6 @@ impl Service {
         });
     }
 
-    /// Whether it must not command any more: another leads, or may lead by now.
-    fn deposed(&self) -> bool {
-        self.replaced || self.leads_until.is_some_and(|until| monotonic() >= until)
-    }
-
-    /// Goes on leading, where that has to be asked for.
-    async fn renew(&mut self) {
-        if self.store.renewal().is_none() {
-            return;
-        }
-        let asked = monotonic();
-        match self.store.renew().await {
-            Ok(()) => self.leads_until = self.store.lease().map(|lease| asked + lease),
-            Err(StoreError::Deposed { .. }) => self.replaced = true,
-            Err(failure) => warn!("{failure}"),
-        }
-    }
-
     /// Writes what waits. A record that the store will never take is dropped, and said so; when
     /// the disk is full all wait, and old telemetry makes room.
     async fn flush(&mut self) {
@@ -379,12 +365,6 @@ impl Service {
             warn!("an answer was not sent: {failure}");
         }
     }
-}
-
-/// A clock that is never set: leases are counted by it.
-#[allow(clippy::disallowed_methods, reason = "this is the shell's clock")]
-fn monotonic() -> Instant {
-    Instant::now()
 }
 
 /// Asks a running coordinator.
