@@ -7,11 +7,13 @@
 //!
 //! One input, then poll until nothing is left. The same inputs give the same outputs.
 //! `hear.rs` takes in what is said, `serve.rs` carries services on, `ask.rs` sends commands and
-//! waits for their answers; planning is here.
+//! waits for their answers, `strays.rs` finds robots that are somewhere without a service; planning is
+//! here.
 
 mod ask;
 mod hear;
 mod serve;
+mod strays;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -111,7 +113,11 @@ pub struct Core {
     changed: BTreeMap<RobotId, Vec<String>>,
     schedule: Schedule,
     promised: BTreeSet<RobotId>,
+    /// Robots that are somewhere without a service, since when.
+    strays: BTreeMap<RobotId, Timestamp>,
     started: Option<Timestamp>,
+    /// The last instant that it was given.
+    last: Option<Timestamp>,
     planned: Option<Timestamp>,
     /// Why a new plan is due, if it is.
     trigger: Option<String>,
@@ -150,7 +156,9 @@ impl Core {
             changed: BTreeMap::new(),
             schedule,
             promised: BTreeSet::new(),
+            strays: BTreeMap::new(),
             started: None,
+            last: None,
             planned: None,
             trigger: None,
             refused: BTreeSet::new(),
@@ -163,6 +171,9 @@ impl Core {
     /// Takes in one input.
     pub fn handle(&mut self, now: Timestamp, input: Input) {
         self.started.get_or_insert(now);
+        if let Some(last) = self.last.replace(now).filter(|last| now < *last) {
+            self.set_back(last.unix_ms() - now.unix_ms());
+        }
         match input {
             Input::RobotGauge(id, gauge) => self.robot_gauge(now, id, gauge),
             Input::RobotState(id, state) => self.robot_state(now, id, state),
@@ -178,6 +189,7 @@ impl Core {
         self.doubt_gauges(now);
         self.resend(now);
         self.carry_on(now);
+        self.find_strays(now);
         if self.plan_due(now) {
             self.make_plan(now);
         }
@@ -297,6 +309,19 @@ impl Core {
                 self.changed.insert(robot.clone(), vec![text]);
             }
         }
+    }
+
+    /// The clock was set back: what is counted from an instant is counted from as much earlier, or
+    /// nothing would be due until that time came again.
+    fn set_back(&mut self, by_ms: i64) {
+        let earlier = |at: &mut Timestamp| *at = at.plus_ms(-by_ms);
+        self.started.iter_mut().chain(&mut self.planned).for_each(earlier);
+        self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
+        for run in self.running.values_mut() {
+            [&mut run.left, &mut run.start, &mut run.end].into_iter().for_each(earlier);
+        }
+        // The deadline in a command stays as it was sent; that of waiting for its answer moves.
+        self.asked.values_mut().for_each(|asked| asked.set_back(by_ms));
     }
 
     fn refresh_schedule(&mut self, now: Timestamp) {

@@ -11,7 +11,7 @@ use crate::watch::{Change, News};
 impl Core {
     pub(super) fn robot_gauge(&mut self, now: Timestamp, id: RobotId, gauge: Gauge) {
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if newer(gauge.at, robot.gauge.as_ref().map(|known| known.at)) {
+        if newer((gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
             let first = robot.gauge.is_none();
             robot.gauge = Some(gauge.clone());
             let phase = robot.phase();
@@ -41,7 +41,7 @@ impl Core {
             return;
         }
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if !newer(state.at, robot.state.as_ref().map(|known| known.at)) {
+        if !newer((state.at, state.seq), robot.state.as_ref().map(|known| (known.at, known.seq))) {
             return;
         }
         let before = robot.phase();
@@ -52,10 +52,7 @@ impl Core {
         self.doubted(now, news);
         self.record(Record::RobotState { robot: id.clone(), state: state.clone() });
         match before {
-            None => {
-                self.adopt(now, &id);
-                self.heard_robot(now, &id);
-            }
+            None => self.heard_robot(now, &id),
             Some(before) if before != phase => {
                 let why = state.note.filter(|_| phase == RobotPhase::Stranded).map_or_else(String::new, |note| format!(": {note}"));
                 self.event(now, EventKind::PhaseChanged, Some(&id), None, None, format!("{id}: {before} -> {phase}{why}"));
@@ -90,7 +87,7 @@ impl Core {
             return;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if !newer(state.at, station.state.as_ref().map(|known| known.at)) {
+        if !newer((state.at, state.seq), station.state.as_ref().map(|known| (known.at, known.seq))) {
             return;
         }
         let before = station.state.replace(state.clone());
@@ -148,7 +145,7 @@ impl Core {
             return;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if newer(gauge.at, station.packs.get(&pack).map(|known| known.at)) {
+        if newer((gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
             station.packs.insert(pack.clone(), gauge.clone());
             let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[&id], &id, &pack, &gauge);
             self.record(Record::PackGauge { station: id, pack, gauge });

@@ -2,6 +2,8 @@
 
 mod calibration;
 mod commands;
+mod faults;
+mod fuzz;
 mod scenarios;
 mod stories;
 mod telemetry;
