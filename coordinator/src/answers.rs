@@ -20,7 +20,7 @@ const HANDOVER_S: f64 = 60.0;
 /// The plan made at `basis.now`, and the services that have begun.
 #[must_use]
 pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) -> Schedule {
-    let begun = basis.running.values().map(running_service);
+    let begun = basis.running.values().map(|run| running_service(basis, run));
     let planned = plan.planned.iter().map(planned_service);
     let mut services: Vec<Service> = begun.chain(planned).collect();
     services.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
@@ -64,7 +64,7 @@ fn stuck<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unser
     })
 }
 
-fn running_service(run: &ServiceRun) -> Service {
+fn running_service(basis: &Basis<'_>, run: &ServiceRun) -> Service {
     let (mode, bay) = match &run.how {
         How::Recharge { bay, to_soc } => (Mode::Recharge { to_soc: *to_soc }, Some(bay.clone())),
         How::Swap { spare } => (Mode::Swap { spare: spare.clone() }, None),
@@ -76,8 +76,9 @@ fn running_service(run: &ServiceRun) -> Service {
         bay,
         packs: run.packs.clone(),
         leave: run.left,
-        start: run.start,
-        end: run.end,
+        // What the plan counts on, which need not be what was once planned.
+        start: run.start.plus_s(basis.late_s(run)),
+        end: basis.now.plus_s(basis.ends_s(run)),
         pack_energy_wh: node::wire(run.need.estimate()),
         probability: None,
         status: run.status(),

@@ -213,8 +213,9 @@ impl Basis<'_> {
 
     /// When a service that has begun ends, s from now. Once its robot charges, its gauge says so better
     /// than the plan.
-    fn ends_s(&self, run: &ServiceRun) -> f64 {
-        let planned_s = run.end.seconds_since(self.now).max(1.0);
+    #[must_use]
+    pub fn ends_s(&self, run: &ServiceRun) -> f64 {
+        let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
         if run.stage != Stage::Charging {
             return planned_s;
         }
@@ -227,11 +228,24 @@ impl Basis<'_> {
         charging.map_or(planned_s, |left_s| left_s.max(1.0))
     }
 
+    /// How much later than planned a service can begin, s: as long as somebody else is still in its bay.
+    #[must_use]
+    pub fn late_s(&self, run: &ServiceRun) -> f64 {
+        let How::Recharge { bay, .. } = &run.how else { return 0.0 };
+        if !run.under_way() {
+            return 0.0;
+        }
+        let in_it = |other: &&ServiceRun| {
+            other.station == run.station && !other.under_way() && matches!(&other.how, How::Recharge { bay: theirs, .. } if theirs == bay)
+        };
+        let free_s = self.running.values().filter(in_it).map(|other| self.ends_s(other)).fold(0.0, f64::max);
+        if free_s > 0.0 { (free_s - run.start.seconds_since(self.now)).max(0.0) } else { 0.0 }
+    }
+
     fn begun(&self, run: &ServiceRun, until_s: f64) -> Begun {
         let bay = if let How::Recharge { bay, .. } = &run.how { Some(bay.clone()) } else { None };
-        let under_way = matches!(run.stage, Stage::Travelling | Stage::Waiting);
-        let from_s = if under_way { run.start.seconds_since(self.now).max(0.0) } else { 0.0 };
-        Begun { bay, from_s, to_load: under_way || run.stage == Stage::Loading, until_s }
+        let from_s = if run.under_way() { (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0) } else { 0.0 };
+        Begun { bay, from_s, to_load: run.under_way() || run.stage == Stage::Loading, until_s }
     }
 
     /// What a service that has begun still takes: the charge that the robot still lacks.

@@ -103,11 +103,19 @@ impl<'p> Book<'p> {
             odds: station.chance.as_ref().map(|chance| Odds::new(chance, station, horizon)),
             robots: Vec::new(),
         };
+        // Who comes into a bay after another takes it from when that one leaves.
+        let mut held: Vec<usize> = vec![0; station.bays as usize];
         for ongoing in &station.ongoing {
             let until = ongoing.until.min(horizon) as usize;
             let from = (ongoing.from as usize).min(until);
             match ongoing.bay {
-                Some(_) => book.bays.change(0, until, -1),
+                Some(bay) => {
+                    let held = &mut held[bay as usize];
+                    if until > *held {
+                        book.bays.change(*held, until, -1);
+                        *held = until;
+                    }
+                }
                 None => book.slot.change(from, until, -1),
             }
             let load = (from + ongoing.load_ticks as usize).min(until);

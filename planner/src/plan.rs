@@ -133,7 +133,7 @@ fn assign_bays(draft: &Draft<'_, '_>, sessions: &mut [Session]) {
     for (station, free) in stations.iter().zip(&mut free) {
         for ongoing in &station.ongoing {
             if let Some(bay) = ongoing.bay {
-                free[bay as usize] = ongoing.until;
+                free[bay as usize] = free[bay as usize].max(ongoing.until);
             }
         }
     }

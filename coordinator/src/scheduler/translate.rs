@@ -6,7 +6,7 @@ use std::sync::Arc;
 use energy::units::S_PER_H;
 use planner::problem::{Battery, Chance, Charger, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Tick, Travel};
 use planner::{Mode, Session};
-use proto::Timestamp;
+use proto::{BayId, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::charging::Table;
@@ -267,18 +267,24 @@ fn station(view: &View, station: &StationView, index: usize, lift_wh: f64, setti
     let tick = |seconds: f64| grid.up(seconds + ahead_s);
     let [load_ticks, unload_ticks, swap_ticks] =
         [station.handling.load_s, station.handling.unload_s, station.handling.swap_s].map(|seconds| grid.up(seconds));
-    let begun = station.begun.iter().map(|begun| {
-        let bay = begun.bay.as_ref().map(|bay| station.bays.iter().position(|known| known == bay).unwrap_or(0) as u32);
+    // A service in a bay that has failed takes none of those that work.
+    let begun = station.begun.iter().filter_map(|begun| {
+        let place = |bay: &BayId| station.bays.iter().position(|known| known == bay).map(|place| place as u32);
+        let bay = begun.bay.as_ref().map(place);
+        if bay == Some(None) {
+            return None;
+        }
+        let bay = bay.flatten();
         let (from, until) = (if begun.from_s > 0.0 { tick(begun.from_s) } else { 0 }, tick(begun.until_s));
         let lift = |ticks: Tick, at: bool| if at && bay.is_some() { ticks } else { 0 };
-        Ongoing {
+        Some(Ongoing {
             bay,
             from: from.min(until),
             until,
             draw: 0,
             load_ticks: lift(load_ticks, begun.to_load),
             unload_ticks: lift(unload_ticks, true),
-        }
+        })
     });
     let out = station.out_of_order.is_some();
     let lifting = i64::from(load_ticks + unload_ticks).max(1);
