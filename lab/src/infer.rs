@@ -5,6 +5,7 @@
 //!   rough      what a model knows roughly: OCV table, sensors' offsets and gains, SoC at the start
 //!     |
 //!   evidence   the rows that are judged, alone or in means
+//!     |          course   as few steps as show them
 //!     |
 //!   frame      model, logs and rough knowledge as one vector of unknowns; predictions, derivatives
 //!     |            noise   the sensors' known floor beside a slow part of unknown size
@@ -28,9 +29,12 @@
 
 pub mod answer;
 pub mod candidate;
+mod course;
+mod descent;
 pub mod discover;
 pub mod evidence;
 pub mod frame;
+mod lens;
 pub mod noise;
 pub mod propose;
 pub mod rough;

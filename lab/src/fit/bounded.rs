@@ -96,7 +96,7 @@ pub fn minimise_to(
         settled |= steepest <= COSINE_TOLERANCE;
         let mut next = None;
         while !settled && iteration < iterations_max && damping < DAMPING_MAX {
-            let step = solve(&normal, &gradient, &scale, damping, &moving, &at, bounds);
+            let step = damped_step(&normal, &gradient, &scale, damping, &moving, &at, bounds);
             if enough > 0.0 && promised(&normal, &gradient, &step) < enough {
                 break;
             }
@@ -120,12 +120,12 @@ pub fn minimise_to(
 }
 
 /// Fall of the sum of squares that the derivatives promise for a step.
-fn promised(normal: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>) -> f64 {
+pub(crate) fn promised(normal: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>) -> f64 {
     -(2.0 * gradient.dot(step) + step.dot(&(normal * step)))
 }
 
 /// The bound that a parameter rests on and against which the cost falls.
-fn held(x: f64, (min, max): (f64, f64), gradient: f64) -> Option<Side> {
+pub(crate) fn held(x: f64, (min, max): (f64, f64), gradient: f64) -> Option<Side> {
     match () {
         () if x <= min && gradient > 0.0 => Some(Side::Min),
         () if x >= max && gradient < 0.0 => Some(Side::Max),
@@ -141,7 +141,7 @@ fn cosine(gradient: f64, column_squared: f64, cost: f64) -> f64 {
 /// The step of all parameters. One that would leave its range goes to the bound, and the others
 /// are asked again what is best beside that: cut off alone, a step of parameters that belong
 /// together leads nowhere.
-fn solve(
+pub(crate) fn damped_step(
     normal: &DMatrix<f64>,
     gradient: &DVector<f64>,
     scale: &[f64],

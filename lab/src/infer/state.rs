@@ -11,12 +11,13 @@
 use std::sync::Arc;
 
 use energy::Channel;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
+use super::descent::{Asked, Place, descend};
 use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
+use super::lens::Lens;
 use super::noise::{Filter, Noise, Rows, estimate};
-use crate::fit::{LeastSquares, minimise_to};
 
 /// A frame at its most likely unknowns.
 #[derive(Debug, Clone)]
@@ -25,30 +26,22 @@ pub struct State {
     pub frame: Arc<Frame>,
     /// The unknowns.
     pub x: Vec<f64>,
-    /// Observed minus predicted, by row.
+    /// Observed minus predicted, by judged row.
     pub residual: Vec<f64>,
     /// Noise by channel.
     pub noise: Vec<(Channel, Noise)>,
     /// Minus twice the logarithm of the evidence, without its constant.
     pub cost: f64,
-    /// Derivatives of the predictions in units of independent noise, one column per unknown;
-    /// below them, one row per rough number.
-    pub design: DMatrix<f64>,
-    /// Residuals in the same rows.
-    pub whitened: DVector<f64>,
+    /// Information about the unknowns, with what is known of the rough numbers.
+    pub normal: DMatrix<f64>,
+    /// Derivatives of the predictions: one row per unknown, one column per judged row.
+    slopes: Arc<DMatrix<f64>>,
     /// Free parameters on which the logs have a say.
     pub freedom: usize,
 }
 
-/// Fall of the cost that is not worth another step: in units of two log-likelihoods, and as a share
-/// of the cost, which is far above its number of rows while the model is far from right.
-const ENOUGH: (f64, f64) = (0.02, 1e-6);
 /// Slow noise, in floors, that needs no second look.
 const SLIGHT: f64 = 0.3;
-/// Rounds of fitting and asking for the noise again.
-const ROUNDS: usize = 3;
-/// Change of the cost by new noise that asks for no further round.
-const SETTLED: f64 = 1.0;
 
 impl State {
     /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
@@ -60,58 +53,37 @@ impl State {
         if begin.noise.iter().all(|(channel, noise)| noise.slow < SLIGHT * frame.evidence.floor(*channel)) {
             return begin;
         }
-        let white = State::white(&frame);
-        let filters = filters(&frame, &white);
-        let problem = Whitened { frame: &frame, filters: &filters };
-        let enough = ENOUGH.0 + ENOUGH.1 * problem.residual(&begin.x).norm_squared();
-        let x = minimise_to(&problem, &begin.x, &frame.bounds(), enough, &mut |_| {}).at;
-        let noise = noises(&frame, &residual(&frame, &x));
-        let again = State::fit(Arc::clone(&frame), &x, &noise);
+        let white = descend(&frame, &begin.x, &State::white(&frame), &all(&frame), Asked::Never);
+        let again = State::fit(Arc::clone(&frame), &white.x, &noises(&frame, &white.residual));
         if again.cost < begin.cost { again } else { begin }
     }
 
     /// Fits all unknowns, beginning at `start` and with this noise.
     #[must_use]
     pub fn fit(frame: Arc<Frame>, start: &[f64], noise: &[(Channel, Noise)]) -> State {
-        let (mut x, mut noise) = (start.to_vec(), noise.to_vec());
-        let mut cost = f64::INFINITY;
-        for _ in 0..ROUNDS {
-            let filters = filters(&frame, &noise);
-            let problem = Whitened { frame: &frame, filters: &filters };
-            let enough = ENOUGH.0 + ENOUGH.1 * problem.residual(&x).norm_squared();
-            let solution = minimise_to(&problem, &x, &frame.bounds(), enough, &mut |_| {});
-            x = solution.at;
-            let residual = residual(&frame, &x);
-            noise = noises(&frame, &residual);
-            let now: f64 = likelihood(&frame, &residual, &self::filters(&frame, &noise)) + priors(&frame, &x);
-            if cost - now < SETTLED {
-                break;
-            }
-            cost = now;
-        }
-        State::at(frame, x, noise)
+        let place = descend(&frame, start, noise, &all(&frame), Asked::Always);
+        State::of(frame, place)
     }
 
-    /// The state at given unknowns and noise, without a fit.
-    #[must_use]
-    pub fn at(frame: Arc<Frame>, x: Vec<f64>, noise: Vec<(Channel, Noise)>) -> State {
-        let filters = filters(&frame, &noise);
-        let problem = Whitened { frame: &frame, filters: &filters };
-        let by: Vec<usize> = (0..frame.unknowns()).collect();
-        let (predicted, columns) = frame.linearise(&x, &by);
-        let residual: Vec<f64> = observed(&frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect();
-        let design = problem.stack_columns(columns);
-        let whitened = problem.stack(residual.clone(), &x);
-        let normal = design.tr_mul(&design);
+    fn of(frame: Arc<Frame>, Place { x, noise, residual, slopes, lens }: Place) -> State {
         let free = frame.free.len();
         let sigmas: Vec<f64> = frame.known.iter().map(|known| known.sigma).collect();
         // 1 + S H S: the information holds the priors' share, 1/sigma^2, which becomes the 1.
-        let inner = DMatrix::from_fn(sigmas.len(), sigmas.len(), |i, j| normal[(free + i, free + j)] * sigmas[i] * sigmas[j]);
+        let inner = DMatrix::from_fn(sigmas.len(), sigmas.len(), |i, j| lens.normal[(free + i, free + j)] * sigmas[i] * sigmas[j]);
         let integrated = inner.cholesky().map_or(0.0, |cholesky| 2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>());
-        let variances: f64 = filters.iter().map(|filter| filter.log_variance).sum();
-        let cost = variances + whitened.norm_squared() + integrated;
-        let freedom = freedom(&normal, free);
-        State { frame, x, residual, noise, cost, design, whitened, freedom }
+        let (cost, freedom) = (lens.cost + integrated, freedom(&lens.normal, free));
+        State { frame, x, residual, noise, cost, normal: lens.normal, slopes: Arc::new(slopes), freedom }
+    }
+
+    /// The rows through this state's noise, or another.
+    pub(super) fn lens(&self, noise: &[(Channel, Noise)]) -> Lens {
+        Lens::new(&self.frame, &self.x, &all(&self.frame), &self.slopes, &self.residual, noise)
+    }
+
+    /// Unknowns that rest on a bound.
+    pub(super) fn held(&self) -> Vec<usize> {
+        let bounds = self.frame.bounds();
+        (0..self.x.len()).filter(|&index| self.x[index] <= bounds[index].0 || self.x[index] >= bounds[index].1).collect()
     }
 
     /// Noise that has no slow part yet.
@@ -123,7 +95,7 @@ impl State {
     /// Covariance of all unknowns; a direction of which the rows say nothing has none.
     #[must_use]
     pub fn covariance(&self) -> DMatrix<f64> {
-        let normal = self.design.tr_mul(&self.design);
+        let normal = &self.normal;
         let scale: Vec<f64> = normal.diagonal().iter().map(|d| if *d > 0.0 { d.sqrt() } else { 1.0 }).collect();
         let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| normal[(i, j)] / (scale[i] * scale[j]));
         let eigen = scaled.symmetric_eigen();
@@ -154,12 +126,10 @@ impl State {
     pub fn bic(&self) -> f64 {
         self.cost + self.freedom as f64 * (self.frame.evidence.rows() as f64).ln()
     }
+}
 
-    /// One filter per segment, of this state's noise.
-    #[must_use]
-    pub fn filters(&self) -> Vec<Filter> {
-        filters(&self.frame, &self.noise)
-    }
+fn all(frame: &Frame) -> Vec<usize> {
+    (0..frame.unknowns()).collect()
 }
 
 /// Directions of the free parameters that the rows determine, once what is rough is allowed for.
@@ -181,7 +151,7 @@ fn freedom(normal: &DMatrix<f64>, free: usize) -> usize {
 /// Share of a direction's information that must be left by all others for it to count as free.
 const DETERMINED: f64 = 1e-9;
 
-fn observed(frame: &Frame) -> impl Iterator<Item = f64> + '_ {
+pub(super) fn observed(frame: &Frame) -> impl Iterator<Item = f64> + '_ {
     frame.evidence.segments.iter().flat_map(|segment| segment.observed.iter().copied())
 }
 
@@ -222,55 +192,4 @@ pub(super) fn likelihood(frame: &Frame, residual: &[f64], filters: &[Filter]) ->
         filter.log_variance + own.iter().map(|e| e * e).sum::<f64>()
     };
     frame.evidence.segments.iter().zip(filters).map(of).sum()
-}
-
-fn priors(frame: &Frame, x: &[f64]) -> f64 {
-    frame.known.iter().zip(&x[frame.free.len()..]).map(|(known, error)| (error / known.sigma).powi(2)).sum()
-}
-
-/// The fit in units of independent noise.
-pub(super) struct Whitened<'a> {
-    pub(super) frame: &'a Frame,
-    pub(super) filters: &'a [Filter],
-}
-
-impl Whitened<'_> {
-    /// Residuals as innovations, then the rough numbers in their sigmas (with the sign of a
-    /// residual: nothing was expected, an error is assumed).
-    fn stack(&self, mut residual: Vec<f64>, x: &[f64]) -> DVector<f64> {
-        self.whiten(&mut residual);
-        residual.extend(self.frame.known.iter().zip(&x[self.frame.free.len()..]).map(|(known, error)| -error / known.sigma));
-        DVector::from_vec(residual)
-    }
-
-    /// Turns a value per row into innovations.
-    pub(super) fn whiten(&self, rows: &mut [f64]) {
-        for (segment, filter) in self.frame.evidence.segments.iter().zip(self.filters) {
-            filter.apply(&mut rows[segment.range()]);
-        }
-    }
-
-    /// Derivatives of predictions by every unknown, with the rows of the rough numbers below.
-    fn stack_columns(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
-        let (rows, free) = (columns.nrows(), self.frame.free.len());
-        let mut all = columns.insert_rows(rows, self.frame.known.len(), 0.0);
-        for (index, mut column) in all.column_iter_mut().enumerate() {
-            self.whiten(&mut column.as_mut_slice()[..rows]);
-            if index >= free {
-                column[rows + index - free] = 1.0 / self.frame.known[index - free].sigma;
-            }
-        }
-        all
-    }
-}
-
-impl LeastSquares for Whitened<'_> {
-    fn residual(&self, at: &[f64]) -> DVector<f64> {
-        self.stack(residual(self.frame, at), at)
-    }
-
-    fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
-        let by: Vec<usize> = (0..self.frame.unknowns()).collect();
-        -self.stack_columns(self.frame.linearise(at, &by).1)
-    }
 }

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use energy::{Channel, EffectSpec, Model};
-use nalgebra::{DMatrix, DVector};
 
 use super::candidate::{Candidate, usual};
+use super::descent::{Asked, descend};
 use super::evidence::Evidence;
 use super::frame::Frame;
+use super::noise::Noise;
 use super::score::Score;
-use super::state::{State, Whitened, residual, rms};
-use crate::fit::{LeastSquares, minimise_to};
+use super::state::{State, residual, rms};
 
 /// A refitted candidate.
 #[derive(Debug, Clone)]
@@ -83,41 +83,9 @@ pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
     }
     let own: Vec<usize> =
         (0..frame.known.len()).filter(|&place| frame.known[place].log().is_some()).map(|place| frame.free.len() + place).collect();
-    let filters: Vec<_> = {
-        let of = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
-        let noise = |channel| of(channel).unwrap_or(super::noise::Noise::white(evidence.floor(channel)));
-        evidence.segments.iter().map(|segment| noise(segment.channel).filter(&segment.time_s, &segment.counts)).collect()
-    };
-    let some = Held { whole: Whitened { frame: &frame, filters: &filters }, x: x.clone(), own: &own };
-    let bounds: Vec<(f64, f64)> = own.iter().map(|&unknown| frame.bounds()[unknown]).collect();
-    let begin: Vec<f64> = own.iter().map(|&unknown| x[unknown]).collect();
-    let solution = minimise_to(&some, &begin, &bounds, 0.02, &mut |_| {});
-    let x = some.place(&solution.at);
+    let of = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
+    let noise: Vec<_> = evidence.floors.iter().map(|&(channel, floor)| (channel, of(channel).unwrap_or(Noise::white(floor)))).collect();
+    let x = descend(&frame, &x, &noise, &own, Asked::Never).x;
     let whole = evidence.whole.as_ref().unwrap_or(evidence);
     residual(&Frame::new(Arc::clone(&frame.model), Arc::clone(whole)), &x)
-}
-
-/// A fit of some unknowns, the others held.
-struct Held<'a> {
-    whole: Whitened<'a>,
-    x: Vec<f64>,
-    own: &'a [usize],
-}
-
-impl Held<'_> {
-    fn place(&self, at: &[f64]) -> Vec<f64> {
-        let mut x = self.x.clone();
-        self.own.iter().zip(at).for_each(|(&unknown, &value)| x[unknown] = value);
-        x
-    }
-}
-
-impl LeastSquares for Held<'_> {
-    fn residual(&self, at: &[f64]) -> DVector<f64> {
-        self.whole.residual(&self.place(at))
-    }
-
-    fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
-        self.whole.jacobian(&self.place(at)).select_columns(self.own)
-    }
 }

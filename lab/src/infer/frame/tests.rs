@@ -74,7 +74,7 @@ fn derivatives_are_those_of_the_predictions() {
             x[frame.free.len() + place] = 0.3 * known.sigma * [1.0, -1.0, 0.5][place % 3];
         }
         let by: Vec<usize> = (0..frame.unknowns()).collect();
-        let (predicted, columns) = frame.linearise(&x, &by);
+        let (predicted, slopes) = frame.linearise(&x, &by);
         let plain = frame.predict(&x);
         assert!(predicted.iter().zip(&plain).all(|(a, b)| (a - b).abs() < 1e-12));
         for unknown in by {
@@ -89,9 +89,9 @@ fn derivatives_are_those_of_the_predictions() {
             let (above, below) = (beside(1.0), beside(-1.0));
             for row in 0..predicted.len() {
                 let slope = (above[row] - below[row]) / (2.0 * h);
-                let error = (columns[(row, unknown)] - slope).abs() * scale;
+                let error = (slopes[(unknown, row)] - slope).abs() * scale;
                 // A hundredth of a millivolt, or of a millikelvin, per deviation.
-                assert!(error < 1e-5 + 0.02 * slope.abs() * scale, "{what:?} row {row}: {} against {slope}", columns[(row, unknown)]);
+                assert!(error < 1e-5 + 0.02 * slope.abs() * scale, "{what:?} row {row}: {} against {slope}", slopes[(unknown, row)]);
             }
         }
     }
