@@ -36,7 +36,7 @@ pub(super) struct Show {
 }
 
 /// Deviations of its noise that an input may leave the first of a step by.
-const HOLDS: f64 = 4.0;
+pub(super) const HOLDS: f64 = 4.0;
 
 impl Course {
     /// Every row is a step.

@@ -86,8 +86,12 @@ impl Step {
             let next = by_statistic.iter().take(REFITTED_TOO).any(|&other| other == place);
             (near || next) && score.gain.max(score.statistic) > 0.5 * threshold(able.len())
         };
-        let mut trials: Vec<Trial> =
-            (0..scored.len()).filter(worth_a_refit).map(|place| Trial::run(&base, scored[place].1, &scored[place].0, holdout)).collect();
+        let mut trials: Vec<Trial> = Vec::new();
+        for place in (0..scored.len()).filter(worth_a_refit) {
+            let (score, candidate) = &scored[place];
+            let rival = trials.iter().map(|trial| trial.state.cost).fold(f64::INFINITY, f64::min) + 3.0 * ALIKE;
+            trials.push(Trial::run(&base, candidate, score, rival, holdout));
+        }
         trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&base, evidence));
         let refusals: Vec<Vec<Refusal>> = trials.iter().map(|trial| refusals(&base, trial, &base_holdout, holdout, able.len())).collect();
@@ -188,7 +192,7 @@ const EFFECTS_MAX: usize = 8;
 #[must_use]
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
     let frame = Arc::new(Frame::new(model, evidence));
-    let mut state = State::search(Arc::clone(&frame), &frame.start());
+    let mut state = State::search(Arc::clone(&frame), &frame.start(), f64::NEG_INFINITY);
     let mut steps = Vec::new();
     loop {
         let step = Step::look(state, holdout);

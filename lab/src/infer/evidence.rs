@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Model, System};
 
-use super::course::Course;
+use super::course::{Course, HOLDS};
 use crate::prepare::Prepared;
 use crate::residual::noise_between;
 
@@ -126,7 +126,7 @@ impl Evidence {
     #[must_use]
     pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
         let whole = Evidence::row_by_row(model, logs);
-        let jumps: Vec<Vec<bool>> = whole.logs.iter().map(jumps).collect();
+        let jumps: Vec<Vec<bool>> = whole.logs.iter().map(|log| jumps(log, model)).collect();
         let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
         place(&mut segments);
         let logs = whole.logs.iter().enumerate();
@@ -155,13 +155,14 @@ fn place(segments: &mut [Segment]) {
     }
 }
 
-/// Rows at which an input jumps.
-fn jumps(log: &Prepared) -> Vec<bool> {
+/// Rows at which an input jumps: by a share of its range, and by more than its sensor's noise.
+fn jumps(log: &Prepared, model: &Model) -> Vec<bool> {
     let mut jumps = vec![false; log.time_s.len()];
-    for (_, values) in &log.inputs {
+    for (channel, values) in &log.inputs {
         let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
+        let least = (JUMP * (high - low)).max(HOLDS * model.sensor(*channel).floor());
         for row in 1..values.len() {
-            jumps[row] |= (values[row] - values[row - 1]).abs() > JUMP * (high - low);
+            jumps[row] |= (values[row] - values[row - 1]).abs() > least;
         }
     }
     jumps

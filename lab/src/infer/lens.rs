@@ -70,7 +70,20 @@ pub(super) fn whiten_all(frame: &Frame, filters: &[Filter], mut slopes: DMatrix<
 
 /// A matrix times its transpose.
 pub(super) fn square(rows: &DMatrix<f64>) -> DMatrix<f64> {
-    rows * rows.transpose()
+    product(rows, rows)
+}
+
+/// Columns that fit a processor's near cache, where one of two factors lies transposed meanwhile.
+const COLUMNS: usize = 128;
+
+/// A matrix times the transpose of another.
+pub(super) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut sum = DMatrix::zeros(a.nrows(), b.nrows());
+    for begin in (0..a.ncols()).step_by(COLUMNS) {
+        let count = COLUMNS.min(a.ncols() - begin);
+        sum.gemm(1.0, &a.columns(begin, count), &b.columns(begin, count).transpose(), 1.0);
+    }
+    sum
 }
 
 /// What a linear refit of the base can absorb.

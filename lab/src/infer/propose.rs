@@ -19,7 +19,7 @@ use self::dictionary::{COEFFICIENTS, Term, dictionary};
 use super::discover::explained;
 use super::evidence::Evidence;
 use super::frame::Frame;
-use super::lens::{Absorber, Lens, square, whiten_all};
+use super::lens::{Absorber, Lens, product, square, whiten_all};
 use super::score::left_cost;
 use super::state::State;
 use super::trial::held_out;
@@ -208,7 +208,7 @@ impl<'a> Look<'a> {
         let name = next_name(&self.state.frame.model);
         let refitted = weighed.into_iter().filter_map(|(_, sizes, term)| {
             let (frame, x) = extended(self.state, fitted(self.state).with_expression(&term.definition(name.clone(), &sizes)).ok()?);
-            Some((State::search(Arc::new(frame), &x), term))
+            Some((State::search(Arc::new(frame), &x, f64::NEG_INFINITY), term))
         });
         refitted
             .filter(|(state, _)| state.bic().is_finite() && !loose(state).contains(&name))
@@ -223,7 +223,7 @@ impl<'a> Look<'a> {
         }
         let Look { lens, base, .. } = self;
         let seen = whiten_all(&self.state.frame, &lens.filters, slopes);
-        let (whole, cross) = (square(&seen), &lens.design * seen.transpose());
+        let (whole, cross) = (square(&seen), product(&lens.design, &seen));
         let absorbed = base.absorbed(cross.clone());
         let unique = &whole - absorbed.tr_mul(&absorbed);
         // What the base absorbs to the last digits is not there.

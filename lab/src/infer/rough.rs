@@ -149,8 +149,15 @@ fn between(knots: &[f64], soc: f64) -> Option<Between> {
     if !(soc > knots[0] && soc < knots[last]) {
         return None;
     }
-    let high = knots.partition_point(|&knot| knot <= soc);
-    let low = high - 1;
+    // Knots lie nearly evenly: from where an even grid would have it, it is a step or two.
+    let mut low = (((soc - knots[0]) / (knots[last] - knots[0]) * last as f64) as usize).min(last - 1);
+    while knots[low] > soc {
+        low -= 1;
+    }
+    while knots[low + 1] <= soc {
+        low += 1;
+    }
+    let high = low + 1;
     let width = knots[high] - knots[low];
     Some(Between { before: low.saturating_sub(1), low, high, after: (high + 1).min(last), width, t: (soc - knots[low]) / width })
 }

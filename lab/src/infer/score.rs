@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidate::Candidate;
 use super::frame::Frame;
-use super::lens::{Absorber, Lens, square, whiten_all};
+use super::lens::{Absorber, Lens, product, square, whiten_all};
 use super::state::{State, filters, likelihood, noises, observed};
 use crate::prepare::predicted_channels;
 
@@ -61,7 +61,8 @@ impl Score {
 /// A state, ready to be asked for scores.
 pub struct Scoring<'a> {
     state: &'a State,
-    slow: View,
+    /// None where no slow noise is left.
+    slow: Option<View>,
     white: View,
     /// Cost of the base model, refitted as the linear theory would.
     linear_cost: f64,
@@ -99,6 +100,10 @@ struct Look {
     cross: DMatrix<f64>,
 }
 
+/// What an effect must explain, in units of twice the log-likelihood, to be asked which slow noise
+/// it leaves.
+const WORTH_ASKING: f64 = 6.0;
+
 /// Null, and the reach below and above it, of each own parameter.
 type Sides = [(f64, f64, f64)];
 
@@ -106,15 +111,16 @@ impl<'a> Scoring<'a> {
     /// Of this state.
     #[must_use]
     pub fn new(state: &'a State) -> Self {
-        let (slow, white) = (state.lens(&state.noise), state.lens(&State::white(&state.frame)));
-        let mut scoring = Scoring { state, slow: View::new(state, slow), white: View::new(state, white), linear_cost: 0.0 };
+        let white = View::new(state, state.lens(&State::white(&state.frame)));
+        let slow = state.is_slow().then(|| View::new(state, state.lens(&state.noise)));
+        let mut scoring = Scoring { state, slow, white, linear_cost: 0.0 };
         scoring.linear_cost = left_cost(state, &scoring.white.base.left, &scoring.white.base.change);
         scoring
     }
 
     /// The best of a candidate's onsets; none when the logs do not excite it.
     #[must_use]
-    pub fn score(&self, candidate: &Candidate) -> Option<Score> {
+    pub fn score<'c>(&self, candidate: &'c Candidate) -> Option<Score> {
         let own: Vec<usize> = (0..candidate.spec.parameters.len()).filter(|&index| candidate.spec.parameters[index].null.is_some()).collect();
         let side = |&index: &usize| {
             let parameter = &candidate.spec.parameters[index];
@@ -124,11 +130,18 @@ impl<'a> Scoring<'a> {
         let sides: Vec<(f64, f64, f64)> = own.iter().map(side).collect();
         let onsets = self.onsets(candidate, &own);
         let seen = |view: &View, onset: &Onset<'_>| view.look(self.state, onset, &sides);
-        let looks: Vec<(Look, Look, &[f64])> =
-            onsets.iter().filter_map(|onset| Some((seen(&self.white, onset)?, seen(&self.slow, onset)?, onset.at))).collect();
+        let look = |onset: &Onset<'c>| {
+            let white = seen(&self.white, onset)?;
+            let statistic = match &self.slow {
+                Some(slow) => seen(slow, onset)?.statistic,
+                None => white.statistic,
+            };
+            Some((white, statistic, onset.at))
+        };
+        let looks: Vec<(Look, f64, &[f64])> = onsets.iter().filter_map(look).collect();
         // What slow noise leaves is asked of the shape that explains most, with it and without.
-        let best = |by: fn(&(Look, Look, &[f64])) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
-        let (white, slow) = (best(|look| look.0.statistic)?, best(|look| look.1.statistic)?);
+        let best = |by: fn(&(Look, f64, &[f64])) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
+        let (white, slow) = (best(|look| look.0.statistic)?, best(|look| look.1)?);
         let places = if white == slow { vec![white] } else { vec![white, slow] };
         let scores = places.into_iter().map(|place| self.of(candidate, &own, &sides, &looks[place]));
         scores.max_by(|a, b| a.gain.total_cmp(&b.gain))
@@ -167,7 +180,7 @@ impl<'a> Scoring<'a> {
         all
     }
 
-    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, (white, slow, at): &(Look, Look, &[f64])) -> Score {
+    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, (white, statistic, at): &(Look, f64, &[f64])) -> Score {
         let mut expected = at.to_vec();
         for ((&index, (null, _, _)), change) in own.iter().zip(sides).zip(&white.change) {
             expected[index] = null + change;
@@ -179,11 +192,13 @@ impl<'a> Scoring<'a> {
         let left = &lens.whitened - &whole - lens.design.tr_mul(&change);
         let bounds = self.state.frame.bounds();
         let base_x = self.state.x.iter().zip(change.iter()).zip(bounds).map(|((x, change), (min, max))| (x + change).clamp(min, max));
+        // Noise that is asked for again never makes much of what explains next to nothing.
+        let worth = white.statistic.max(*statistic) > WORTH_ASKING;
         Score {
             spec: candidate.spec,
-            gain: self.linear_cost - left_cost(self.state, &left, &change),
+            gain: if worth { self.linear_cost - left_cost(self.state, &left, &change) } else { *statistic },
             base_x: base_x.collect(),
-            statistic: slow.statistic,
+            statistic: *statistic,
             explained: white.statistic,
             freedom: white.freedom,
             uniqueness: white.uniqueness,
@@ -214,7 +229,7 @@ impl View {
     fn look(&self, state: &State, onset: &Onset<'_>, sides: &Sides) -> Option<Look> {
         let View { lens, base } = self;
         let seen = whiten_all(&state.frame, &lens.filters, onset.slopes.clone());
-        let cross = &lens.design * seen.transpose();
+        let cross = product(&lens.design, &seen);
         let whole = square(&seen);
         let absorbed = base.absorbed(cross.clone());
         let unique = &whole - absorbed.tr_mul(&absorbed);

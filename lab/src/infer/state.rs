@@ -8,7 +8,7 @@
 //!
 //! with H the information about the rough numbers nu and S the diagonal of their sigmas.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use energy::Channel;
 use nalgebra::DMatrix;
@@ -38,6 +38,8 @@ pub struct State {
     slopes: Arc<DMatrix<f64>>,
     /// Free parameters on which the logs have a say.
     pub freedom: usize,
+    /// RMS by channel over all rows, once somebody has asked.
+    rms: OnceLock<Vec<(Channel, f64)>>,
 }
 
 /// Slow noise, in floors, that needs no second look.
@@ -46,11 +48,12 @@ const SLIGHT: f64 = 0.3;
 impl State {
     /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
     /// that ends with slow noise, once more from where the sensors' noise alone leads. Slow noise
-    /// excuses what it has to explain: from either side the search may come to rest too early.
+    /// excuses what it has to explain: from either side the search may come to rest too early. A
+    /// cost below `content` needs no second look.
     #[must_use]
-    pub fn search(frame: Arc<Frame>, start: &[f64]) -> State {
+    pub fn search(frame: Arc<Frame>, start: &[f64], content: f64) -> State {
         let begin = State::fit(Arc::clone(&frame), start, &noises(&frame, &residual(&frame, start)));
-        if begin.noise.iter().all(|(channel, noise)| noise.slow < SLIGHT * frame.evidence.floor(*channel)) {
+        if begin.cost < content || !begin.is_slow() {
             return begin;
         }
         let white = descend(&frame, &begin.x, &State::white(&frame), &all(&frame), Asked::Never);
@@ -72,12 +75,17 @@ impl State {
         let inner = DMatrix::from_fn(sigmas.len(), sigmas.len(), |i, j| lens.normal[(free + i, free + j)] * sigmas[i] * sigmas[j]);
         let integrated = inner.cholesky().map_or(0.0, |cholesky| 2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>());
         let (cost, freedom) = (lens.cost + integrated, freedom(&lens.normal, free));
-        State { frame, x, residual, noise, cost, normal: lens.normal, slopes: Arc::new(slopes), freedom }
+        State { frame, x, residual, noise, cost, normal: lens.normal, slopes: Arc::new(slopes), freedom, rms: OnceLock::new() }
     }
 
     /// The rows through this state's noise, or another.
     pub(super) fn lens(&self, noise: &[(Channel, Noise)]) -> Lens {
         Lens::new(&self.frame, &self.x, &all(&self.frame), &self.slopes, &self.residual, noise)
+    }
+
+    /// Whether slow noise is left that is worth a second look.
+    pub(super) fn is_slow(&self) -> bool {
+        self.noise.iter().any(|(channel, noise)| noise.slow >= SLIGHT * self.frame.evidence.floor(*channel))
     }
 
     /// Unknowns that rest on a bound.
@@ -112,13 +120,14 @@ impl State {
     /// RMS of the residuals of each channel over all rows of all logs.
     #[must_use]
     pub fn rms(&self) -> Vec<(Channel, f64)> {
-        match &self.frame.evidence.whole {
+        let of_rows = || match &self.frame.evidence.whole {
             Some(whole) => {
                 let frame = Frame::new(Arc::clone(&self.frame.model), Arc::clone(whole));
                 rms(whole, &residual(&frame, &self.x))
             }
             None => rms(&self.frame.evidence, &self.residual),
-        }
+        };
+        self.rms.get_or_init(of_rows).clone()
     }
 
     /// Bayesian information criterion: lower is better.

@@ -28,20 +28,23 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Refits the base model with the candidate, from where its score expects it and from its
-    /// usual size, and keeps the better.
+    /// Refits the base model with the candidate, from where its score expects it and, if that ends
+    /// with less than the score promises, from its usual size, and keeps the better. Where even what
+    /// is promised would cost more than a `rival`, the first refit is enough.
     #[must_use]
-    pub fn run(base: &State, candidate: &Candidate, score: &Score, holdout: Option<&Arc<Evidence>>) -> Trial {
+    pub fn run(base: &State, candidate: &Candidate, score: &Score, rival: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
         let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
-        let usual: Vec<f64> =
-            candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
-        // An effect of one number is as good as linear: one start is enough for it.
-        let several = if candidate.spec.parameters.len() > 1 { vec![&score.expected, &usual] } else { vec![&score.expected] };
-        let fits = several.into_iter().map(|own| {
-            let start = start(&frame, base, score, candidate, own);
-            State::search(Arc::clone(&frame), &start)
-        });
-        let state = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("there is one");
+        let from = |own: &[f64]| start(&frame, base, score, candidate, own);
+        // A second look is worth its time where the linear theory promised more, and that would do.
+        let promised = base.cost - CONTENT * score.gain;
+        let content = if promised < rival { promised } else { f64::INFINITY };
+        let mut state = State::search(Arc::clone(&frame), &from(&score.expected), content);
+        if state.cost >= content {
+            let usual: Vec<f64> =
+                candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
+            let other = State::fit(Arc::clone(&frame), &from(&usual), &state.noise);
+            state = if other.cost < state.cost { other } else { state };
+        }
         Trial::of(base, state, candidate.spec, holdout)
     }
 
@@ -54,6 +57,9 @@ impl Trial {
         Trial { spec, delta_bic: base.bic() - state.bic(), change, holdout, state }
     }
 }
+
+/// Share of the gain that the linear theory expects with which a refit is content.
+const CONTENT: f64 = 0.9;
 
 /// Unknowns at which a refit begins: the base model's, and the candidate's own.
 fn start(frame: &Frame, base: &State, score: &Score, candidate: &Candidate, own: &[f64]) -> Vec<f64> {
