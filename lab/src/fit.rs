@@ -14,8 +14,8 @@ use std::sync::Arc;
 use energy::{Channel, Facts, Model};
 use nalgebra::{DMatrix, DVector};
 
-pub(crate) use bounded::{damped_step, held, promised};
 pub use bounded::{LeastSquares, Side, Solution, Step, minimise, minimise_to};
+pub(crate) use bounded::{damped_step, held, promised};
 pub use certainty::{Certainty, Segment, SegmentCertainty, certainty, uniform_sigma};
 pub use choice::{ChoiceError, free_parameters};
 

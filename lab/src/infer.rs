@@ -16,7 +16,9 @@
 //!     |
 //!   score      each of them without a refit: expected size, uniqueness, what it is confused with
 //!     |
-//!   trial      the best of them refitted, judged on logs that the fit has not seen
+//!   trial      the best of them refitted
+//!     |
+//!   judge      accepted or not, also by logs that the fit has not seen
 //!     v
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |
@@ -34,6 +36,7 @@ mod descent;
 pub mod discover;
 pub mod evidence;
 pub mod frame;
+pub mod judge;
 mod lens;
 pub mod noise;
 pub mod propose;

@@ -7,7 +7,7 @@ use energy::document::hint;
 use energy::{EffectSpec, Model, catalogue};
 use lab::compare::compare;
 use lab::infer::candidate::candidates;
-use lab::infer::discover::refusals;
+use lab::infer::judge::refusals;
 use lab::infer::score::Scoring;
 use lab::infer::state::State;
 use lab::infer::trial::{Trial, held_out};

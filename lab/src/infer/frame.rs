@@ -111,11 +111,19 @@ impl Frame {
         let of_log = |log: usize| {
             let run = |values: Vec<f64>| {
                 let mut seen = Vec::new();
-                self.walk_log(log, Steps::Rows, x, values, &model, |_, value| value, |row, now: &Channels<f64>| {
-                    if row > 0 {
-                        seen.push(now[channel]);
-                    }
-                });
+                self.walk_log(
+                    log,
+                    Steps::Rows,
+                    x,
+                    values,
+                    &model,
+                    |_, value| value,
+                    |row, now: &Channels<f64>| {
+                        if row > 0 {
+                            seen.push(now[channel]);
+                        }
+                    },
+                );
                 seen
             };
             let (a, b) = (run(values.clone()), run(without.clone()));
@@ -130,9 +138,17 @@ impl Frame {
     pub fn soc(&self, x: &[f64], log: usize) -> Vec<f64> {
         let mut soc = Vec::new();
         if self.model.system == System::Battery {
-            self.walk_log(log, Steps::Rows, x, self.values(x), &self.model_at(x), |_, value| value, |_, now: &Channels<f64>| {
-                soc.push(now[Channel::Soc]);
-            });
+            self.walk_log(
+                log,
+                Steps::Rows,
+                x,
+                self.values(x),
+                &self.model_at(x),
+                |_, value| value,
+                |_, now: &Channels<f64>| {
+                    soc.push(now[Channel::Soc]);
+                },
+            );
         }
         soc
     }

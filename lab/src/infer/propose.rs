@@ -16,9 +16,9 @@ use energy::{Channel, Model};
 use nalgebra::{DMatrix, DVector};
 
 use self::dictionary::{COEFFICIENTS, Term, dictionary};
-use super::discover::explained;
 use super::evidence::Evidence;
 use super::frame::Frame;
+use super::judge::explained;
 use super::lens::{Absorber, Lens, product, square, whiten_all};
 use super::score::left_cost;
 use super::state::State;

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use energy::EffectSpec;
 use nalgebra::{DMatrix, DVector};
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, usual};
 use super::frame::Frame;
 use super::lens::{Absorber, Lens, product, square, whiten_all};
 use super::state::{State, filters, likelihood, noises, observed};
@@ -82,8 +82,8 @@ impl View {
 
 /// An onset of a candidate: what it adds to the rows, one row of the matrix for each of its own
 /// parameters that have a null.
-struct Onset<'c> {
-    at: &'c [f64],
+struct Onset {
+    at: Vec<f64>,
     slopes: DMatrix<f64>,
 }
 
@@ -104,6 +104,9 @@ struct Look {
 /// it leaves.
 const WORTH_ASKING: f64 = 6.0;
 
+/// Usual sizes, as multiples, at which an effect is looked at that does nothing at its onset.
+const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
+
 /// Null, and the reach below and above it, of each own parameter.
 type Sides = [(f64, f64, f64)];
 
@@ -120,8 +123,9 @@ impl<'a> Scoring<'a> {
 
     /// The best of a candidate's onsets; none when the logs do not excite it.
     #[must_use]
-    pub fn score<'c>(&self, candidate: &'c Candidate) -> Option<Score> {
-        let own: Vec<usize> = (0..candidate.spec.parameters.len()).filter(|&index| candidate.spec.parameters[index].null.is_some()).collect();
+    pub fn score(&self, candidate: &Candidate) -> Option<Score> {
+        let own: Vec<usize> =
+            (0..candidate.spec.parameters.len()).filter(|&index| candidate.spec.parameters[index].null.is_some()).collect();
         let side = |&index: &usize| {
             let parameter = &candidate.spec.parameters[index];
             let null = parameter.null.unwrap_or(parameter.default);
@@ -129,18 +133,18 @@ impl<'a> Scoring<'a> {
         };
         let sides: Vec<(f64, f64, f64)> = own.iter().map(side).collect();
         let onsets = self.onsets(candidate, &own);
-        let seen = |view: &View, onset: &Onset<'_>| view.look(self.state, onset, &sides);
-        let look = |onset: &Onset<'c>| {
+        let seen = |view: &View, onset: &Onset| view.look(self.state, onset, &sides);
+        let look = |onset: &Onset| {
             let white = seen(&self.white, onset)?;
             let statistic = match &self.slow {
                 Some(slow) => seen(slow, onset)?.statistic,
                 None => white.statistic,
             };
-            Some((white, statistic, onset.at))
+            Some((white, statistic, onset.at.clone()))
         };
-        let looks: Vec<(Look, f64, &[f64])> = onsets.iter().filter_map(look).collect();
+        let looks: Vec<(Look, f64, Vec<f64>)> = onsets.iter().filter_map(look).collect();
         // What slow noise leaves is asked of the shape that explains most, with it and without.
-        let best = |by: fn(&(Look, f64, &[f64])) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
+        let best = |by: fn(&(Look, f64, Vec<f64>)) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
         let (white, slow) = (best(|look| look.0.statistic)?, best(|look| look.1)?);
         let places = if white == slow { vec![white] } else { vec![white, slow] };
         let scores = places.into_iter().map(|place| self.of(candidate, &own, &sides, &looks[place]));
@@ -148,40 +152,60 @@ impl<'a> Scoring<'a> {
     }
 
     /// What each of a candidate's onsets adds to the rows. An effect of one size is walked at its
-    /// onset, and what that changes divided by the size; the others with their derivatives.
-    fn onsets<'c>(&self, candidate: &'c Candidate, own: &[usize]) -> Vec<Onset<'c>> {
-        let known = self.state.frame.free.len();
+    /// onset, and what that changes divided by the size; the others with their derivatives. An effect
+    /// that does not begin with its size (a delay far below a step does nothing) is looked at where it
+    /// has usual ones.
+    fn onsets(&self, candidate: &Candidate, own: &[usize]) -> Vec<Onset> {
         let shows_the_same = predicted_channels(&candidate.model) == predicted_channels(&self.state.frame.model);
+        let (only, parameters) = (if let [only] = own { Some(*only) } else { None }, candidate.spec.parameters);
+        let secant = only.filter(|_| shows_the_same);
         let mut all = Vec::new();
         for at in &candidate.onsets {
-            let mut values = candidate.model.values();
-            values[candidate.first..candidate.first + at.len()].copy_from_slice(at);
-            let model = Arc::new(energy::Model::clone(&candidate.model).with_values(&values));
-            let frame = Frame::new(model, Arc::clone(&self.state.frame.evidence));
-            let mut x = frame.start();
-            x[frame.free.len()..].copy_from_slice(&self.state.x[known..]);
-            let slopes = match own {
-                [only] if shows_the_same => {
-                    let size = at[*only] - candidate.spec.parameters[*only].null.unwrap_or(0.0);
-                    let before = observed(&self.state.frame).zip(&self.state.residual).map(|(observed, residual)| observed - residual);
-                    let slopes = frame.predict(&x).into_iter().zip(before).map(|(after, before)| (after - before) / size);
-                    DMatrix::from_iterator(1, self.state.residual.len(), slopes)
+            let onset = self.onset(candidate, own, secant, at.clone());
+            let begins = onset.slopes.iter().any(|slope| *slope != 0.0);
+            match secant {
+                Some(only) if !begins => {
+                    let null = parameters[only].null.unwrap_or(0.0);
+                    for times in SIZES {
+                        let mut at = at.clone();
+                        at[only] = (null + times * (usual(&parameters[only]) - null)).clamp(parameters[only].min, parameters[only].max);
+                        all.push(self.onset(candidate, own, secant, at));
+                    }
                 }
-                _ => {
-                    let unknown = |index: &usize| frame.free.iter().position(|&free| free == candidate.first + index);
-                    let by: Vec<usize> = own.iter().filter_map(unknown).collect();
-                    frame.linearise(&x, &by).1
-                }
-            };
-            if slopes.iter().all(|value| value.is_finite()) {
-                all.push(Onset { at, slopes });
+                _ => all.push(onset),
             }
         }
+        all.retain(|onset| onset.slopes.iter().all(|slope| slope.is_finite()));
         all
     }
 
-    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, (white, statistic, at): &(Look, f64, &[f64])) -> Score {
-        let mut expected = at.to_vec();
+    fn onset(&self, candidate: &Candidate, own: &[usize], secant: Option<usize>, at: Vec<f64>) -> Onset {
+        let known = self.state.frame.free.len();
+        let mut values = candidate.model.values();
+        values[candidate.first..candidate.first + at.len()].copy_from_slice(&at);
+        let model = Arc::new(energy::Model::clone(&candidate.model).with_values(&values));
+        let frame = Frame::new(model, Arc::clone(&self.state.frame.evidence));
+        let mut x = frame.start();
+        x[frame.free.len()..].copy_from_slice(&self.state.x[known..]);
+        let slopes = if let Some(only) = secant {
+            let size = at[only] - candidate.spec.parameters[only].null.unwrap_or(0.0);
+            let before = observed(&self.state.frame).zip(&self.state.residual).map(|(observed, residual)| observed - residual);
+            let slopes = frame.predict(&x).into_iter().zip(before).map(|(after, before)| {
+                let change = after - before;
+                // Rounding is no change.
+                if change.abs() < 1e-13 * before.abs() { 0.0 } else { change / size }
+            });
+            DMatrix::from_iterator(1, self.state.residual.len(), slopes)
+        } else {
+            let unknown = |index: &usize| frame.free.iter().position(|&free| free == candidate.first + index);
+            let by: Vec<usize> = own.iter().filter_map(unknown).collect();
+            frame.linearise(&x, &by).1
+        };
+        Onset { at, slopes }
+    }
+
+    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, (white, statistic, at): &(Look, f64, Vec<f64>)) -> Score {
+        let mut expected = at.clone();
         for ((&index, (null, _, _)), change) in own.iter().zip(sides).zip(&white.change) {
             expected[index] = null + change;
         }
@@ -226,7 +250,7 @@ pub(super) fn left_cost(state: &State, left: &DVector<f64>, change: &DVector<f64
 }
 
 impl View {
-    fn look(&self, state: &State, onset: &Onset<'_>, sides: &Sides) -> Option<Look> {
+    fn look(&self, state: &State, onset: &Onset, sides: &Sides) -> Option<Look> {
         let View { lens, base } = self;
         let seen = whiten_all(&state.frame, &lens.filters, onset.slopes.clone());
         let cross = product(&lens.design, &seen);

@@ -40,6 +40,8 @@ pub struct State {
     pub freedom: usize,
     /// RMS by channel over all rows, once somebody has asked.
     rms: OnceLock<Vec<(Channel, f64)>>,
+    /// See [`State::plain`].
+    plain: OnceLock<Box<State>>,
 }
 
 /// Slow noise, in floors, that needs no second look.
@@ -75,12 +77,31 @@ impl State {
         let inner = DMatrix::from_fn(sigmas.len(), sigmas.len(), |i, j| lens.normal[(free + i, free + j)] * sigmas[i] * sigmas[j]);
         let integrated = inner.cholesky().map_or(0.0, |cholesky| 2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>());
         let (cost, freedom) = (lens.cost + integrated, freedom(&lens.normal, free));
-        State { frame, x, residual, noise, cost, normal: lens.normal, slopes: Arc::new(slopes), freedom, rms: OnceLock::new() }
+        State {
+            frame,
+            x,
+            residual,
+            noise,
+            cost,
+            normal: lens.normal,
+            slopes: Arc::new(slopes),
+            freedom,
+            rms: OnceLock::new(),
+            plain: OnceLock::new(),
+        }
     }
 
     /// The rows through this state's noise, or another.
     pub(super) fn lens(&self, noise: &[(Channel, Noise)]) -> Lens {
         Lens::new(&self.frame, &self.x, &all(&self.frame), &self.slopes, &self.residual, noise)
+    }
+
+    /// The nearest fit that knows the sensors' own noise only.
+    pub(super) fn plain(&self) -> &State {
+        self.plain.get_or_init(|| {
+            let place = descend(&self.frame, &self.x, &State::white(&self.frame), &all(&self.frame), Asked::Never);
+            Box::new(State::of(Arc::clone(&self.frame), place))
+        })
     }
 
     /// Whether slow noise is left that is worth a second look.

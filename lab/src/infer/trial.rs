@@ -8,6 +8,7 @@ use super::candidate::{Candidate, usual};
 use super::descent::{Asked, descend};
 use super::evidence::Evidence;
 use super::frame::Frame;
+use super::judge::ABSORBED;
 use super::noise::Noise;
 use super::score::Score;
 use super::state::{State, residual, rms};
@@ -21,6 +22,8 @@ pub struct Trial {
     pub state: State,
     /// Fall of the Bayesian information criterion.
     pub delta_bic: f64,
+    /// Share of the effect that a refit of the base model could not absorb, 0..1.
+    pub uniqueness: f64,
     /// Largest RMS, by log, by which it moves its own channel.
     pub change: f64,
     /// RMS on the held-out logs, by channel; empty without such logs.
@@ -34,27 +37,32 @@ impl Trial {
     #[must_use]
     pub fn run(base: &State, candidate: &Candidate, score: &Score, rival: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
         let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
-        let from = |own: &[f64]| start(&frame, base, score, candidate, own);
+        let usual: Vec<f64> =
+            candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
+        let from = |x: &[f64], own: &[f64]| start(&frame, base, x, candidate, own);
         // A second look is worth its time where the linear theory promised more, and that would do.
         let promised = base.cost - CONTENT * score.gain;
         let content = if promised < rival { promised } else { f64::INFINITY };
-        let mut state = State::search(Arc::clone(&frame), &from(&score.expected), content);
+        let mut state = State::search(Arc::clone(&frame), &from(&score.base_x, &score.expected), content);
         if state.cost >= content {
-            let usual: Vec<f64> =
-                candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
-            let other = State::fit(Arc::clone(&frame), &from(&usual), &state.noise);
+            let other = State::fit(Arc::clone(&frame), &from(&score.base_x, &usual), &state.noise);
             state = if other.cost < state.cost { other } else { state };
         }
-        Trial::of(base, state, candidate.spec, holdout)
+        if score.uniqueness < ABSORBED {
+            // The base model may have bent itself to do the effect's work: it is put back first.
+            let other = State::search(Arc::clone(&frame), &from(&base.frame.start(), &usual), content);
+            state = if other.cost < state.cost { other } else { state };
+        }
+        Trial::of(base, state, candidate.spec, score.uniqueness, holdout)
     }
 
-    fn of(base: &State, state: State, spec: &'static EffectSpec, holdout: Option<&Arc<Evidence>>) -> Trial {
+    fn of(base: &State, state: State, spec: &'static EffectSpec, uniqueness: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
         let parameters = state.frame.model.parameters().iter().enumerate();
         let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
         let change = state.frame.change(&state.x, spec.channel, &nulls);
         let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&state, evidence));
-        Trial { spec, delta_bic: base.bic() - state.bic(), change, holdout, state }
+        Trial { spec, delta_bic: base.bic() - state.bic(), uniqueness, change, holdout, state }
     }
 }
 
@@ -62,11 +70,11 @@ impl Trial {
 const CONTENT: f64 = 0.9;
 
 /// Unknowns at which a refit begins: the base model's, and the candidate's own.
-fn start(frame: &Frame, base: &State, score: &Score, candidate: &Candidate, own: &[f64]) -> Vec<f64> {
-    let mut values = base.frame.values(&score.base_x);
+fn start(frame: &Frame, base: &State, x: &[f64], candidate: &Candidate, own: &[f64]) -> Vec<f64> {
+    let mut values = base.frame.values(x);
     values.splice(candidate.first..candidate.first, own.iter().copied());
     let free = frame.free.iter().map(|&index| values[index]);
-    free.chain(score.base_x[base.frame.free.len()..].iter().copied()).collect()
+    free.chain(x[base.frame.free.len()..].iter().copied()).collect()
 }
 
 /// RMS by channel on logs that the state has not seen. What belongs to one log alone (its state of

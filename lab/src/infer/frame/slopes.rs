@@ -56,10 +56,17 @@ impl Frame {
             let moved: Vec<(usize, usize)> =
                 by.iter().copied().enumerate().filter(|&(_, unknown)| self.moves_model(unknown, log)).collect();
             if moved.is_empty() {
-                self.shares(log, x, self.values(x), &model, |_, value| value, |share: &Share<f64>| {
-                    all[share.row] += share.shown * share.weight;
-                    added.add(share.segment, share.soc, share.shown, share.weight, slopes.column_mut(share.row).as_mut_slice());
-                });
+                self.shares(
+                    log,
+                    x,
+                    self.values(x),
+                    &model,
+                    |_, value| value,
+                    |share: &Share<f64>| {
+                        all[share.row] += share.shown * share.weight;
+                        added.add(share.segment, share.soc, share.shown, share.weight, slopes.column_mut(share.row).as_mut_slice());
+                    },
+                );
             }
             for (pass, lanes) in moved.chunks(LANES).enumerate() {
                 let dual = |unknown: Option<usize>, value: f64| {

@@ -2,7 +2,7 @@
 
 use crate::infer::answer::{Discovery, Rung, Verdict};
 use crate::infer::candidate::Untested;
-use crate::infer::discover::Refusal;
+use crate::infer::judge::Refusal;
 use crate::report::quantity::{digits, quantity, unit_of};
 
 use super::Reach;
