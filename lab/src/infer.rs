@@ -10,7 +10,10 @@
 //!   frame      model, logs and rough knowledge as one vector of unknowns; predictions, derivatives
 //!     |            noise   the sensors' known floor beside a slow part of unknown size
 //!     v              v
+//!   lens       rows and derivatives in units of independent noise, and what a refit absorbs
+//!     |
 //!   state      the best unknowns and noise for one list of effects, and the evidence for it
+//!     |          descent  the way there
 //!     |
 //!   candidate  absent effects, the shapes that their equations can take, what keeps one from a test
 //!     |

@@ -294,6 +294,20 @@ mod tests {
     }
 
     #[test]
+    fn many_columns_become_what_each_becomes_alone() {
+        let time_s = [0.0, 1.0, 3.0, 10.0];
+        let filter = NOISE.filter(&time_s, &[1.0, 2.0, 1.0, 4.0]);
+        let columns = [[1.0, -2.0, 0.5, 3.0], [0.0, 1.0, 4.0, -1.0]];
+        let mut together: Vec<f64> = (0..4).flat_map(|row| columns.map(|column| column[row])).collect();
+        filter.apply_to_all(&mut together, 2);
+        for (place, column) in columns.into_iter().enumerate() {
+            let mut alone = column;
+            filter.apply(&mut alone);
+            assert!((0..4).all(|row| (alone[row] - together[2 * row + place]).abs() < 1e-15));
+        }
+    }
+
+    #[test]
     fn a_slow_part_is_found_with_about_its_size_and_persistence() {
         let time_s: Vec<f64> = (0..4000).map(f64::from).collect();
         let values = draw(NOISE, &time_s, 1);

@@ -63,6 +63,29 @@ fn frame(thermal: bool) -> Frame {
     Frame::new(Arc::new(model), Arc::new(evidence))
 }
 
+/// Rows over which the inputs hold are walked in one step: far fewer steps, the same means.
+#[test]
+fn a_course_of_few_steps_shows_the_means_of_all_rows() {
+    let model = Model::parse("m.toml", MODEL, &|_| Err(String::new())).unwrap();
+    let mut text = "time_s,current_a,voltage_v,temperature_degc\n".to_owned();
+    for row in 0..600 {
+        let current_a = [0.0, 1.0, -0.5, 2.0][row / 150] + 0.001 * (row % 3) as f64;
+        text += &format!("{},{current_a},7.6,25\n", 5 * row);
+    }
+    let facts = LogFacts { soc_initial: Some(0.8), ..LogFacts::default() };
+    let log = prepare(&model, &read_log("a.csv", text.as_bytes(), facts).unwrap()).unwrap();
+    let frame = Frame::new(Arc::new(model.clone()), Arc::new(Evidence::new(&model, vec![log])));
+    let whole = Frame::new(Arc::new(model), Arc::clone(frame.evidence.whole.as_ref().unwrap()));
+    assert!(frame.evidence.courses[0].time_s.len() < 600 / 3, "{}", frame.evidence.courses[0].time_s.len());
+    let (few, all) = (frame.predict(&frame.start()), whole.predict(&whole.start()));
+    let segment = &frame.evidence.segments[0];
+    let mut means = vec![0.0; few.len()];
+    segment.block_of.iter().zip(&all).for_each(|(&block, value)| means[block] += value / segment.counts[block]);
+    let worst = few.iter().zip(&means).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // A tenth of the floor of a pack's voltage.
+    assert!(worst < 1e-4, "{worst}");
+}
+
 /// Every derivative, of parameters and of what is only roughly known, against differences.
 #[test]
 fn derivatives_are_those_of_the_predictions() {
