@@ -1,8 +1,9 @@
 //! How a model walks a log: as few steps as show all that is judged.
 //!
 //! Rows that go into one mean, and over which every input holds within its sensor's noise, become
-//! one step with the means of the inputs. What a model shows within such a step is taken from the
-//! straight line between its ends: means are short beside the time since an input jumped.
+//! one step with the means of the inputs, two or more for a mean. What a model shows within such a
+//! step is taken from the straight line between its ends, since means are short beside the time
+//! since an input jumped; but for the open-circuit voltage, which bends where its table does.
 
 use energy::{Channel, Sensor};
 
@@ -33,6 +34,10 @@ pub(super) struct Show {
     pub(super) now: f64,
     /// Weight of what was shown at its beginning.
     pub(super) before: f64,
+    /// Rows of the log in the step.
+    pub(super) rows: usize,
+    /// Weight of each of them.
+    pub(super) each: f64,
 }
 
 /// Deviations of its noise that an input may leave the first of a step by.
@@ -47,7 +52,8 @@ impl Course {
     /// Rows that hold and go into one mean are a step.
     pub(super) fn in_means(index: usize, log: &Prepared, segments: &[Segment], sensor: impl Fn(Channel) -> Sensor) -> Course {
         let rows = log.time_s.len();
-        let blocks: Vec<Vec<Option<usize>>> = segments.iter().filter(|s| s.log == index).map(|segment| block_of(segment, rows)).collect();
+        let blocks: Vec<(&Segment, Vec<Option<usize>>)> =
+            segments.iter().filter(|s| s.log == index).map(|segment| (segment, block_of(segment, rows))).collect();
         let reach: Vec<(f64, bool)> = log
             .inputs
             .iter()
@@ -58,7 +64,11 @@ impl Course {
             .collect();
         let mut first = 0;
         let goes_on = |row: usize, first: usize| {
-            let together = |block: &Vec<Option<usize>>| block[row].is_some() && block[row] == block[row - 1];
+            // Half a mean at most.
+            let fits = |segment: &Segment, block: usize| 2.0 * (row + 1 - first) as f64 <= segment.counts[block] + 1.0;
+            let together = |(segment, block): &(&Segment, Vec<Option<usize>>)| {
+                block[row] == block[row - 1] && block[row].is_some_and(|block| fits(segment, block))
+            };
             let holds = |((_, values), &(reach, dead)): (&(Channel, Vec<f64>), &(f64, bool))| {
                 let wakes = dead && (values[row] == 0.0) != (values[first] == 0.0);
                 (values[row] - values[first]).abs() <= reach && !wakes
@@ -98,10 +108,10 @@ impl Course {
             for (place, blocks) in &own {
                 let Some(block) = blocks[end] else { continue };
                 let segment = &segments[*place];
-                let (rows, count) = ((end + 1 - begins(step)) as f64, segment.counts[block]);
+                let (rows, each) = (end + 1 - begins(step), segment.counts[block].recip());
                 // The mean over the rows of a step of what runs straight from its beginning to its end.
-                let now = (rows + 1.0) / 2.0 / count;
-                shows.push(Show { segment: *place, row: segment.begin + block, now, before: rows / count - now });
+                let now = (rows as f64 + 1.0) / 2.0 * each;
+                shows.push(Show { segment: *place, row: segment.begin + block, now, before: rows as f64 * each - now, rows, each });
             }
             first.push(shows.len());
         }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use energy::effect::Lane;
 use energy::real::{Dual, LANES, derivative, variable};
-use energy::{Channel, Channels, Model};
+use energy::{Channel, Channels, Facts, Model};
 use nalgebra::DMatrix;
 
 use super::{Frame, Steps};
@@ -152,7 +152,7 @@ impl Frame {
         // What each segment showed before and shows now, with the state of charge then.
         let none = (S::from(0.0), 0.0);
         let mut shown = vec![(none, none); own.len()];
-        let course = &self.evidence.courses[log];
+        let (course, segments) = (&self.evidence.courses[log], &self.evidence.segments);
         self.walk_log(log, Steps::Course, x, parameters, model, error, |step, now: &Channels<S>| {
             let soc = now[Channel::Soc];
             let show = |seen: &Seen| {
@@ -167,15 +167,43 @@ impl Frame {
                 shown.0 = shown.1;
                 shown.1 = (show(seen), soc.re());
             }
+            let now_soc = soc;
             for share in course.shows(step) {
                 let index = own.iter().position(|seen| seen.place == share.segment).unwrap_or(0);
                 let (before, (now, soc)) = shown[index];
-                at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
                 if share.before > 0.0 {
+                    let bent = self.bend(segments[share.segment].channel, before.1, soc, share.rows);
+                    let (volts, slope) = (bent.0 * cells * share.each / share.now, bent.1 * cells * share.each / share.now);
+                    let now = now + now_soc.chain(volts, slope);
+                    at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
                     at(&Share { segment: share.segment, row: share.row, shown: before.0, soc: before.1, weight: share.before });
+                } else {
+                    at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
                 }
             }
         });
+    }
+
+    /// How far the open-circuit voltages of a step's rows, summed up, lie from the straight line
+    /// between its ends, V per cell, and how that changes with the state of charge of all of them.
+    fn bend(&self, channel: Channel, begin: f64, end: f64, rows: usize) -> (f64, f64) {
+        let Facts::Battery(facts) = &self.model.facts else { return (0.0, 0.0) };
+        if channel != Channel::VoltageV || rows < 2 {
+            return (0.0, 0.0);
+        }
+        let at = |soc: f64| {
+            let soc: Dual = facts.ocv.voltage_v(variable(soc, 0));
+            (soc.re, derivative(&soc, 0))
+        };
+        let (first, last) = (at(begin), at(end));
+        let (mut volts, mut slope) = (0.0, 0.0);
+        for row in 1..rows {
+            let share = row as f64 / rows as f64;
+            let here = at(begin + share * (end - begin));
+            volts += here.0 - first.0 - share * (last.0 - first.0);
+            slope += here.1 - first.1 - share * (last.1 - first.1);
+        }
+        (volts, slope)
     }
 
     /// Shows every target as it was a little later or, for a negative lag, earlier: on the line
