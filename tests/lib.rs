@@ -16,7 +16,8 @@ pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace holds this crate").to_owned()
 }
 
-/// A program of the workspace, built when it is not.
+/// A program of the workspace, built when it is not; or the one in the folder `TENDER_PROGRAMS`, where
+/// programs that were built elsewhere are to be tested.
 ///
 /// # Panics
 /// When it does not build.
@@ -24,7 +25,11 @@ pub fn workspace() -> PathBuf {
 pub fn program(name: &'static str) -> Command {
     static BUILT: OnceLock<std::collections::BTreeMap<&'static str, PathBuf>> = OnceLock::new();
     let built = BUILT.get_or_init(|| {
+        let given = std::env::var_os("TENDER_PROGRAMS").map(PathBuf::from);
         let path = |name: &'static str| {
+            if let Some(folder) = &given {
+                return (name, folder.join(name));
+            }
             let build = escargot::CargoBuild::new().manifest_path(workspace().join("Cargo.toml")).package(name).bin(name);
             let build = if cfg!(debug_assertions) { build } else { build.release() };
             (name, build.run().unwrap_or_else(|error| panic!("{name} does not build: {error}")).path().to_owned())

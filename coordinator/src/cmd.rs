@@ -7,13 +7,29 @@ macro_rules! say {
 }
 
 pub mod demo;
+pub mod doctor;
 pub mod plan;
 pub mod run;
 pub mod schedule;
+mod serve;
 pub mod simulate;
 
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
 use clap::ValueEnum;
 use comfy_table::{LineStyle, Table, TableStyle};
+
+/// Writes a page of the manual for a program and for each of its commands.
+///
+/// # Errors
+/// When the folder cannot be written to.
+pub fn write_manual(program: clap::Command, dir: &Path) -> anyhow::Result<ExitCode> {
+    let written = std::fs::create_dir_all(dir).and_then(|()| clap_mangen::generate_to(program, dir));
+    written.with_context(|| format!("cannot write manual pages into {}", dir.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
 
 /// How an answer is printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::forecast::Handling;
 use crate::models::{Models, Settings, StationModels};
 use crate::scheduler::{policies, policy};
+use crate::web::WebConfig;
 
 /// Everything a coordinator is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,6 +41,9 @@ pub struct Config {
     /// Where the others are.
     #[serde(default = "NetworkConfig::coordinator")]
     pub network: NetworkConfig,
+    /// The dashboard.
+    #[serde(default)]
+    pub web: WebConfig,
     /// Faster time, for demonstrations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockConfig>,
@@ -158,15 +162,24 @@ impl PolicyConfig {
 }
 
 impl Config {
-    /// Reads a file.
+    /// Reads a file, with what the environment sets.
     ///
     /// # Errors
     /// Names file, line, key and the allowed range.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let (name, text) = (path.display().to_string(), read_text(path)?);
+        Self::read_with(path, &[])
+    }
+
+    /// The same, with keys that are set before all: `KEY=VALUE`.
+    ///
+    /// # Errors
+    /// Names file, line, key and the allowed range.
+    pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let (name, text) = (path.display().to_string(), node::settings::settled(&read_text(path)?, sets)?);
         let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
         ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
         config.network.check().with_context(|| name.clone())?;
+        config.web.check().with_context(|| name.clone())?;
         config.clock.map_or(Ok(()), |clock| clock.check()).with_context(|| name)?;
         Ok(config)
     }

@@ -29,7 +29,7 @@ use crate::scheduler::{Plan, Problem, construct};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
 use crate::view::Basis;
-use crate::watch::Watch;
+use crate::watch::{Standing, Watch};
 
 /// How many different refusals are told; a flood of bad messages must not fill the memory.
 const REFUSED_MAX: usize = 1000;
@@ -55,6 +55,8 @@ pub enum Input {
     Tick,
     /// Something came that could not be read.
     Refused(String),
+    /// Somebody asks for a new plan, and says why.
+    Replan(String),
 }
 
 /// What the coordinator wants done.
@@ -158,6 +160,7 @@ impl Core {
             Input::Reply(reply) => self.replied(now, &reply),
             Input::Tick => {}
             Input::Refused(what) => self.refuse(now, what),
+            Input::Replan(why) => self.replan(why),
         }
         self.resend(now);
         self.carry_on(now);
@@ -198,7 +201,13 @@ impl Core {
         &self.fleet
     }
 
-    fn basis(&self, now: Timestamp) -> Basis<'_> {
+    /// How every model stands that has been judged by its data.
+    pub(crate) fn standings(&self) -> Vec<Standing> {
+        self.watch.standings(&self.fleet, &self.models)
+    }
+
+    /// What plans and answers are made from.
+    pub(crate) fn basis(&self, now: Timestamp) -> Basis<'_> {
         Basis {
             now,
             fleet: &self.fleet,

@@ -14,6 +14,7 @@
 //!   shells  service.rs      the core on tokio and Zenoh
 //!           store/          what happened, in SQLite
 //!           sim/            the same core and the same agents on simulated time
+//!           web/            dashboard, JSON and metrics over HTTP
 //!           cmd/            one file per command
 //! ```
 
@@ -32,6 +33,7 @@ pub mod sim;
 pub mod store;
 pub mod view;
 mod watch;
+pub mod web;
 
 pub use crate::config::Config;
 pub use crate::core::{Core, Input, Numbering, Output};

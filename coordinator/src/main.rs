@@ -1,18 +1,25 @@
 //! `coordinator`: the command line.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use coordinator::cmd;
+use node::log::LogFormat;
 
 /// Tender's coordinator: decides which robot docks where and when, recharge or exchange, from
 /// which pack, and how many robots each pack can still service.
 #[derive(Parser)]
-#[command(version)]
+#[command(version, after_help = AFTER)]
 struct Cli {
+    /// How log lines look: text or json.
+    #[arg(long, global = true, env = "TENDER_LOG_FORMAT", default_value_t, value_name = "FORMAT")]
+    log_format: LogFormat,
     #[command(subcommand)]
     command: Command,
 }
+
+const AFTER: &str = "Exit status: 0 yes, 1 no, 2 could not answer. Answers go to stdout, logs to stderr (RUST_LOG chooses how much).";
 
 #[derive(Subcommand)]
 enum Command {
@@ -24,15 +31,27 @@ enum Command {
     Schedule(cmd::schedule::Args),
     /// Plans an instance of the docking problem and proves how good the plan is.
     Plan(cmd::plan::Args),
+    /// Checks what a coordinator needs here, and says what to do.
+    Doctor(cmd::doctor::Args),
     /// Starts a whole demonstration fleet on this machine.
     Demo(cmd::demo::Args),
+    /// Prints a completion script for a shell.
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Writes manual pages into a folder.
+    Man {
+        /// The folder.
+        dir: PathBuf,
+    },
     #[command(hide = true)]
     Agent(cmd::demo::AgentArgs),
 }
 
 fn main() -> ExitCode {
-    let command = Cli::parse().command;
-    node::files::log_to_stderr("coordinator");
+    let Cli { log_format, command } = Cli::parse();
+    node::log::to_stderr("coordinator", log_format);
     execute(command).unwrap_or_else(|error| {
         eprintln!("coordinator: {error:#}");
         ExitCode::from(2)
@@ -46,6 +65,12 @@ fn execute(command: Command) -> anyhow::Result<ExitCode> {
         Command::Run(args) => live()?.block_on(cmd::run::execute(&args)),
         Command::Schedule(args) => live()?.block_on(cmd::schedule::execute(&args)),
         Command::Plan(args) => cmd::plan::execute(&args),
+        Command::Doctor(args) => live()?.block_on(cmd::doctor::execute(&args)),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "coordinator", &mut std::io::stdout());
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Man { dir } => cmd::write_manual(Cli::command(), &dir),
         Command::Demo(args) => live()?.block_on(cmd::demo::execute(&args)),
         Command::Agent(args) => live()?.block_on(cmd::demo::agent(&args)),
     }

@@ -23,6 +23,7 @@ use zenoh::sample::{Sample, SampleKind};
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
 use crate::store::{Record, Store};
+use crate::web::{self, Asked, Books, Desk, Past, WebConfig};
 
 /// Telemetry that waits for the core; beyond this the newest is dropped, and said so.
 const TELEMETRY_QUEUE: usize = 65_536;
@@ -43,6 +44,7 @@ struct Service {
     store_failed: bool,
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
+    past: Past,
 }
 
 /// Runs until `stop` comes.
@@ -74,7 +76,11 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     let clock = Clock::new(config.clock);
     let core = Core::new(settings, models, numbering);
     let patience_s = settings.deadline_s;
-    let mut service = Service { link, clock, core, store, records: Vec::new(), store_failed: false, answers: news_in.clone(), patience_s };
+    let past = Past::default();
+    let mut service =
+        Service { link, clock, core, store, records: Vec::new(), store_failed: false, answers: news_in.clone(), patience_s, past };
+    let (desk, mut asked) = web::desk();
+    let _web = open_web(&config.web, desk).await?;
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
@@ -86,6 +92,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             _ = ticks.tick() => service.take(Input::Tick).await,
             _ = flushes.tick() => service.flush().await,
             Some(query) = questions.recv() => service.tell(&query).await,
+            Some(asked) = asked.recv() => service.show(asked, config, path).await,
             () = &mut stop => break,
         }
     }
@@ -99,6 +106,35 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
 #[must_use]
 pub fn store_path(config: &Config, path: Option<&Path>) -> std::path::PathBuf {
     path.and_then(Path::parent).map_or_else(|| config.store.clone(), |folder| folder.join(&config.store))
+}
+
+/// Serves the dashboard in the background, if there is to be one.
+async fn open_web(config: &WebConfig, desk: Desk) -> anyhow::Result<Option<AbortOnDrop>> {
+    if !config.enabled {
+        return Ok(None);
+    }
+    let listener = web::bind(config).await?;
+    let address = listener.local_addr()?;
+    info!("dashboard at http://{address}/");
+    if !config.address.is_loopback() {
+        warn!("whoever reaches {address} sees the whole fleet: web.address is not this machine's own");
+    }
+    let config = config.clone();
+    let serving = tokio::spawn(async move {
+        if let Err(failure) = web::serve(listener, &config, desk).await {
+            error!("{failure:#}");
+        }
+    });
+    Ok(Some(AbortOnDrop(serving)))
+}
+
+/// A task that ends with what it serves.
+struct AbortOnDrop(tokio::task::JoinHandle<()>);
+
+impl Drop for AbortOnDrop {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
 }
 
 /// Whatever must live as long as the service.
@@ -163,12 +199,29 @@ fn input_of(sample: &Sample) -> Input {
 
 impl Service {
     async fn take(&mut self, input: Input) {
-        self.core.handle(self.clock.now(), input);
+        let now = self.clock.now();
+        if input == Input::Tick {
+            self.past.look(now, &self.core);
+        }
+        self.core.handle(now, input);
+        self.drain().await;
+    }
+
+    /// Answers the dashboard.
+    async fn show(&mut self, asked: Asked, config: &Config, path: Option<&Path>) {
+        let books = Books { site: &self.link.site, title: "", past: &self.past, ladder: config.web.ladder(path) };
+        asked.answer(self.clock.now(), &mut self.core, books);
+        self.drain().await;
+    }
+
+    /// Does what the core wants done.
+    async fn drain(&mut self) {
         let mut commands = Vec::new();
         while let Some(output) = self.core.poll() {
             match output {
                 Output::Record(Record::Event(event)) => {
                     info!("{}: {}", event.kind, event.text);
+                    self.past.event(&event);
                     self.records.push(Record::Event(event));
                 }
                 // Whoever follows the schedule hears of each new plan without asking.

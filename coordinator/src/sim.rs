@@ -13,4 +13,4 @@ mod net;
 mod world;
 
 pub use measure::Measured;
-pub use world::{Outcome, simulate};
+pub use world::{Outcome, Step, simulate};

@@ -49,6 +49,19 @@ pub(crate) enum Subject {
     Station(StationId),
 }
 
+/// How a watched model stands.
+#[derive(Debug, Clone)]
+pub(crate) struct Standing {
+    /// Whose model.
+    pub(crate) subject: Subject,
+    /// Its last innovation, in sigma.
+    pub(crate) z: f64,
+    /// Evidence against it, as a share of what raises a doubt.
+    pub(crate) evidence: f64,
+    /// The doubt, if there is one.
+    pub(crate) doubt: Option<Doubt>,
+}
+
 /// What a message changed: whose model, and how.
 pub(crate) type News = Vec<(Subject, Change)>;
 
@@ -176,6 +189,15 @@ impl Watch {
     /// Every doubt there is, as it goes on the wire.
     pub(crate) fn doubts(&self, fleet: &Fleet, models: &Models) -> Vec<Doubt> {
         self.cusums.keys().filter_map(|subject| self.doubt(subject, fleet, models)).collect()
+    }
+
+    /// How every model stands that has been judged.
+    pub(crate) fn standings(&self, fleet: &Fleet, models: &Models) -> Vec<Standing> {
+        let standing = |(subject, cusum): (&Subject, &Cusum)| {
+            let (z, evidence) = cusum.standing();
+            Standing { subject: subject.clone(), z, evidence, doubt: self.doubt(subject, fleet, models) }
+        };
+        self.cusums.iter().map(standing).collect()
     }
 
     /// The doubt in one model, if there is one.

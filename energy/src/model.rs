@@ -97,6 +97,9 @@ impl Sensor {
 pub struct Uncertainty {
     /// Standard deviation of the OCV table, V per cell.
     pub ocv_sigma_v: f64,
+    /// State of charge over which the error of the OCV table changes, 0.02 to 1; 0.15 when not
+    /// stated (guess: tables err where electrode stages begin and end, some 0.1 to 0.3 apart).
+    pub ocv_length_soc: f64,
     /// Standard deviation of the SoC at the start of a log.
     pub soc_initial_sigma: f64,
     /// Standard deviation of the capacity, as a share of it.
@@ -112,6 +115,7 @@ impl Default for Uncertainty {
     fn default() -> Self {
         Self {
             ocv_sigma_v: 0.0,
+            ocv_length_soc: 0.15,
             soc_initial_sigma: 0.0,
             capacity_relative_sigma: 0.0,
             resistance_relative_sigma: 0.02,

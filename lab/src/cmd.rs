@@ -14,9 +14,11 @@ mod report;
 mod save;
 
 use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use anyhow::Context as _;
+use clap::{CommandFactory as _, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 
 /// Compares energy models of batteries, robots and stations with measurements, and calibrates
@@ -61,6 +63,16 @@ enum Verb {
     Propose(propose::Args),
     /// Write what a comparison found into one HTML file that reads without a network.
     Report(report::Args),
+    /// Print a completion script for a shell.
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Write manual pages into a folder.
+    Man {
+        /// The folder.
+        dir: PathBuf,
+    },
 }
 
 /// What a verb found.
@@ -83,6 +95,11 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
         Verb::Discover(args) => discover::run(&args, cli.format),
         Verb::Propose(args) => propose::run(&args, cli.format),
         Verb::Report(args) => report::run(&args, cli.format),
+        Verb::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "lab", &mut io::stdout());
+            Ok(Answer::Yes)
+        }
+        Verb::Man { dir } => write_manual(&dir),
     };
     match result {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
@@ -93,6 +110,12 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+fn write_manual(dir: &Path) -> anyhow::Result<Answer> {
+    let written = std::fs::create_dir_all(dir).and_then(|()| clap_mangen::generate_to(Cli::command(), dir));
+    written.with_context(|| format!("cannot write manual pages into {}", dir.display()))?;
+    Ok(Answer::Yes)
 }
 
 /// Prints text or JSON on stdout. A reader that has gone away (`| head`) is no error.

@@ -34,6 +34,8 @@ pub struct Prepared {
     pub soc_initial_sigma: Option<f64>,
     /// What the log has measured of that which the model predicts.
     pub targets: Vec<Target>,
+    /// What alone is to be judged; everything when empty.
+    pub only: Vec<Channel>,
 }
 
 /// Why a log does not fit a model.
@@ -162,6 +164,7 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
         start,
         soc_initial_sigma: log.facts.soc_initial_sigma,
         targets,
+        only: Vec::new(),
     })
 }
 
@@ -174,6 +177,7 @@ pub fn prepare_to_judge(model: &Model, log: &Log, only: &[Channel]) -> Result<Pr
     let mut prepared = prepare(model, log)?;
     let wanted = |channel: Channel| only.is_empty() || only.contains(&channel);
     prepared.targets.retain(|target| wanted(target.channel));
+    prepared.only = only.to_vec();
     if !prepared.targets.is_empty() {
         return Ok(prepared);
     }

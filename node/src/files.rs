@@ -1,4 +1,4 @@
-//! Texts and models from disk, and logging.
+//! Texts and models from disk.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -99,15 +99,4 @@ pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
         written
     };
     write().with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// Sends logs to stderr, in colour on a terminal; `RUST_LOG` chooses how much. By default this
-/// program's news and other libraries' warnings; the network library warns of every attempt to
-/// connect, which this program reports itself.
-pub fn log_to_stderr(own: &str) {
-    use std::io::IsTerminal as _;
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("warn,zenoh=error,zenoh_transport=error,node=info,{own}=info")));
-    let colour = std::io::stderr().is_terminal();
-    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colour).with_target(false).try_init();
 }

@@ -11,7 +11,9 @@
 //!           wire.rs     estimates and readings on the wire
 //!   shell   clock.rs    real or accelerated time
 //!           session.rs  a Zenoh session from a [network] table; publish, serve, watch
-//!           files.rs    texts and models from disk, and logging to stderr
+//!           files.rs    texts and models from disk
+//!           settings.rs keys from flags and environment over those of the file
+//!           log.rs      what this program says of itself, on stderr
 //!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent
 //!           stop.rs     when to end
 //! ```
@@ -26,10 +28,12 @@ mod depot;
 pub mod files;
 pub mod ledger;
 mod live_log;
+pub mod log;
 pub mod mission;
 mod publish;
 mod selector;
 pub mod session;
+pub mod settings;
 mod stop;
 mod telemetry;
 mod vehicle;

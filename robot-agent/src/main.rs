@@ -1,11 +1,12 @@
 //! `robot-agent`: the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
-use clap::{Parser, Subcommand, ValueEnum};
-use node::files::{ModelRef, log_to_stderr};
+use clap::{CommandFactory as _, Parser, Subcommand, ValueEnum};
+use node::files::ModelRef;
+use node::log::LogFormat;
 use node::{ClockConfig, NetworkConfig};
 use proto::{RobotId, SiteId};
 use robot_agent::{Config, SourceConfig};
@@ -15,6 +16,9 @@ use robot_agent::{Config, SourceConfig};
 #[derive(Parser)]
 #[command(version)]
 struct Cli {
+    /// How log lines look: text or json.
+    #[arg(long, global = true, env = "TENDER_LOG_FORMAT", default_value_t, value_name = "FORMAT")]
+    log_format: LogFormat,
     #[command(subcommand)]
     command: Command,
 }
@@ -23,13 +27,27 @@ struct Cli {
 enum Command {
     /// Runs the agent until the source ends or Ctrl-C.
     Run(RunArgs),
+    /// Prints a completion script for a shell.
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Writes manual pages into a folder.
+    Man {
+        /// The folder.
+        dir: PathBuf,
+    },
 }
 
 #[derive(clap::Args)]
 struct RunArgs {
-    /// Configuration file; flags override it.
-    #[arg(long, value_name = "FILE")]
+    /// Configuration file; flags come before the environment, that before the file.
+    #[arg(long, value_name = "FILE", env = "TENDER_CONFIG")]
     config: Option<PathBuf>,
+    /// Sets a key of the configuration, such as publish.gauge_period_s=5; before the environment's
+    /// TENDER_SET_PUBLISH__GAUGE_PERIOD_S.
+    #[arg(long, value_name = "KEY=VALUE", requires = "config")]
+    set: Vec<String>,
     /// The robot's id.
     #[arg(long)]
     id: Option<RobotId>,
@@ -65,8 +83,16 @@ enum SourceKind {
 }
 
 fn main() -> ExitCode {
-    let Command::Run(args) = Cli::parse().command;
-    log_to_stderr("robot_agent");
+    let Cli { log_format, command } = Cli::parse();
+    let args = match command {
+        Command::Run(args) => args,
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "robot-agent", &mut std::io::stdout());
+            return ExitCode::SUCCESS;
+        }
+        Command::Man { dir } => return write_manual(&dir),
+    };
+    node::log::to_stderr("robot_agent", log_format);
     let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
         Ok(runtime) => runtime,
         Err(error) => {
@@ -83,6 +109,17 @@ fn main() -> ExitCode {
     }
 }
 
+fn write_manual(dir: &Path) -> ExitCode {
+    let written = std::fs::create_dir_all(dir).and_then(|()| clap_mangen::generate_to(Cli::command(), dir));
+    match written {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("robot-agent: cannot write manual pages into {}: {error}", dir.display());
+            ExitCode::from(2)
+        }
+    }
+}
+
 async fn run(args: RunArgs) -> anyhow::Result<()> {
     let log = args.log.clone().map(node::LiveLog::new);
     let (config, path) = configured(args)?;
@@ -93,7 +130,7 @@ async fn run(args: RunArgs) -> anyhow::Result<()> {
 /// The configuration file with the flags laid over it; or the flags alone, for a replay.
 fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
     let mut config = match &args.config {
-        Some(path) => Config::read(path)?,
+        Some(path) => Config::read_with(path, &args.set)?,
         None => {
             let id = args.id.clone().context("--id is needed when there is no --config")?;
             let file = match (args.source, &args.file) {

@@ -122,12 +122,20 @@ const TIME_MAX_S: f64 = 86_400.0;
 const SCHEMA: u32 = 1;
 
 impl Config {
-    /// Reads and checks a file.
+    /// Reads and checks a file, with what the environment sets.
     ///
     /// # Errors
     /// Names file, line, key and the allowed range.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let (name, text) = (path.display().to_string(), read_text(path)?);
+        Self::read_with(path, &[])
+    }
+
+    /// The same, with keys that are set before all: `KEY=VALUE`.
+    ///
+    /// # Errors
+    /// Names file, line, key and the allowed range.
+    pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let (name, text) = (path.display().to_string(), node::settings::settled(&read_text(path)?, sets)?);
         let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
         config.check().with_context(|| name)?;
         Ok(config)

@@ -1,10 +1,10 @@
 //! `station-agent`: the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
-use node::files::log_to_stderr;
+use clap::{CommandFactory as _, Parser, Subcommand};
+use node::log::LogFormat;
 use station_agent::Config;
 
 /// Tender's agent beside a docking station: publishes the gauges of its packs and the state of
@@ -12,6 +12,9 @@ use station_agent::Config;
 #[derive(Parser)]
 #[command(version)]
 struct Cli {
+    /// How log lines look: text or json.
+    #[arg(long, global = true, env = "TENDER_LOG_FORMAT", default_value_t, value_name = "FORMAT")]
+    log_format: LogFormat,
     #[command(subcommand)]
     command: Command,
 }
@@ -20,9 +23,13 @@ struct Cli {
 enum Command {
     /// Runs the agent until Ctrl-C.
     Run {
-        /// Configuration file.
-        #[arg(long, value_name = "FILE")]
+        /// Configuration file; flags come before the environment, that before the file.
+        #[arg(long, value_name = "FILE", env = "TENDER_CONFIG")]
         config: PathBuf,
+        /// Sets a key of the configuration, such as publish.gauge_period_s=5; before the environment's
+        /// TENDER_SET_PUBLISH__GAUGE_PERIOD_S.
+        #[arg(long, value_name = "KEY=VALUE")]
+        set: Vec<String>,
         /// Address of the coordinator or router, such as tcp/127.0.0.1:7447.
         #[arg(long, value_name = "ADDRESS")]
         connect: Vec<String>,
@@ -31,11 +38,29 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         log: Option<PathBuf>,
     },
+    /// Prints a completion script for a shell.
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Writes manual pages into a folder.
+    Man {
+        /// The folder.
+        dir: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
-    let Command::Run { config, connect, log } = Cli::parse().command;
-    log_to_stderr("station_agent");
+    let Cli { log_format, command } = Cli::parse();
+    let (config, set, connect, log) = match command {
+        Command::Run { config, set, connect, log } => (config, set, connect, log),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "station-agent", &mut std::io::stdout());
+            return ExitCode::SUCCESS;
+        }
+        Command::Man { dir } => return write_manual(&dir),
+    };
+    node::log::to_stderr("station_agent", log_format);
     let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
         Ok(runtime) => runtime,
         Err(error) => {
@@ -43,7 +68,7 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match runtime.block_on(run(config, connect, log)) {
+    match runtime.block_on(run(config, &set, connect, log)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("station-agent: {error:#}");
@@ -52,8 +77,19 @@ fn main() -> ExitCode {
     }
 }
 
-async fn run(path: PathBuf, connect: Vec<String>, log: Option<PathBuf>) -> anyhow::Result<()> {
-    let mut config = Config::read(&path)?;
+fn write_manual(dir: &Path) -> ExitCode {
+    let written = std::fs::create_dir_all(dir).and_then(|()| clap_mangen::generate_to(Cli::command(), dir));
+    match written {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("station-agent: cannot write manual pages into {}: {error}", dir.display());
+            ExitCode::from(2)
+        }
+    }
+}
+
+async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<PathBuf>) -> anyhow::Result<()> {
+    let mut config = Config::read_with(&path, set)?;
     if !connect.is_empty() {
         config.network.connect = connect;
     }

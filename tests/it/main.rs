@@ -1,7 +1,11 @@
 //! Whole-system tests: real processes over real Zenoh on loopback.
 
+mod browser;
 mod decisions;
 mod failures;
 mod network;
+mod operations;
+mod python;
+mod reference;
 mod replay;
 mod tidy;

@@ -15,6 +15,7 @@ use tokio::process::{Child, Command};
 use crate::config::Config;
 use crate::scenario::{Deployment, Scenario};
 use crate::service;
+use crate::web::WebConfig;
 
 /// Longest demonstration, real seconds.
 const SECONDS_MAX: f64 = 30.0 * 86_400.0;
@@ -120,10 +121,13 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let mut deployment = scenario.deploy(chosen, args.seed.unwrap_or(scenario.seed))?;
     let endpoint = format!("tcp/127.0.0.1:{}", free_port()?);
     deployment.place(&endpoint, clock);
+    let web = &mut deployment.coordinator.web;
+    web.port = if TcpListener::bind((web.address, WebConfig::PORT)).is_ok() { WebConfig::PORT } else { free_port()? };
     std::fs::create_dir_all(&args.dir).with_context(|| format!("cannot make {}", args.dir.display()))?;
     let files = write(&deployment, &args.dir)?;
 
     say!("{} at {} times real time; files in {}", scenario.name, args.speed, args.dir.display());
+    say!("Dashboard: http://{}:{}/", deployment.coordinator.web.address, deployment.coordinator.web.port);
     say!("In another terminal:\n  coordinator schedule capacity --config {}", files.coordinator.display());
     say!(
         "  coordinator schedule explain {} --config {}\n",

@@ -6,12 +6,16 @@ use std::process::ExitCode;
 use crate::config::Config;
 use crate::service;
 
-/// Runs beside a fleet until Ctrl-C.
+/// Runs beside a fleet until Ctrl-C. A flag comes before the environment, that before the file.
 #[derive(clap::Args)]
 pub struct Args {
     /// Configuration file.
-    #[arg(long, value_name = "FILE", default_value = "coordinator.toml")]
+    #[arg(long, value_name = "FILE", default_value = "coordinator.toml", env = "TENDER_CONFIG")]
     config: PathBuf,
+    /// Sets a key of the configuration, such as policy.confidence=0.9; before the environment's
+    /// TENDER_SET_POLICY__CONFIDENCE.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
     /// Address to listen on in place of the configured one, such as tcp/127.0.0.1:7447.
     #[arg(long, value_name = "ADDRESS")]
     listen: Vec<String>,
@@ -21,6 +25,12 @@ pub struct Args {
     /// Store in place of the configured one.
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
+    /// Port of the dashboard in place of the configured one; 0 for any that is free.
+    #[arg(long, value_name = "PORT")]
+    web_port: Option<u16>,
+    /// Runs without a dashboard.
+    #[arg(long, conflicts_with = "web_port")]
+    no_web: bool,
 }
 
 /// Runs the command.
@@ -28,7 +38,7 @@ pub struct Args {
 /// # Errors
 /// When configuration, models, store or network cannot be had.
 pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut config = Config::read(&args.config)?;
+    let mut config = Config::read_with(&args.config, &args.set)?;
     if !args.listen.is_empty() {
         config.network.listen.clone_from(&args.listen);
     }
@@ -39,6 +49,8 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(store) = &args.store {
         config.store = std::path::absolute(store)?;
     }
+    config.web.port = args.web_port.unwrap_or(config.web.port);
+    config.web.enabled &= !args.no_web;
     service::run(&config, Some(&args.config), node::told_to_stop()).await?;
     Ok(ExitCode::SUCCESS)
 }

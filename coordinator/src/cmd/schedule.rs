@@ -21,7 +21,7 @@ pub struct Args {
     #[command(subcommand)]
     what: Option<What>,
     /// The coordinator's configuration: tells site, address and store.
-    #[arg(long, value_name = "FILE", default_value = "coordinator.toml", global = true)]
+    #[arg(long, value_name = "FILE", default_value = "coordinator.toml", env = "TENDER_CONFIG", global = true)]
     config: PathBuf,
     /// The store to read when no coordinator answers.
     #[arg(long, value_name = "FILE", global = true)]
@@ -45,6 +45,8 @@ enum What {
         /// The robot.
         robot: RobotId,
     },
+    /// Shows the schedule again whenever it changes, until Ctrl-C.
+    Watch,
     /// What happened last, from the store.
     History {
         /// How many events.
@@ -91,6 +93,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
             };
             print(args.format, &explanation, show_explanation);
         }
+        What::Watch => watch(&place, args.format).await?,
         What::History { events } => {
             let events = stored(&place).await?.events(*events).await?;
             match args.format {
@@ -100,6 +103,45 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Follows the schedule as the coordinator publishes it. A new plan that says the same is not shown.
+async fn watch(place: &Place, format: Format) -> anyhow::Result<()> {
+    let link = node::Link::open(&place.network, place.site.clone()).await?;
+    let (heard, mut plans) = tokio::sync::mpsc::unbounded_channel::<Schedule>();
+    let plan_heard = move |sample: zenoh::sample::Sample| match node::session::decoded(sample.payload()) {
+        Ok(schedule) => drop(heard.send(schedule)),
+        Err(error) => tracing::warn!("{}: {error}", sample.key_expr()),
+    };
+    let subscriber = link.session.declare_subscriber(Key::Schedule.build(&link.site)).callback(plan_heard);
+    let _subscriber = subscriber.await.map_err(|error| anyhow::anyhow!("{error}"))?;
+    let mut shown = None;
+    let mut show_new = |schedule: Schedule| {
+        let said = (schedule.services.clone(), schedule.unserved.clone(), schedule.doubts.clone());
+        if shown.as_ref() == Some(&said) {
+            return;
+        }
+        match format {
+            Format::Table => {
+                show(&schedule);
+                say!();
+            }
+            // One line each, for programs that read as it comes.
+            Format::Json => say!("{}", String::from_utf8_lossy(&proto::encode(&schedule))),
+        }
+        shown = Some(said);
+    };
+    match live(place, &Key::Schedule).await? {
+        Some(schedule) => show_new(schedule),
+        None => eprintln!("waiting for a plan"),
+    }
+    let mut stop = std::pin::pin!(node::told_to_stop());
+    loop {
+        tokio::select! {
+            Some(schedule) = plans.recv() => show_new(schedule),
+            () = &mut stop => return Ok(()),
+        }
+    }
 }
 
 fn place(args: &Args) -> anyhow::Result<Place> {

@@ -11,9 +11,12 @@ use energy::System;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
+use super::serve::Stage;
 use super::{Format, table};
 use crate::scenario::{RunEntry, Scenario, Verdict};
 use crate::sim::{self, Outcome};
+use crate::web::report::{self, Report};
+use crate::web::{Books, Past, WebConfig};
 
 /// Runs a scenario and says whether it came as its [expect] says.
 #[derive(clap::Args)]
@@ -32,9 +35,18 @@ pub struct Args {
     /// Folder for logs that `lab` reads: one CSV per battery, robot load and station.
     #[arg(long, value_name = "DIR")]
     telemetry: Option<PathBuf>,
-    /// Folder for the trace and the schedule of each run.
+    /// Folder for report.html, and the trace and the schedule of each run.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Shows the runs on the dashboard while they go on, and their end until Ctrl-C.
+    #[arg(long)]
+    serve: bool,
+    /// Port of the dashboard on this machine; 0 for any that is free.
+    #[arg(long, value_name = "PORT", default_value_t = WebConfig::PORT, requires = "serve")]
+    port: u16,
+    /// Simulated seconds per real second while it is shown.
+    #[arg(long, value_name = "FACTOR", default_value_t = 60.0, requires = "serve")]
+    speed: f64,
     /// How to print.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -43,6 +55,7 @@ pub struct Args {
 struct Finished {
     run: RunEntry,
     outcome: Outcome,
+    past: Past,
     verdicts: Vec<Verdict>,
 }
 
@@ -58,16 +71,20 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let seed = args.seed.unwrap_or(scenario.seed);
     let runs = chosen(&scenario, args.run.as_deref())?;
+    let mut stage = args.serve.then(|| Stage::open(args.port, args.speed)).transpose()?;
     let mut finished = Vec::new();
     for run in runs {
-        let outcome = simulate(&scenario, &run, seed, args.telemetry.is_some())?;
+        let (outcome, past) = simulate(&scenario, &run, seed, args, stage.as_mut())?;
         let verdicts = scenario.verdicts(&run, &outcome.measured.metrics);
-        finished.push(Finished { run, outcome, verdicts });
+        finished.push(Finished { run, outcome, past, verdicts });
     }
-    write_files(args, &finished)?;
+    write_files(args, &scenario, seed, &finished)?;
     match args.format {
         Format::Table => print_tables(&scenario, seed, &finished),
         Format::Json => say!("{}", serde_json::to_string_pretty(&as_json(&scenario, seed, &finished))?),
+    }
+    if let (Some(stage), Some(last)) = (stage, finished.last_mut()) {
+        stage.stay(&mut last.outcome, &last.past, &title(&scenario, &last.run));
     }
     let held = finished.iter().flat_map(|run| &run.verdicts).all(Verdict::holds);
     Ok(if held { ExitCode::SUCCESS } else { ExitCode::FAILURE })
@@ -117,7 +134,11 @@ fn believe(scenario: &mut Scenario, model: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, telemetry: bool) -> anyhow::Result<Outcome> {
+fn title(scenario: &Scenario, run: &RunEntry) -> String {
+    if run.name == scenario.name { run.name.clone() } else { format!("{}: {}", scenario.name, run.name) }
+}
+
+fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, args: &Args, mut stage: Option<&mut Stage>) -> anyhow::Result<(Outcome, Past)> {
     let duration_s = *scenario.duration_s.get_ref();
     let bar = if std::io::stderr().is_terminal() { ProgressBar::new(duration_s as u64) } else { ProgressBar::hidden() };
     let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} % {eta}").unwrap_or_else(|_| ProgressStyle::default_bar());
@@ -125,10 +146,25 @@ fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, telemetry: bool) -> 
     bar.set_message(run.name.clone());
     bar.enable_steady_tick(Duration::from_millis(200));
     let deployment = scenario.deploy(run, seed)?;
-    let outcome =
-        sim::simulate(&deployment, duration_s, scenario.temperature_degc, telemetry, &mut |seconds| bar.set_position(seconds as u64));
+    let mut past = Past::default();
+    let seen = args.out.is_some() || stage.is_some();
+    let (site, title) = (deployment.coordinator.site.clone(), title(scenario, run));
+    if let Some(stage) = &mut stage {
+        stage.begin();
+    }
+    let mut watch = |step: sim::Step<'_>| {
+        bar.set_position(step.elapsed_s as u64);
+        if seen {
+            step.news.iter().for_each(|event| past.event(event));
+            past.look(step.now, step.core);
+        }
+        if let Some(stage) = &mut stage {
+            stage.step(step, Books { site: &site, title: &title, past: &past, ladder: None });
+        }
+    };
+    let outcome = sim::simulate(&deployment, duration_s, scenario.temperature_degc, args.telemetry.is_some(), &mut watch);
     bar.finish_and_clear();
-    outcome.with_context(|| format!("run \"{}\"", run.name))
+    Ok((outcome.with_context(|| format!("run \"{}\"", run.name))?, past))
 }
 
 /// One folder per run when there are several.
@@ -136,7 +172,14 @@ fn folder_of(base: &Path, finished: &[Finished], run: &Finished) -> PathBuf {
     if finished.len() == 1 { base.to_owned() } else { base.join(run.run.folder()) }
 }
 
-fn write_files(args: &Args, finished: &[Finished]) -> anyhow::Result<()> {
+fn write_files(args: &Args, scenario: &Scenario, seed: u64, finished: &[Finished]) -> anyhow::Result<()> {
+    if let Some(base) = &args.out {
+        std::fs::create_dir_all(base).with_context(|| format!("cannot make {}", base.display()))?;
+        let run = |run: &Finished| report::Run::new(&run.run.name, &run.outcome, &run.past, &run.verdicts);
+        let (title, note) = (scenario.name.clone(), scenario.note.clone());
+        let report = Report { title, note, seed, version: env!("CARGO_PKG_VERSION"), runs: finished.iter().map(run).collect() };
+        node::files::write_text(&base.join("report.html"), &report.html())?;
+    }
     for run in finished {
         if let (Some(base), Some(telemetry)) = (&args.telemetry, &run.outcome.telemetry) {
             telemetry.write(&folder_of(base, finished, run))?;

@@ -10,6 +10,7 @@ use node::{ClockConfig, NetworkConfig};
 
 use super::file::{Changes, RobotEntry, RunEntry, Scenario, StationEntry};
 use crate::config::{Config, PolicyConfig, StationConfig};
+use crate::web::WebConfig;
 
 /// Configurations of every process of a fleet.
 #[derive(Debug, Clone)]
@@ -44,6 +45,8 @@ impl Scenario {
             batteries: BTreeMap::new(),
             stations: BTreeMap::new(),
             network: NetworkConfig::coordinator(),
+            // Several fleets may run on one machine.
+            web: WebConfig { port: 0, ..WebConfig::default() },
             clock: None,
         };
         let believed = |name: &str| self.reference(name, &[&self.believed, &run.believed]);

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use energy::Channel;
 use energy::units::S_PER_H;
 use node::Telemetry;
-use proto::{Event, RobotId, StationId, Timestamp};
+use proto::{Event, RobotId, SiteId, StationId, Timestamp};
 use robot_agent::source::{RobotBody, Source as _};
 use station_agent::source::{Source as _, StationBody};
 
@@ -34,6 +34,24 @@ pub struct Outcome {
     pub schedule: proto::Schedule,
     /// Logs for the lab, if asked for.
     pub telemetry: Option<Telemetry>,
+    /// The site.
+    pub site: SiteId,
+    /// The coordinator as it stood at the end.
+    pub core: Core,
+    /// When the run ended.
+    pub end: Timestamp,
+}
+
+/// What whoever watches a run is shown after each step.
+pub struct Step<'a> {
+    /// Now.
+    pub now: Timestamp,
+    /// Since the start, s.
+    pub elapsed_s: f64,
+    /// The coordinator; what it wants done is done in the next step.
+    pub core: &'a mut Core,
+    /// What happened in this step.
+    pub news: &'a [Event],
 }
 
 impl Outcome {
@@ -86,7 +104,7 @@ struct World {
     start: Timestamp,
 }
 
-/// Simulates a deployment. `progress` is told the simulated seconds now and then.
+/// Simulates a deployment. `watch` is shown every step.
 ///
 /// # Errors
 /// When a model cannot be read.
@@ -95,7 +113,7 @@ pub fn simulate(
     duration_s: f64,
     ambient_degc: f64,
     with_telemetry: bool,
-    progress: &mut dyn FnMut(f64),
+    watch: &mut dyn FnMut(Step<'_>),
 ) -> anyhow::Result<Outcome> {
     let (settings, models) = deployment.coordinator.load(None)?;
     let mut core = Core::new(settings, models, Numbering::default());
@@ -105,13 +123,12 @@ pub fn simulate(
     let steps = (duration_s / STEP_S).round() as u64;
     for step in 1..=steps {
         let now = start.plus_s(step as f64 * STEP_S);
+        let known = events.len();
         world.deliver(now, &mut core, &mut events);
         world.move_bodies(now);
         core.handle(now, Input::Tick);
         world.drain_core(now, &mut core, &mut events);
-        if step % 256 == 0 {
-            progress(step as f64 * STEP_S);
-        }
+        watch(Step { now, elapsed_s: step as f64 * STEP_S, core: &mut core, news: &events[known..] });
     }
     let World { robots, stations, telemetry, mut measured, .. } = world;
     let hours = |s: fn(&Robot) -> f64| robots.values().map(s).sum::<f64>() / S_PER_H;
@@ -128,7 +145,17 @@ pub fn simulate(
         ("depot_exchanges", sum(|station| f64::from(station.logs.exchanges()))),
     ];
     measured.finish(&totals, socs(&stations));
-    Ok(Outcome { measured, events, start, schedule: core.schedule().clone(), telemetry })
+    let end = start.plus_s(steps as f64 * STEP_S);
+    Ok(Outcome {
+        measured,
+        events,
+        start,
+        schedule: core.schedule().clone(),
+        telemetry,
+        site: deployment.coordinator.site.clone(),
+        core,
+        end,
+    })
 }
 
 impl Robot {

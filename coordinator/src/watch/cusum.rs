@@ -72,6 +72,7 @@ pub(crate) struct Cusum {
     above: Side,
     below: Side,
     raised: bool,
+    last_z: f64,
 }
 
 impl Cusum {
@@ -88,6 +89,7 @@ impl Cusum {
 
     fn add_up_to(&mut self, begin: Timestamp, z: f64, z_max: f64) -> Option<Change> {
         let z = z.clamp(-TOLD_MAX, TOLD_MAX);
+        self.last_z = z;
         self.above.add(begin, z, z_max);
         self.below.add(begin, -z, z_max);
         let (low, high) = (self.above.sum.min(self.below.sum), self.above.sum.max(self.below.sum));
@@ -98,6 +100,11 @@ impl Cusum {
         };
         self.raised = change == Change::Raised;
         Some(change)
+    }
+
+    /// The last innovation, and the evidence against the model as a share of what raises a doubt.
+    pub(crate) fn standing(&self) -> (f64, f64) {
+        (self.last_z, self.above.sum.max(self.below.sum) / H)
     }
 
     /// The doubt as it stands.

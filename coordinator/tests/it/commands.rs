@@ -128,7 +128,7 @@ fn out_writes_trace_and_schedule_and_leaves_nothing_half_written() {
         names.sort();
         names
     };
-    assert_eq!(names(&folder.path().join("new/out")), ["schedule.json", "trace.txt"]);
+    assert_eq!(names(&folder.path().join("new/out")), ["report.html", "schedule.json", "trace.txt"]);
     let trace = std::fs::read_to_string(folder.path().join("new/out/trace.txt")).unwrap();
     assert!(trace.contains("plan_made") && trace.ends_with('\n'), "{trace}");
     let schedule = std::fs::read_to_string(folder.path().join("new/out/schedule.json")).unwrap();

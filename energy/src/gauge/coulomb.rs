@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::counter::Counter;
 use super::ledger::{CAPACITY, Ledger, SOC, Seen};
-use super::prediction::Believed;
+use super::prediction::{Believed, CurrentErrors};
 use super::{Gauge, Reading, Sample, soc_at_rest};
 use crate::{Estimate, Model, Run, Start, forecast};
 
@@ -76,6 +76,12 @@ impl Believed for Pack<'_> {
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {
         (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs), 1.0).time_s
+    }
+
+    fn current_errors(&self) -> CurrentErrors {
+        let mut inputs = vec![Some(SOC), Some(CAPACITY)];
+        inputs.resize(2 + self.model.parameters().len(), None);
+        self.ledger.current_errors(&inputs)
     }
 }
 

@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector};
 use super::counter::Counter;
 use super::follow::Followed;
 use super::ledger::{CAPACITY, Ledger, RESISTANCE, SOC, SURPRISE, Seen};
-use super::prediction::Believed;
+use super::prediction::{Believed, CurrentErrors};
 use super::resistance::{self, GRID, Prior};
 use super::{Gauge, Reading, Sample};
 use crate::{Channel, Estimate, Model, Run, Start, forecast};
@@ -256,6 +256,11 @@ impl Believed for Pack<'_> {
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {
         (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs), 1.0).time_s
+    }
+
+    fn current_errors(&self) -> CurrentErrors {
+        let inputs: Vec<Option<usize>> = (0..2 + GRID.len()).map(|input| Some(state_of(input))).collect();
+        self.ledger.current_errors(&inputs)
     }
 }
 

@@ -21,6 +21,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::ocv_error;
+use super::prediction::CurrentErrors;
 use crate::units::S_PER_H;
 use crate::{Channel, Estimate, Model, OcvTable, Sensor};
 
@@ -86,7 +87,7 @@ impl Ledger {
         }
         for one in 0..ocv_error::KNOTS {
             for other in 0..ocv_error::KNOTS {
-                p[(OCV + one, OCV + other)] = ocv_error::covariance(model.uncertainty.ocv_sigma_v, one, other);
+                p[(OCV + one, OCV + other)] = ocv_error::covariance(&model.uncertainty, one, other);
             }
         }
         if let Some(resistance) = resistance {
@@ -118,6 +119,12 @@ impl Ledger {
             }
         }
         *self = other;
+    }
+
+    /// What is known by now of the current sensor, beside a prediction's inputs: the place of each
+    /// in the ledger, none for one that it does not hold.
+    pub(crate) fn current_errors(&self, inputs: &[Option<usize>]) -> CurrentErrors {
+        CurrentErrors::of(&self.x, &self.p, [CURRENT_OFFSET, CURRENT_GAIN], inputs)
     }
 
     /// What the current sensor most likely means by what it shows, A.

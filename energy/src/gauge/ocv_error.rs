@@ -3,13 +3,14 @@
 //! A table's error is not noise: it is the same each time that a state of charge is seen, and
 //! nearly the same at a state of charge near by. It is written as the values e_k at knots, linear
 //! between them, with the covariance `s² (1 + √3 d/l) exp(-√3 d/l)` (Matern 3/2) over a distance
-//! of d in SoC. s is the model's `ocv_sigma_v`; l = 0.15 is a guess (0.05 to 0.5): tables err
-//! where electrode stages begin and end, which lie some 0.1 to 0.3 apart.
+//! of d in SoC. s is the model's `ocv_sigma_v`, l its `ocv_length_soc`.
 
-/// How many knots: one each 0.1 of SoC.
-pub(crate) const KNOTS: usize = 11;
-/// Correlation length over SoC; see the module's text.
-const LENGTH: f64 = 0.15;
+use crate::Uncertainty;
+
+/// How many knots: one each 0.05 of SoC.
+pub(crate) const KNOTS: usize = 21;
+/// Distance of two knots.
+pub(crate) const SPACING: f64 = 1.0 / (KNOTS - 1) as f64;
 
 /// The knot below `soc` and the share of the one above it.
 #[inline]
@@ -19,17 +20,35 @@ pub(crate) fn weights(soc: f64) -> (usize, f64) {
     (low, position - low as f64)
 }
 
+/// Correlation of the errors at two states of charge.
+fn like(distance: f64, length: f64) -> f64 {
+    let reach = 3f64.sqrt() * distance / length;
+    (1.0 + reach) * (-reach).exp()
+}
+
 /// Covariance of the errors at two knots, V².
-pub(crate) fn covariance(sigma_v: f64, one: usize, other: usize) -> f64 {
-    let like = |distance: f64| {
-        let reach = 3f64.sqrt() * distance / LENGTH;
-        (1.0 + reach) * (-reach).exp()
+pub(crate) fn covariance(known: &Uncertainty, one: usize, other: usize) -> f64 {
+    known.ocv_sigma_v.powi(2) * like(one.abs_diff(other) as f64 * SPACING, known.ocv_length_soc)
+}
+
+/// What the line between two knots leaves out of the error, RMS over the stretch, V.
+pub(crate) fn between_v(known: &Uncertainty) -> f64 {
+    // At the share w of the way: 1 + (1-w)² + w² + 2 w (1-w) c(d) - 2 (1-w) c(w d) - 2 w c((1-w) d).
+    // Simpson's rule over ten stretches.
+    const STRETCHES: u32 = 10;
+    let c = |share: f64| like(share * SPACING, known.ocv_length_soc);
+    let square = |w: f64| {
+        let v = 1.0 - w;
+        1.0 + v * v + w * w + 2.0 * w * v * c(1.0) - 2.0 * v * c(w) - 2.0 * w * c(v)
     };
-    let spacing = 1.0 / (KNOTS - 1) as f64;
-    // Between knots a line varies less than the error does; on average over a stretch it shall
-    // vary as much: the mean of (1-w)² + w² + 2 w (1-w) c is (2 + c) / 3.
-    let whole = (2.0 + like(spacing)) / 3.0;
-    sigma_v * sigma_v * like(one.abs_diff(other) as f64 * spacing) / whole
+    let width = 1.0 / f64::from(STRETCHES);
+    let mean: f64 = (0..STRETCHES)
+        .map(|i| {
+            let low = f64::from(i) * width;
+            (square(low) + 4.0 * square(low + width / 2.0) + square(low + width)) / 6.0 * width
+        })
+        .sum();
+    known.ocv_sigma_v * mean.max(0.0).sqrt()
 }
 
 #[cfg(test)]
@@ -38,14 +57,23 @@ mod tests {
 
     #[test]
     fn near_states_of_charge_share_their_error_and_far_ones_do_not() {
-        let own = covariance(3e-3, 4, 4);
-        assert!((9e-6..11e-6).contains(&own));
-        assert!(covariance(3e-3, 4, 5) > 0.6 * own && covariance(3e-3, 0, 10) < 1e-3 * own);
+        let known = Uncertainty { ocv_sigma_v: 3e-3, ..Uncertainty::default() };
+        let own = covariance(&known, 4, 4);
+        assert!((own - 9e-6).abs() < 1e-12);
+        assert!(covariance(&known, 4, 5) > 0.8 * own && covariance(&known, 0, 20) < 1e-3 * own);
+    }
+
+    #[test]
+    fn a_line_leaves_less_out_of_an_error_that_changes_slowly() {
+        let left_v = |length: f64| between_v(&Uncertainty { ocv_sigma_v: 1.0, ocv_length_soc: length, ..Uncertainty::default() });
+        // The same mean square, summed over 99 points by an independent script: 0.079.
+        assert!((left_v(0.15) - 0.079).abs() < 5e-4, "{}", left_v(0.15));
+        assert!(left_v(1.0) < 0.01);
     }
 
     #[test]
     fn weights_find_the_knots_on_either_side() {
         let close = |(low, share): (usize, f64), (knot, expected): (usize, f64)| low == knot && (share - expected).abs() < 1e-12;
-        assert!(close(weights(0.25), (2, 0.5)) && close(weights(1.0), (9, 1.0)) && close(weights(-0.1), (0, 0.0)));
+        assert!(close(weights(0.275), (5, 0.5)) && close(weights(1.0), (19, 1.0)) && close(weights(-0.1), (0, 0.0)));
     }
 }

@@ -23,6 +23,31 @@ const FRESH_SLOPE_POWER: f64 = 0.2;
 /// Slopes are taken anew when the state of charge has moved by this share of itself.
 const FRESH_SLOPE_SOC: f64 = 0.2;
 
+/// What the current sensor is believed to be wrong by: shown = true (1 + gain) + offset. Offset
+/// (A) stands first, gain second.
+#[derive(Debug, Clone)]
+pub(crate) struct CurrentErrors {
+    pub(crate) value: [f64; 2],
+    pub(crate) covariance: [[f64; 2]; 2],
+    /// Covariance of every input of a prediction with them. A capacity that was learned from a
+    /// current shown too high is too high itself, so that a time to empty is nearer the truth than
+    /// its energy and its power are.
+    pub(crate) with_inputs: [DVector<f64>; 2],
+}
+
+impl CurrentErrors {
+    /// From a filter's state and covariance, with the places there of offset, gain and inputs;
+    /// none for an input that the filter does not hold.
+    pub(crate) fn of(x: &DVector<f64>, p: &DMatrix<f64>, errors: [usize; 2], inputs: &[Option<usize>]) -> Self {
+        Self {
+            value: errors.map(|error| x[error]),
+            covariance: errors.map(|one| errors.map(|other| p[(one, other)])),
+            with_inputs: errors
+                .map(|error| DVector::from_iterator(inputs.len(), inputs.iter().map(|input| input.map_or(0.0, |input| p[(input, error)])))),
+        }
+    }
+}
+
 /// What a gauge believes of its pack.
 pub(crate) trait Believed {
     /// The uncertain inputs of a prediction with their covariance; state of charge comes first.
@@ -33,6 +58,9 @@ pub(crate) trait Believed {
 
     /// Time to full on the pack's own charger at those inputs, s.
     fn charge_s(&self, inputs: &[f64]) -> f64;
+
+    /// What the current sensor is wrong by, as far as it is known by now.
+    fn current_errors(&self) -> CurrentErrors;
 }
 
 /// Keeps predictions.
@@ -140,13 +168,17 @@ impl Watch {
     /// Everything that a gauge tells.
     pub(crate) fn reading(&mut self, model: &Model, believed: &impl Believed, soc: Estimate, soh: Estimate) -> Reading {
         let (x, p) = believed.inputs();
-        let power_w = self.power.power_w;
+        let errors = believed.current_errors();
+        let facts = model.battery();
+        let mean_v = facts.stored_wh() / facts.capacity_ah;
+        let power_w = (self.power.power_w - errors.value[0] * mean_v) * (1.0 - errors.value[1]);
         let drawn_w = power_w.max(0.0);
         // Near rest, noise is most of the power: there only a change that matters to the forecast
         // counts, which takes no power below this for one.
-        let idle_w = CURRENT_SHARE * model.battery().stored_wh();
+        let idle_w = CURRENT_SHARE * facts.stored_wh();
         let remaining = line(&mut self.predictor.remaining, &x, &p, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w));
         let remaining_wh = remaining.estimate(&x, &p);
+        let remaining_slopes = remaining.slopes.clone();
         let mut at_full = (x.clone(), p.clone());
         at_full.0[0] = 1.0;
         at_full.1.row_mut(0).fill(0.0);
@@ -156,11 +188,17 @@ impl Watch {
         let time_to_full_s =
             (power_w < -idle_w).then(|| line(&mut self.predictor.to_full, &x, &p, 0.0, idle_w, |x| believed.charge_s(x)).estimate(&x, &p));
         let time_to_empty_s = (power_w > idle_w).then(|| {
-            let sensor = model.sensor(Channel::CurrentA);
-            let offset = sensor.offset_sigma * model.battery().full_v() / power_w;
+            // t = E / P: a share dE / E, and as much as the current was shown too high.
+            let energy_wh = remaining_wh.value.max(f64::MIN_POSITIVE);
+            let shown = [mean_v / power_w, 1.0];
+            let noise_w = model.sensor(Channel::CurrentA).floor() * mean_v;
+            let mut square = (remaining_wh.sigma / energy_wh).powi(2) + self.power.noise_share * (noise_w / power_w).powi(2);
+            for one in 0..2 {
+                square += 2.0 * shown[one] * remaining_slopes.dot(&errors.with_inputs[one]) / energy_wh;
+                square += (0..2).map(|other| shown[one] * shown[other] * errors.covariance[one][other]).sum::<f64>();
+            }
             let time_s = remaining_wh.value * S_PER_H / power_w;
-            let energy_s = remaining_wh.sigma * S_PER_H / power_w;
-            Estimate::new(time_s, energy_s.hypot(time_s * sensor.gain_sigma.hypot(offset)))
+            Estimate::new(time_s, time_s * square.max(0.0).sqrt())
         });
         Reading {
             soc,

@@ -45,11 +45,9 @@ const REACH: f64 = 1.732_050_807_568_877_2;
 const MODEL_V: f64 = 2e-4;
 /// State of charge over which the resistance left out forgets itself (guess: 0.05 to 0.5).
 const RESISTANCE_LENGTH: f64 = 0.15;
-/// What a line between the knots of the OCV table's error leaves out of it, as a share of its
-/// deviation: errors of a correlation length of 0.1 to 0.2 bend by that between knots.
-const FINE_SHARE: f64 = 0.22;
-/// State of charge over which that forgets itself: half the distance of two knots.
-const FINE_LENGTH: f64 = 0.05;
+/// State of charge over which what the line between two knots of the OCV table's error leaves out
+/// forgets itself: half their distance.
+const FINE_LENGTH: f64 = 0.5 * ocv_error::SPACING;
 /// Drift of the capacity over a full cycle, as a share of it (the thesis' cells: 2e-4).
 const CAPACITY_PER_CYCLE: f64 = 2e-4;
 /// Drift of the current sensor's offset over a day, as a share of its deviation.
@@ -78,6 +76,8 @@ pub struct SigmaPoint {
     current: Sensor,
     /// Resistance of a cell by the model, and deviation of what it leaves out, ohm.
     prior: Prior,
+    /// What the line between two knots leaves out of the table's error, V.
+    fine_v: f64,
     warmth: (f64, f64),
     watch: Watch,
 }
@@ -112,6 +112,7 @@ impl SigmaPoint {
         let layout = Layout::of(&model);
         let (current, voltage) = (model.sensor(Channel::CurrentA), model.sensor(Channel::VoltageV));
         let prior = Prior::of(&model);
+        let fine_v = ocv_error::between_v(&model.uncertainty);
         let start = Run::new(Arc::clone(&model), Start { temperature_degc, ..Start::at_soc(soc.value.clamp(0.0, 1.0)) });
         let (mut x, mut p) = (DVector::zeros(layout.len), DMatrix::zeros(layout.len, layout.len));
         let mut set = |index: usize, value: f64, sigma: f64| {
@@ -130,10 +131,10 @@ impl SigmaPoint {
         set(layout.current_gain, 0.0, current.gain_sigma);
         set(layout.resistance, 0.0, prior.left_out_ohm);
         set(layout.voltage_offset, 0.0, voltage.offset_sigma / f64::from(model.battery().series));
-        set(layout.fine, 0.0, FINE_SHARE * model.uncertainty.ocv_sigma_v);
+        set(layout.fine, 0.0, fine_v);
         for one in 0..ocv_error::KNOTS {
             for other in 0..ocv_error::KNOTS {
-                p[(layout.ocv + one, layout.ocv + other)] = ocv_error::covariance(model.uncertainty.ocv_sigma_v, one, other);
+                p[(layout.ocv + one, layout.ocv + other)] = ocv_error::covariance(&model.uncertainty, one, other);
             }
         }
         let middle = Point { run: start, state: x.clone(), shown_v: 0.0 };
@@ -149,6 +150,7 @@ impl SigmaPoint {
             p,
             current,
             prior,
+            fine_v,
         };
         gauge.draw();
         gauge
@@ -218,7 +220,7 @@ impl SigmaPoint {
         }
         self.x.rows_mut(0, states).copy_from_slice(self.points[0].run.states());
         // What belongs to a state of charge is forgotten with the distance from it.
-        let fine_v = FINE_SHARE * self.model.uncertainty.ocv_sigma_v;
+        let fine_v = self.fine_v;
         let local = [(layout.resistance, RESISTANCE_LENGTH, self.prior.left_out_ohm), (layout.fine, FINE_LENGTH, fine_v)];
         for (state, length, _) in local {
             let keeps = (-moved / length).exp();

@@ -111,11 +111,15 @@ impl Model {
             let u = *given.get_ref();
             let numbers =
                 [u.ocv_sigma_v, u.soc_initial_sigma, u.capacity_relative_sigma, u.resistance_relative_sigma, u.bay_current_relative_sigma];
-            if numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
-                Ok(u)
-            } else {
-                Err(document.error_at(given.span(), "uncertainty: every number must be finite and >= 0"))
+            if !numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
+                return Err(document.error_at(given.span(), "uncertainty: every number must be finite and >= 0"));
             }
+            if !(0.02..=1.0).contains(&u.ocv_length_soc) {
+                return Err(
+                    document.error_at(given.span(), format!("uncertainty.ocv_length_soc = {}: allowed are 0.02 to 1", u.ocv_length_soc))
+                );
+            }
+            Ok(u)
         })?;
         let mut effects = Vec::new();
         for entry in raw.effect {

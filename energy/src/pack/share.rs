@@ -8,6 +8,8 @@ use crate::Channel;
 const TOLERANCE_V: f64 = 1e-10;
 /// Bound on iterations; the voltage is so nearly affine in the current that three are usual.
 const ITERATIONS_MAX: usize = 60;
+/// Bound on the pairs that are levelled where slopes mislead.
+const LEVELLINGS_MAX: usize = 100;
 /// Least slope that is believed, ohm: a cell without any resistance has none.
 const SLOPE_MIN_OHM: f64 = 1e-6;
 
@@ -57,11 +59,65 @@ pub(super) fn share(strands: &mut [Strand], total_a: f64, dt_s: f64) {
             measured = true;
         }
     }
+    for _ in 0..LEVELLINGS_MAX {
+        if spread_v <= TOLERANCE_V {
+            break;
+        }
+        let levelled_v = level(strands, dt_s);
+        if levelled_v >= spread_v {
+            break;
+        }
+        spread_v = levelled_v;
+    }
     if strands.iter().any(|strand| strand.run.channels[Channel::CurrentA] != strand.accepted.0) {
         for strand in strands.iter_mut() {
             strand.try_current(strand.accepted.0, dt_s);
         }
     }
+}
+
+/// Moves current from the strand of the lowest voltage to that of the highest until they are equal,
+/// by halving: where a table's kink lies between two guesses, slopes lead past it again and again,
+/// but a voltage still falls with its current. Returns how far apart all voltages then are, V.
+fn level(strands: &mut [Strand], dt_s: f64) -> f64 {
+    let by_voltage = |one: &usize, other: &usize| strands[*one].accepted.1.total_cmp(&strands[*other].accepted.1);
+    let low = (0..strands.len()).min_by(by_voltage).expect("a group has cells");
+    let high = (0..strands.len()).max_by(by_voltage).expect("a group has cells");
+    let (low_a, high_a) = (strands[low].accepted.0, strands[high].accepted.0);
+    let gap_v = strands[high].accepted.1 - strands[low].accepted.1;
+    let mut left_v = |moved_a: f64| {
+        let low_v = strands[low].try_current(low_a - moved_a, dt_s);
+        let high_v = strands[high].try_current(high_a + moved_a, dt_s);
+        (low_v, high_v)
+    };
+    // Too little and too much.
+    let mut bracket_a = (0.0, gap_v / SLOPE_MIN_OHM);
+    let mut best = (gap_v, 0.0, left_v(0.0));
+    // Halved on a scale of ratios first, since the greatest change is far beyond any sensible one.
+    let scale_a = 1.0 + low_a.abs() + high_a.abs();
+    let mut try_a = 1e-6 * scale_a;
+    while bracket_a.0 == 0.0 || bracket_a.1 - bracket_a.0 > f64::EPSILON * bracket_a.1 {
+        let (low_v, high_v) = left_v(try_a);
+        if (high_v - low_v).abs() < best.0 {
+            best = ((high_v - low_v).abs(), try_a, (low_v, high_v));
+        }
+        if best.0 <= TOLERANCE_V || try_a < f64::EPSILON * scale_a {
+            break;
+        }
+        if high_v > low_v {
+            bracket_a.0 = try_a;
+        } else {
+            bracket_a.1 = try_a;
+        }
+        let far = bracket_a.1 > 4.0 * bracket_a.0;
+        let between_a = if far { 2.0 * bracket_a.0 } else { f64::midpoint(bracket_a.0, bracket_a.1) };
+        try_a = if bracket_a.0 == 0.0 { try_a / 16.0 } else { between_a };
+    }
+    let (_, moved_a, (low_v, high_v)) = best;
+    strands[low].accepted = (low_a - moved_a, low_v);
+    strands[high].accepted = (high_a + moved_a, high_v);
+    let voltages = || strands.iter().map(|strand| strand.accepted.1);
+    voltages().fold(f64::NEG_INFINITY, f64::max) - voltages().fold(f64::INFINITY, f64::min)
 }
 
 /// Steps all from the kept state with the currents to be tried, the last of which takes what

@@ -11,16 +11,15 @@ use energy::gauge::Sample;
 use energy::load::Terminals as _;
 use energy::{Channel, Estimate, Facts, Model, OcvTable, Run, Start, built_in, forecast};
 use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal, StudentT};
 use rand_pcg::Pcg64Mcg;
 
 /// Length of a step, s.
 const DT_S: f64 = 5.0;
 /// Time constant of the mean power that energy is asked at, as gauges take it, s.
 const POWER_TAU_S: f64 = 60.0;
-/// Correlation lengths over SoC from which a world draws those of its OCV table's error and of the
-/// resistance that the model's shape leaves out.
-const LENGTHS: [f64; 3] = [0.1, 0.2, 0.4];
+/// Waves that a random function of state of charge is made of.
+const WAVES: usize = 60;
 
 /// What the gauges are told about the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,13 +84,12 @@ enum Task {
 /// Resistance that the model's shape leaves out, of the whole pack, over state of charge.
 struct LeftOut {
     sigma_ohm: f64,
-    length: f64,
-    waves: Vec<(f64, f64, f64)>,
+    shape: Smooth,
 }
 
 impl LeftOut {
     fn ohm(&self, soc: f64) -> f64 {
-        smooth(&self.waves, self.length, soc) * self.sigma_ohm
+        self.shape.at(soc) * self.sigma_ohm
     }
 }
 
@@ -112,17 +110,16 @@ impl World {
         let capacity = 1.0 + believed.uncertainty.capacity_relative_sigma * normal();
         let values: Vec<f64> = true_model.parameters().iter().map(|p| (p.value + p.sigma * normal()).clamp(p.min, p.max)).collect();
         let stored_wh = true_model.battery().stored_wh();
-        let waves: Vec<(f64, f64, f64)> = (0..60).map(|_| (normal(), normal(), normal())).collect();
         let (offset, gain) = ([normal(), normal(), normal()], [normal(), normal(), normal()]);
-        let length = LENGTHS[rng.random_range(0..LENGTHS.len())];
+        let length = believed.uncertainty.ocv_length_soc;
+        let table_error = Smooth::draw(length, &mut rng);
         let left_out = LeftOut {
             sigma_ohm: believed.uncertainty.resistance_relative_sigma * resistance_ohm(believed),
-            length: LENGTHS[rng.random_range(0..LENGTHS.len())],
-            waves: (0..60).map(|_| [(); 3].map(|()| StandardNormal.sample(&mut rng))).map(|[k, a, b]| (k, a, b)).collect(),
+            shape: Smooth::draw(length, &mut rng),
         };
         if let Facts::Battery(facts) = &mut true_model.facts {
             facts.capacity_ah *= capacity;
-            facts.ocv = perturbed(&facts.ocv, believed.uncertainty.ocv_sigma_v, length, &waves);
+            facts.ocv = perturbed(&facts.ocv, believed.uncertainty.ocv_sigma_v, &table_error);
         }
         let soc = rng.random_range(0.35..0.98);
         let truth = Run::with_parameters(Arc::new(true_model), values.clone(), Start::at_soc(soc));
@@ -240,19 +237,29 @@ impl World {
     }
 }
 
-/// A smooth random function of state of charge with a deviation of 1: a sum of waves whose wave
-/// numbers are normal with 1 / length, which is a Gaussian process of that length.
-fn smooth(waves: &[(f64, f64, f64)], length: f64, soc: f64) -> f64 {
-    let share = 1.0 / (waves.len() as f64).sqrt();
-    waves.iter().map(|(k, a, b)| share * (a * (k * soc / length).cos() + b * (k * soc / length).sin())).sum()
+/// A smooth random function of state of charge with a deviation of 1: a sum of waves (wave number,
+/// cosine, sine). Wave numbers drawn from Student's distribution with three degrees of freedom make
+/// it a Gaussian process with the Matern 3/2 covariance that [`energy::Uncertainty`] speaks of.
+struct Smooth(Vec<(f64, f64, f64)>);
+
+impl Smooth {
+    fn draw(length: f64, rng: &mut Pcg64Mcg) -> Self {
+        let student = StudentT::new(3.0).expect("three degrees of freedom");
+        Self((0..WAVES).map(|_| (student.sample(rng) / length, StandardNormal.sample(rng), StandardNormal.sample(rng))).collect())
+    }
+
+    fn at(&self, soc: f64) -> f64 {
+        let share = 1.0 / (self.0.len() as f64).sqrt();
+        self.0.iter().map(|(k, a, b)| share * (a * (k * soc).cos() + b * (k * soc).sin())).sum()
+    }
 }
 
 /// The table with a smooth random error.
-fn perturbed(table: &OcvTable, sigma_v: f64, length: f64, waves: &[(f64, f64, f64)]) -> OcvTable {
+fn perturbed(table: &OcvTable, sigma_v: f64, error: &Smooth) -> OcvTable {
     let (soc, voltage_v) = table.points();
     let mut least_v = 0.0_f64;
     let moved = soc.iter().zip(voltage_v).map(|(&s, &v)| {
-        least_v = least_v.max(v + sigma_v * smooth(waves, length, s));
+        least_v = least_v.max(v + sigma_v * error.at(s));
         least_v
     });
     OcvTable::new(soc.to_vec(), moved.collect()).unwrap()

@@ -86,7 +86,8 @@ impl Evidence {
         let mut segments = Vec::new();
         for (index, log) in logs.iter().enumerate() {
             let asked = model.system == System::Battery && !model.predicts_temperature();
-            let unpredicted = if asked { both_temperatures(log) } else { None };
+            let wanted = log.only.is_empty() || log.only.contains(&Channel::TemperatureDegc);
+            let unpredicted = if asked && wanted { both_temperatures(log) } else { None };
             let known = log.targets.iter().map(|target| (target.channel, target.observed.as_slice(), target.used.as_slice()));
             let all = vec![true; log.time_s.len()];
             for (channel, observed, used) in known.chain(unpredicted.map(|values| (Channel::TemperatureDegc, values, all.as_slice()))) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::{RESISTANCE_LENGTH, SigmaPoint};
-use crate::gauge::prediction::Believed;
+use crate::gauge::prediction::{Believed, CurrentErrors};
 use crate::{Run, Start, forecast};
 
 /// What the gauge believes: the model's pack with the filter's parameters.
@@ -52,5 +52,11 @@ impl Believed for Pack<'_> {
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {
         (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs), 1.0).time_s
+    }
+
+    fn current_errors(&self) -> CurrentErrors {
+        let (gauge, layout) = (self.gauge, &self.gauge.layout);
+        let inputs: Vec<Option<usize>> = self.places().into_iter().map(Some).collect();
+        CurrentErrors::of(&gauge.x, &gauge.p, [layout.current_offset, layout.current_gain], &inputs)
     }
 }

@@ -1,0 +1,40 @@
+//! The configuration and the models that it names.
+
+use std::path::Path;
+
+use super::Finding;
+use crate::config::Config;
+
+pub(super) fn unreadable(path: &Path, error: &anyhow::Error) -> Finding {
+    let advice = if path.exists() {
+        "mend the file; scenarios/live/coordinator.toml explains every key".to_owned()
+    } else {
+        "name it by --config; scenarios/live/coordinator.toml is one to begin with".to_owned()
+    };
+    Finding::fail("configuration", format!("{error:#}"), advice)
+}
+
+pub(super) fn check(config: &Config, path: &Path) -> Vec<Finding> {
+    let mut findings = vec![Finding::ok("configuration", format!("{}, site {}", path.display(), config.site))];
+    findings.push(match config.load(Some(path)) {
+        Ok((settings, models)) => {
+            let packs: usize = models.stations.values().map(|station| station.packs.len()).sum();
+            let found = format!(
+                "{} robots, {} stations, {packs} packs; policy {} at {:.0} %",
+                models.robots.len(),
+                models.stations.len(),
+                settings.policy.name(),
+                100.0 * settings.confidence
+            );
+            match models.stations.is_empty() {
+                true => Finding::fail("models", found, "add a [stations.ID] table: without a station nobody can be serviced"),
+                false => Finding::ok("models", found),
+            }
+        }
+        Err(error) => Finding::fail("models", format!("{error:#}"), "mend the model or its name; `lab effects` tells what models may hold"),
+    });
+    if let Some(Err(why)) = config.web.ladder(Some(path)) {
+        findings.push(Finding::note("discovery", why, "run `lab discover ... --format json` into that file, or leave web.discovery out"));
+    }
+    findings
+}

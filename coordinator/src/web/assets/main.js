@@ -1,0 +1,125 @@
+// From the server's view to the page.
+
+function render(view) {
+  document.title = `${view.title} – Tender`;
+  setText(byId("title"), view.title);
+  setText(byId("headline"), view.headline);
+  setText(byId("clock"), view.clock);
+  renderTiles(view.tiles);
+  renderPlan(view.plan);
+  renderFleet(view.fleet);
+  renderStations(view.stations);
+  renderCapacity(view.capacity);
+  renderHealth(view.health);
+  renderEvents(view.events);
+  render.last = view;
+}
+
+/** Asks the server; what it refuses becomes an error with its reason. */
+async function ask(path, init) {
+  const response = await fetch(path, init);
+  const answer = await response.json().catch(() => ({ error: `${response.status} ${response.statusText}` }));
+  if (!response.ok) throw Object.assign(new Error(answer.error), { status: response.status });
+  return answer;
+}
+
+const robotPath = (robot) => `api/v1/view/robot/${encodeURIComponent(robot)}`;
+const packPath = (station, pack) => `api/v1/view/pack/${encodeURIComponent(station)}/${encodeURIComponent(pack)}`;
+
+/** Follows the coordinator; the browser comes back by itself when the line was cut. */
+function follow() {
+  const live = { stream: null, heard: 0, energy: 0 };
+  const say = (text, tone) => { setText(byId("status-text"), text); setClass(byId("status"), `status ${tone}`); };
+  const open = () => {
+    live.stream?.close();
+    const wanted = new URLSearchParams({ find: byId("find").value, sort: byId("sort").value });
+    live.stream = new EventSource(`api/v1/live?${wanted}`);
+    live.stream.addEventListener("view", (event) => {
+      live.heard = Date.now();
+      say("live", "good");
+      const view = JSON.parse(event.data);
+      render(view);
+      if (live.heard - live.energy > 5000) {
+        live.energy = live.heard;
+        renderEnergy(view.stations, (station, pack) => ask(packPath(station, pack)));
+      }
+    });
+    live.stream.addEventListener("busy", () => say("the coordinator does not answer", "warn"));
+    live.stream.addEventListener("error", () => {
+      say("no connection, trying again", "bad");
+      if (live.stream.readyState === EventSource.CLOSED) setTimeout(open, 2000);
+    });
+  };
+  setInterval(() => live.heard && Date.now() - live.heard > 5000 && say("no news for some seconds", "warn"), 1000);
+  detail.live = true;
+  detail.load = (robot) => ask(robotPath(robot));
+  listenToFleetForm(open);
+  listenToReplan();
+  open();
+}
+
+function listenToFleetForm(changed) {
+  let timer;
+  const soon = () => { clearTimeout(timer); timer = setTimeout(() => changed(byId("find").value, byId("sort").value), 200); };
+  byId("find").addEventListener("input", soon);
+  byId("sort").addEventListener("change", soon);
+  byId("fleet-form").addEventListener("submit", (event) => event.preventDefault());
+}
+
+function listenToReplan() {
+  const keep = { get: () => { try { return sessionStorage.getItem("tender-token"); } catch { return null; } },
+    set: (token) => { try { sessionStorage.setItem("tender-token", token); } catch { /* asked again next time */ } } };
+  const replan = (token) => ask("api/v1/replan", { method: "POST", headers: { Authorization: `Bearer ${token}` } });
+  const dialog = byId("token-dialog");
+  byId("replan").addEventListener("click", async () => {
+    const token = keep.get();
+    if (token && (await replan(token).then(() => true, () => false))) return;
+    setText(byId("token-error"), "");
+    dialog.showModal();
+  });
+  byId("token-form").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    try {
+      await replan(byId("token").value);
+      keep.set(byId("token").value);
+      byId("token").value = "";
+      dialog.close();
+    } catch (error) {
+      setText(byId("token-error"), error.message);
+    }
+  });
+}
+
+/** Colours: as the system says, or as was chosen here. */
+function listenToTheme() {
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const choices = ["auto", "light", "dark"];
+  const names = { auto: ["◐", "as the system"], light: ["☀", "light"], dark: ["☾", "dark"] };
+  const stored = () => { try { return localStorage.getItem("tender-theme"); } catch { return null; } };
+  let choice = choices.includes(stored()) ? stored() : "auto";
+  const show = () => {
+    const root = document.documentElement;
+    root.dataset.shown = choice === "auto" ? (dark.matches ? "dark" : "light") : choice;
+    const [sign, words] = names[choice];
+    setText(byId("theme"), sign);
+    setAttribute(byId("theme"), "aria-label", `Colours: ${words}`);
+    setAttribute(byId("theme"), "title", `Colours: ${words}`);
+    redrawCharts();
+  };
+  byId("theme").addEventListener("click", () => {
+    choice = choices[(choices.indexOf(choice) + 1) % choices.length];
+    try { localStorage.setItem("tender-theme", choice); } catch { /* chosen for this page only */ }
+    show();
+  });
+  dark.addEventListener("change", show);
+  show();
+}
+
+listenToTheme();
+listenToDialogs();
+listenToPlan();
+widths.observe(byId("energy"));
+byId("events-some").addEventListener("change", () => render.last && renderEvents(render.last.events));
+const data = byId("data");
+if (data) showReport(JSON.parse(data.textContent));
+else follow();

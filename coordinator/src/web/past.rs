@@ -1,0 +1,214 @@
+//! What a coordinator has shown so far: how charge went, which services ended, what happened.
+//!
+//! Memory is bounded: when a series is full, every second point of it goes and its period doubles,
+//! until it spans a day; from then on the oldest go.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use proto::{Estimate, Event, EventKind, PackId, RobotId, Schedule, Service, ServiceStatus, StationId, Timestamp};
+use serde::Serialize;
+
+use crate::core::Core;
+
+/// Events that are kept.
+const EVENTS_MAX: usize = 500;
+/// Services that have ended and are kept.
+const SERVICES_MAX: usize = 2_000;
+/// Points of a series.
+const POINTS_MAX: usize = 720;
+/// First period of a series, s.
+const PERIOD_S: f64 = 5.0;
+/// A full series spans at least this, s.
+const SPAN_S: f64 = 86_400.0;
+
+/// A quantity over time: columns of equal length, as charts take them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Series {
+    /// Instants, Unix seconds.
+    pub time_s: VecDeque<f64>,
+    /// Values.
+    pub value: VecDeque<f64>,
+    /// Their standard deviations.
+    pub sigma: VecDeque<f64>,
+}
+
+impl Series {
+    fn push(&mut self, at: Timestamp, estimate: Estimate) {
+        self.time_s.push_back(at.unix_ms() as f64 / 1000.0);
+        self.value.push_back(estimate.value);
+        self.sigma.push_back(estimate.sigma);
+    }
+
+    fn columns(&mut self) -> [&mut VecDeque<f64>; 3] {
+        [&mut self.time_s, &mut self.value, &mut self.sigma]
+    }
+
+    fn thin(&mut self) {
+        for column in self.columns() {
+            let mut keep = false;
+            column.retain(|_| {
+                keep = !keep;
+                keep
+            });
+        }
+    }
+}
+
+/// The past of one coordinator.
+#[derive(Debug, Clone)]
+pub struct Past {
+    /// Events, oldest first.
+    pub events: VecDeque<Event>,
+    /// How many events of each kind there were.
+    pub counts: BTreeMap<EventKind, u64>,
+    /// Services that have ended, with the instant at which they did.
+    pub services: VecDeque<Service>,
+    /// State of charge of each robot, a fraction.
+    pub robots: BTreeMap<RobotId, Series>,
+    /// Energy left in each pack, Wh.
+    pub packs: BTreeMap<(StationId, PackId), Series>,
+    running: BTreeMap<RobotId, Service>,
+    sampled: Option<Timestamp>,
+    period_s: f64,
+    points: usize,
+}
+
+impl Default for Past {
+    fn default() -> Self {
+        Self {
+            events: VecDeque::new(),
+            counts: BTreeMap::new(),
+            services: VecDeque::new(),
+            robots: BTreeMap::new(),
+            packs: BTreeMap::new(),
+            running: BTreeMap::new(),
+            sampled: None,
+            period_s: PERIOD_S,
+            points: 0,
+        }
+    }
+}
+
+impl Past {
+    /// Takes in what happened.
+    pub fn event(&mut self, event: &Event) {
+        *self.counts.entry(event.kind).or_default() += 1;
+        let status = match event.kind {
+            EventKind::ServiceDone => Some(ServiceStatus::Done),
+            EventKind::ServiceFailed => Some(ServiceStatus::Failed),
+            _ => None,
+        };
+        let ended = status.and_then(|status| Some((status, self.running.remove(event.robot.as_ref()?)?)));
+        if let Some((status, service)) = ended {
+            let begun = service.start.min(event.at);
+            push_bounded(&mut self.services, Service { status, start: begun, end: event.at, ..service }, SERVICES_MAX);
+        }
+        push_bounded(&mut self.events, event.clone(), EVENTS_MAX);
+    }
+
+    /// Looks at the core; to be called about once a second of its time.
+    pub fn look(&mut self, now: Timestamp, core: &Core) {
+        self.remember_running(core.schedule());
+        if self.sampled.is_some_and(|sampled| now.seconds_since(sampled) < self.period_s) {
+            return;
+        }
+        self.sampled = Some(now);
+        for (id, robot) in &core.fleet().robots {
+            if let Some((gauge, _)) = robot.known() {
+                self.robots.entry(id.clone()).or_default().push(now, gauge.soc);
+            }
+        }
+        for (id, station) in core.fleet().stations.iter().filter(|(_, station)| !station.lost) {
+            for (pack, gauge) in &station.packs {
+                self.packs.entry((id.clone(), pack.clone())).or_default().push(now, gauge.remaining_wh);
+            }
+        }
+        self.points += 1;
+        if self.points < POINTS_MAX {
+            return;
+        }
+        let whole = self.period_s * POINTS_MAX as f64 >= SPAN_S;
+        for series in self.robots.values_mut().chain(self.packs.values_mut()) {
+            if whole {
+                series.columns().into_iter().for_each(|column| {
+                    column.pop_front();
+                });
+            } else {
+                series.thin();
+            }
+        }
+        if whole {
+            self.points -= 1;
+        } else {
+            self.points = POINTS_MAX / 2;
+            self.period_s *= 2.0;
+        }
+    }
+
+    fn remember_running(&mut self, schedule: &Schedule) {
+        for service in schedule.services.iter().filter(|service| service.status != ServiceStatus::Planned) {
+            if self.running.get(&service.robot) != Some(service) {
+                self.running.insert(service.robot.clone(), service.clone());
+            }
+        }
+    }
+}
+
+fn push_bounded<T>(queue: &mut VecDeque<T>, item: T, most: usize) {
+    if queue.len() == most {
+        queue.pop_front();
+    }
+    queue.push_back(item);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_service_becomes_past_when_it_is_done_whatever_else_its_robot_did_before() {
+        let at = Timestamp::from_unix_ms;
+        let robot: RobotId = "r".parse().unwrap();
+        let service = Service {
+            robot: robot.clone(),
+            station: "s".parse().unwrap(),
+            mode: proto::Mode::Recharge { to_soc: 1.0 },
+            bay: None,
+            packs: Vec::new(),
+            leave: at(0),
+            start: at(10),
+            end: at(90),
+            pack_energy_wh: Estimate::new(20.0, 1.0),
+            status: ServiceStatus::Charging,
+            why: Vec::new(),
+        };
+        let mut past = Past::default();
+        past.running.insert(robot.clone(), service.clone());
+        let event =
+            |kind, ms| Event { at: at(ms), seq: 1, kind, robot: Some(robot.clone()), station: None, pack: None, text: String::new() };
+        past.event(&event(EventKind::PhaseChanged, 70));
+        past.event(&event(EventKind::ServiceDone, 80));
+        past.event(&event(EventKind::ServiceDone, 85));
+        assert_eq!(past.services, [Service { status: ServiceStatus::Done, end: at(80), ..service }]);
+        assert_eq!(past.counts[&EventKind::ServiceDone], 2);
+    }
+
+    #[test]
+    fn a_full_series_keeps_every_second_point_from_its_first_to_its_last() {
+        let mut series = Series::default();
+        for point in 0..9 {
+            series.push(Timestamp::from_unix_ms(point * 1000), Estimate::new(point as f64, 0.5));
+        }
+        series.thin();
+        assert_eq!(series.time_s, [0.0, 2.0, 4.0, 6.0, 8.0]);
+        assert_eq!(series.value, [0.0, 2.0, 4.0, 6.0, 8.0]);
+        assert_eq!(series.sigma.len(), 5);
+    }
+
+    #[test]
+    fn what_is_oldest_makes_room() {
+        let mut queue = VecDeque::new();
+        (0..5).for_each(|item| push_bounded(&mut queue, item, 3));
+        assert_eq!(queue, [2, 3, 4]);
+    }
+}

@@ -1,0 +1,110 @@
+//! What an operator uses: settings, doctor, manual pages, units, metrics.
+
+use std::process::{Command, Output};
+
+use tests::{program, workspace};
+
+fn run(name: &'static str, arguments: &[&str]) -> Output {
+    program(name).args(arguments).current_dir(workspace()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+const LIVE: &str = "scenarios/live/coordinator.toml";
+
+#[test]
+fn a_flag_comes_before_the_environment_and_that_before_the_file() {
+    // What is refused tells which value was read.
+    let doctor = |environment: Option<&str>, flag: Option<&str>| {
+        let mut command = program("coordinator");
+        command.args(["doctor", "--config", LIVE]).current_dir(workspace());
+        if let Some(value) = environment {
+            command.env("TENDER_SET_POLICY__CONFIDENCE", value);
+        }
+        if let Some(value) = flag {
+            command.args(["--set", &format!("policy.confidence={value}")]);
+        }
+        text(&command.output().unwrap().stdout)
+    };
+    assert!(doctor(None, None).contains("at 95 %"), "{}", doctor(None, None));
+    assert!(doctor(Some("0.9"), None).contains("at 90 %"));
+    assert!(doctor(Some("0.9"), Some("0.8")).contains("at 80 %"));
+    assert!(doctor(None, Some("2")).contains("policy.confidence = 2"));
+}
+
+#[test]
+fn doctor_says_what_is_wrong_and_what_to_do() {
+    let missing = run("coordinator", &["doctor", "--config", "nowhere.toml", "--format", "json"]);
+    assert_eq!(missing.status.code(), Some(1));
+    let findings: serde_json::Value = serde_json::from_slice(&missing.stdout).unwrap();
+    assert_eq!(findings[0]["verdict"], "fail");
+    assert!(findings[0]["advice"].as_str().unwrap().contains("scenarios/live/coordinator.toml"));
+
+    // Somebody else has both ports.
+    let taken = ["127.0.0.1:0"; 2].map(|any| std::net::TcpListener::bind(any).unwrap());
+    let [wire, web] = taken.each_ref().map(|listener| listener.local_addr().unwrap().port());
+    let (listen, port) = (format!("network.listen=[\"tcp/127.0.0.1:{wire}\"]"), format!("web.port={web}"));
+    let found = run("coordinator", &["doctor", "--config", LIVE, "--set", &listen, "--set", &port]);
+    let said = text(&found.stdout);
+    assert_eq!(found.status.code(), Some(1), "{said}");
+    assert!(said.contains("✗ listen: another program has this address"), "{said}");
+    assert!(said.contains("✗ dashboard: set web.port"), "{said}");
+}
+
+#[test]
+fn every_program_has_completions_and_manual_pages() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().to_string_lossy().into_owned();
+    for name in ["coordinator", "robot-agent", "station-agent"] {
+        for shell in ["bash", "zsh", "fish"] {
+            let script = run(name, &["completions", shell]);
+            assert!(script.status.success() && text(&script.stdout).contains(name), "{name} {shell}");
+        }
+        assert!(run(name, &["man", &dir]).status.success());
+        let page = std::fs::read_to_string(folder.path().join(format!("{name}.1"))).unwrap();
+        assert!(page.contains(".TH ") && page.contains("NAME"), "{name}");
+    }
+    let bash = run("coordinator", &["completions", "bash"]);
+    let script = folder.path().join("coordinator.bash");
+    std::fs::write(&script, &bash.stdout).unwrap();
+    let checked = Command::new("bash").arg("-n").arg(&script).status().unwrap();
+    assert!(checked.success(), "bash does not read the completions");
+}
+
+#[test]
+fn json_logs_are_one_object_a_line() {
+    let missing = run("coordinator", &["--log-format", "yaml", "doctor"]);
+    assert_eq!(missing.status.code(), Some(2));
+    assert!(text(&missing.stderr).contains("must be text or json"));
+    let folder = tempfile::tempdir().unwrap();
+    let store = folder.path().join("tender.db");
+    let mut command = program("coordinator");
+    command.args(["--log-format", "json", "run", "--config", LIVE, "--listen", "tcp/127.0.0.1:0", "--web-port", "0", "--store"]).arg(store);
+    let mut child = command.current_dir(workspace()).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
+    // It says where its dashboard is, last of what it says at the start.
+    let dashboard = lines.by_ref().map(|line| serde_json::from_str::<serde_json::Value>(&line.unwrap()).unwrap()).find_map(|line| {
+        let message = line["message"].as_str()?.to_owned();
+        assert!(line["timestamp"].is_string() && line["level"].is_string(), "{line}");
+        message.strip_prefix("dashboard at ").map(str::to_owned)
+    });
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(dashboard.is_some_and(|address| address.starts_with("http://127.0.0.1:")));
+}
+
+/// systemd reads the units; that the programs are not installed here is all it may say.
+#[test]
+fn the_units_are_units() {
+    let units: Vec<_> = std::fs::read_dir(workspace().join("packaging/systemd")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(units.len(), 3);
+    let Ok(verified) = Command::new("systemd-analyze").args(["verify", "--man=no"]).args(&units).output() else {
+        eprintln!("skipped: systemd-analyze is not installed");
+        return;
+    };
+    let said = text(&verified.stderr);
+    let wrong: Vec<&str> = said.lines().filter(|line| line.contains("tender") && !line.contains("is not executable")).collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
