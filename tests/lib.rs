@@ -159,7 +159,7 @@ impl Fleet {
     /// How a program of the test's own reaches the fleet.
     #[must_use]
     pub fn network(&self) -> NetworkConfig {
-        NetworkConfig { connect: self.deployment.coordinator.network.listen.clone(), listen: Vec::new(), lease_s: 10.0 }
+        NetworkConfig { connect: self.deployment.coordinator.network.listen.clone(), ..NetworkConfig::agent() }
     }
 
     /// Runs `coordinator schedule ...` and waits for it.

@@ -6,9 +6,11 @@ macro_rules! say {
     ($($line:tt)*) => { $crate::cmd::say_text(&(format!($($line)*) + "\n")) };
 }
 
+pub mod certs;
 pub mod demo;
 pub mod doctor;
 pub mod plan;
+pub mod replay;
 pub mod run;
 pub mod schedule;
 mod serve;

@@ -176,7 +176,8 @@ impl Config {
     /// Names file, line, key and the allowed range.
     pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let (name, text) = (path.display().to_string(), node::settings::settled(&read_text(path)?, sets)?);
-        let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        let mut config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        config.network.beside(path);
         ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
         config.network.check().with_context(|| name.clone())?;
         config.web.check().with_context(|| name.clone())?;
@@ -200,7 +201,7 @@ impl Config {
             );
             Ok(model)
         };
-        let mut models = Models { store: self.store.display().to_string(), ..Models::default() };
+        let mut models = Models { store: crate::store::shown(&self.store).display().to_string(), ..Models::default() };
         for (robot, reference) in &self.robots {
             models.robots.insert(robot.clone(), of(System::Battery, reference, format!("robots.{robot}"))?);
         }

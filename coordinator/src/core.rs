@@ -7,11 +7,13 @@
 //!
 //! One input, then poll until nothing is left. The same inputs give the same outputs.
 //! `hear.rs` takes in what is said, `serve.rs` carries services on, `ask.rs` sends commands and
-//! waits for their answers; planning is here.
+//! waits for their answers, `strays.rs` finds robots that are somewhere without a service; planning is
+//! here.
 
 mod ask;
 mod hear;
 mod serve;
+mod strays;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -103,7 +105,11 @@ pub struct Core {
     plan: Plan,
     schedule: Schedule,
     promised: BTreeSet<RobotId>,
+    /// Robots that are somewhere without a service, since when.
+    strays: BTreeMap<RobotId, Timestamp>,
     started: Option<Timestamp>,
+    /// The last instant that it was given.
+    last: Option<Timestamp>,
     planned: Option<Timestamp>,
     /// Why a new plan is due, if it is.
     trigger: Option<String>,
@@ -138,7 +144,9 @@ impl Core {
             plan: Plan::default(),
             schedule,
             promised: BTreeSet::new(),
+            strays: BTreeMap::new(),
             started: None,
+            last: None,
             planned: None,
             trigger: None,
             refused: BTreeSet::new(),
@@ -150,6 +158,9 @@ impl Core {
     /// Takes in one input.
     pub fn handle(&mut self, now: Timestamp, input: Input) {
         self.started.get_or_insert(now);
+        if let Some(last) = self.last.replace(now).filter(|last| now < *last) {
+            self.set_back(last.unix_ms() - now.unix_ms());
+        }
         match input {
             Input::RobotGauge(id, gauge) => self.robot_gauge(now, id, gauge),
             Input::RobotState(id, state) => self.robot_state(now, id, state),
@@ -164,6 +175,7 @@ impl Core {
         }
         self.resend(now);
         self.carry_on(now);
+        self.find_strays(now);
         if self.plan_due(now) {
             self.make_plan(now);
         }
@@ -268,6 +280,19 @@ impl Core {
         let known: Vec<RobotId> = self.fleet.robots.keys().cloned().collect();
         let explanations = known.iter().filter_map(|robot| self.explain(now, robot).ok()).collect();
         self.record(Record::Explanations(explanations));
+    }
+
+    /// The clock was set back: what is counted from an instant is counted from as much earlier, or
+    /// nothing would be due until that time came again.
+    fn set_back(&mut self, by_ms: i64) {
+        let earlier = |at: &mut Timestamp| *at = at.plus_ms(-by_ms);
+        self.started.iter_mut().chain(&mut self.planned).for_each(earlier);
+        self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
+        for run in self.running.values_mut() {
+            [&mut run.left, &mut run.start, &mut run.end].into_iter().for_each(earlier);
+        }
+        // The deadline in a command stays as it was sent; that of waiting for its answer moves.
+        self.asked.values_mut().for_each(|asked| asked.set_back(by_ms));
     }
 
     fn refresh_schedule(&mut self, now: Timestamp) {

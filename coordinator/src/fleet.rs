@@ -71,9 +71,31 @@ pub struct Fleet {
     pub stations: BTreeMap<StationId, Station>,
 }
 
-/// Whether a message from `at` is newer than what is known. Messages may come twice or in the
-/// wrong order, and a sender's counter restarts with it, so its clock decides.
+/// By how much messages of one sender can overtake each other on the network, s.
+const OVERTAKE_S: f64 = 10.0;
+
+/// Whether a message (its instant and number) is newer than the one that is known. Messages may come
+/// twice or in the wrong order, and a sender's counter restarts with it, so its clock decides; but a
+/// sender whose clock was set back is not deaf to the coordinator until that time comes again: its
+/// counter tells.
 #[must_use]
-pub fn newer(at: Timestamp, known: Option<Timestamp>) -> bool {
-    known.is_none_or(|known| at > known)
+pub fn newer((at, seq): (Timestamp, u64), known: Option<(Timestamp, u64)>) -> bool {
+    known.is_none_or(|(known_at, known_seq)| at > known_at || (seq > known_seq && known_at.seconds_since(at) > OVERTAKE_S))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_newest_word_counts_whatever_the_order_and_whatever_the_clock_does() {
+        let at = |s: i64| Timestamp::from_unix_ms(s * 1000);
+        assert!(newer((at(1), 1), None));
+        assert!(newer((at(2), 2), Some((at(1), 1))));
+        assert!(!newer((at(1), 1), Some((at(1), 1))), "a copy");
+        assert!(!newer((at(1), 1), Some((at(2), 2))), "overtaken");
+        assert!(newer((at(3), 1), Some((at(2), 700))), "restarted");
+        assert!(newer((at(100), 8), Some((at(3_700), 7))), "set back by an hour");
+        assert!(!newer((at(100), 6), Some((at(3_700), 7))), "a copy from before the clock was set forward");
+    }
 }

@@ -8,8 +8,10 @@
 //!             view.rs         beliefs and models as one planning problem
 //!             scheduler/      problem -> plan, capacity
 //!             service_run.rs  a service that has begun, and the commands that carry it on
+//!             outbox.rs       records before commands; replay.rs the journal told to a core again
 //!             answers.rs      schedule, capacity, explanations for the wire
 //!   files   config.rs       the live coordinator's configuration
+//!           certs.rs        a site's certificates
 //!           scenario/       scenario file -> configurations of coordinator, agents and worlds
 //!   shells  service.rs      the core on tokio and Zenoh
 //!           store/          what happened, in SQLite
@@ -19,12 +21,15 @@
 //! ```
 
 pub mod answers;
+pub mod certs;
 pub mod cmd;
 pub mod config;
 pub mod core;
 pub mod fleet;
 pub mod forecast;
 pub mod models;
+pub mod outbox;
+pub mod replay;
 pub mod scenario;
 pub mod scheduler;
 pub mod service;

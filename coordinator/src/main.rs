@@ -31,6 +31,10 @@ enum Command {
     Schedule(cmd::schedule::Args),
     /// Plans an instance of the docking problem and proves how good the plan is.
     Plan(cmd::plan::Args),
+    /// Tells a core again what a store's coordinators were told: does it decide the same?
+    Replay(cmd::replay::Args),
+    /// Makes the certificates by which a site's processes know each other.
+    Certs(cmd::certs::Args),
     /// Checks what a coordinator needs here, and says what to do.
     Doctor(cmd::doctor::Args),
     /// Starts a whole demonstration fleet on this machine.
@@ -65,6 +69,8 @@ fn execute(command: Command) -> anyhow::Result<ExitCode> {
         Command::Run(args) => live()?.block_on(cmd::run::execute(&args)),
         Command::Schedule(args) => live()?.block_on(cmd::schedule::execute(&args)),
         Command::Plan(args) => cmd::plan::execute(&args),
+        Command::Replay(args) => live()?.block_on(cmd::replay::execute(&args)),
+        Command::Certs(args) => cmd::certs::execute(&args),
         Command::Doctor(args) => live()?.block_on(cmd::doctor::execute(&args)),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "coordinator", &mut std::io::stdout());

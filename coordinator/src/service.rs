@@ -8,10 +8,13 @@
 //! What a command rests on is in the store before the command leaves. When the store cannot be
 //! written, the fleet is served on: events and commands wait in memory, old telemetry is dropped.
 
+mod lead;
+
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, ensure};
+use node::access::Members;
 use node::session::{Answer, decoded};
 use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
@@ -20,15 +23,16 @@ use tracing::{error, info, warn};
 use zenoh::query::Query;
 use zenoh::sample::{Sample, SampleKind};
 
+use lead::monotonic;
+
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
-use crate::store::{Record, Store};
-use crate::web::{self, Asked, Books, Desk, Past, WebConfig};
+use crate::outbox::Outbox;
+use crate::store::{Record, Store, StoreError, shown};
+use crate::web::{self, Asked, Books, Desk, Past, Question, REPLAN_WHY, WebConfig};
 
 /// Telemetry that waits for the core; beyond this the newest is dropped, and said so.
 const TELEMETRY_QUEUE: usize = 65_536;
-/// Records that wait while the store cannot be written; beyond this telemetry is dropped.
-const RECORDS_MAX: usize = 100_000;
 /// Longest real time between two writes of telemetry.
 const FLUSH: Duration = Duration::from_millis(500);
 /// Shortest real time that an answer to a command is waited for.
@@ -40,8 +44,12 @@ struct Service {
     clock: Clock,
     core: Core,
     store: Store,
-    records: Vec<Record>,
+    outbox: Outbox,
     store_failed: bool,
+    /// Until when it leads for sure; none where nobody can replace it.
+    leads_until: Option<Instant>,
+    /// Another leads.
+    replaced: bool,
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
     past: Past,
@@ -54,11 +62,22 @@ struct Service {
 pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output = ()>) -> anyhow::Result<()> {
     let (settings, models) = config.load(path)?;
     let place = store_path(config, path);
-    let store = Store::open(&place).await?;
+    let mut stop = std::pin::pin!(stop);
+    let store = tokio::select! {
+        store = Store::open_for(&place, config.site.as_ref()) => store?,
+        () = &mut stop => return Ok(()),
+    };
     let numbering = Numbering { epoch: store.epoch(), event: store.next_event_seq().await?, plan: store.next_plan().await? };
-    let link = Link::open(&config.network, config.site.clone()).await?;
+    let mut network = config.network.clone();
+    network.members = Some(Members {
+        robots: config.robots.keys().cloned().collect(),
+        stations: config.stations.keys().cloned().collect(),
+        viewers: Vec::new(),
+    });
+    let link = Link::open(&network, config.site.clone()).await?;
+    // On a server the lease says who leads; the one before may not be missed on the network yet.
     ensure!(
-        !link.alive(&Key::CoordinatorAlive).await,
+        store.lease().is_some() || !link.alive(&Key::CoordinatorAlive).await,
         "another coordinator serves site {} already: two would command the same robots; stop it, or give this one another site",
         link.site
     );
@@ -71,29 +90,44 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     let _queryables = answer(&link, &questions_in).await?;
     let (listen, connect) = (&config.network.listen, &config.network.connect);
     let meets = if listen.is_empty() { format!("through {}", connect.join(", ")) } else { format!("listening on {}", listen.join(", ")) };
-    info!("coordinator of site {} is up: store {}, {meets}", link.site, place.display());
+    info!("coordinator of site {} is up: store {}, {meets}", link.site, shown(&place).display());
 
     let clock = Clock::new(config.clock);
     let core = Core::new(settings, models, numbering);
     let patience_s = settings.deadline_s;
-    let past = Past::default();
-    let mut service =
-        Service { link, clock, core, store, records: Vec::new(), store_failed: false, answers: news_in.clone(), patience_s, past };
+    let leads_until = store.lease().map(|lease| monotonic() + lease);
+    let mut service = Service {
+        link,
+        clock,
+        core,
+        outbox: Outbox::new(numbering.epoch),
+        store,
+        store_failed: false,
+        leads_until,
+        replaced: false,
+        answers: news_in.clone(),
+        patience_s,
+        past: Past::default(),
+    };
     let (desk, mut asked) = web::desk();
     let _web = open_web(&config.web, desk).await?;
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
-    let mut stop = std::pin::pin!(stop);
+    let mut renewals = tokio::time::interval(service.store.renewal().unwrap_or(FLUSH));
     loop {
         tokio::select! {
             Some(input) = news.recv() => service.take(input).await,
             Some(input) = telemetry.recv() => service.take(input).await,
             _ = ticks.tick() => service.take(Input::Tick).await,
             _ = flushes.tick() => service.flush().await,
+            _ = renewals.tick() => service.renew().await,
             Some(query) = questions.recv() => service.tell(&query).await,
             Some(asked) = asked.recv() => service.show(asked, config, path).await,
             () = &mut stop => break,
+        }
+        if service.deposed() {
+            return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
     }
     service.flush().await;
@@ -105,6 +139,9 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
 /// Where the store is: beside the configuration unless it says an absolute path.
 #[must_use]
 pub fn store_path(config: &Config, path: Option<&Path>) -> std::path::PathBuf {
+    if config.store.to_str().is_some_and(|text| text.contains("://")) {
+        return config.store.clone();
+    }
     path.and_then(Path::parent).map_or_else(|| config.store.clone(), |folder| folder.join(&config.store))
 }
 
@@ -203,45 +240,46 @@ impl Service {
         if input == Input::Tick {
             self.past.look(now, &self.core);
         }
-        self.core.handle(now, input);
-        self.drain().await;
+        let before = self.outbox.records().len();
+        self.outbox.handle(&mut self.core, now, input);
+        self.follow(before).await;
     }
 
     /// Answers the dashboard.
     async fn show(&mut self, asked: Asked, config: &Config, path: Option<&Path>) {
+        let now = self.clock.now();
+        let replans = matches!(asked.question, Question::Replan);
         let books = Books { site: &self.link.site, title: "", past: &self.past, ladder: config.web.ladder(path) };
-        asked.answer(self.clock.now(), &mut self.core, books);
-        self.drain().await;
+        asked.answer(now, &mut self.core, books);
+        if replans {
+            let before = self.outbox.records().len();
+            self.outbox.came(&mut self.core, now, Input::Replan(REPLAN_WHY.to_owned()));
+            self.follow(before).await;
+        }
     }
 
-    /// Does what the core wants done.
-    async fn drain(&mut self) {
-        let mut commands = Vec::new();
-        while let Some(output) = self.core.poll() {
-            match output {
-                Output::Record(Record::Event(event)) => {
+    /// Does what the core wants done: what came since the record at `before`, and the commands.
+    async fn follow(&mut self, before: usize) {
+        for record in &self.outbox.records()[before..] {
+            match record {
+                Record::Event(event) => {
                     info!("{}: {}", event.kind, event.text);
-                    self.past.event(&event);
-                    self.records.push(Record::Event(event));
+                    self.past.event(event);
                 }
                 // Whoever follows the schedule hears of each new plan without asking.
-                Output::Record(Record::Plan(schedule)) => {
-                    self.tell_all(&Key::Schedule, &schedule).await;
-                    self.records.push(Record::Plan(schedule));
-                }
-                Output::Record(Record::Capacity(capacity)) => {
-                    self.tell_all(&Key::Capacity, &capacity).await;
-                    self.records.push(Record::Capacity(capacity));
-                }
-                Output::Record(record) => self.records.push(record),
-                command => commands.push(command),
+                Record::Plan(schedule) => self.tell_all(&Key::Schedule, schedule).await,
+                Record::Capacity(capacity) => self.tell_all(&Key::Capacity, capacity).await,
+                _ => {}
             }
         }
-        if commands.is_empty() {
+        if !self.outbox.urgent() {
             return;
         }
         self.flush().await;
-        for command in commands {
+        if self.deposed() {
+            return;
+        }
+        for command in self.outbox.take_commands() {
             match command {
                 Output::ToRobot(robot, command) => self.send(Key::RobotCommand(robot), command),
                 Output::ToStation(station, command) => self.send(Key::StationCommand(station), command),
@@ -272,16 +310,17 @@ impl Service {
     /// Writes what waits. A record that the store will never take is dropped, and said so; when
     /// the disk is full all wait, and old telemetry makes room.
     async fn flush(&mut self) {
-        if self.records.is_empty() {
+        if self.outbox.records().is_empty() {
             return;
         }
-        match self.store.append(&self.records).await {
+        match self.store.append(self.outbox.records()).await {
             Ok(()) => {
-                self.records.clear();
+                self.outbox.written();
                 if std::mem::take(&mut self.store_failed) {
                     info!("the store can be written again");
                 }
             }
+            Err(StoreError::Deposed { .. }) => self.replaced = true,
             Err(failure) => {
                 if !std::mem::replace(&mut self.store_failed, true) {
                     error!("{failure}; the fleet is served on, events wait in memory");
@@ -289,8 +328,7 @@ impl Service {
                 if !failure.may_pass() {
                     self.append_singly().await;
                 }
-                if self.records.len() > RECORDS_MAX {
-                    self.records.retain(|record| !is_telemetry(record));
+                if self.outbox.failed() {
                     warn!("telemetry was dropped: the store cannot be written");
                 }
             }
@@ -299,10 +337,10 @@ impl Service {
 
     /// One bad record must not hold back the others.
     async fn append_singly(&mut self) {
-        for record in std::mem::take(&mut self.records) {
+        for record in self.outbox.take_records() {
             if let Err(failure) = self.store.append(std::slice::from_ref(&record)).await {
                 if failure.may_pass() {
-                    self.records.push(record);
+                    self.outbox.wait(record);
                 } else {
                     error!("a record was dropped: {failure}");
                 }
@@ -327,10 +365,6 @@ impl Service {
             warn!("an answer was not sent: {failure}");
         }
     }
-}
-
-fn is_telemetry(record: &Record) -> bool {
-    matches!(record, Record::RobotGauge { .. } | Record::PackGauge { .. } | Record::RobotState { .. } | Record::StationState { .. })
 }
 
 /// Asks a running coordinator.

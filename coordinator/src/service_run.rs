@@ -138,6 +138,8 @@ impl ServiceRun {
                     _ => Step::Wait,
                 }
             }
+            // Restarted without a memory, or moved by hand.
+            (How::Recharge { .. }, Stage::Charging, RobotPhase::Working) => Step::Fail("the robot has left its bay".to_owned()),
             (How::Swap { spare }, Stage::Waiting, RobotPhase::Waiting) if place.swapping.is_none() => {
                 let action = RobotAction::SwapPack { station: self.station.clone(), spare: spare.clone() };
                 Step::AskRobot(action, Stage::Handing)

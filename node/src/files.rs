@@ -20,6 +20,17 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
     std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
+/// Whether a file with a secret can be read by its owner alone.
+///
+/// # Errors
+/// When others can read it, with what to do.
+pub fn only_its_owners(path: &Path) -> anyhow::Result<()> {
+    use std::os::unix::fs::PermissionsExt as _;
+    let mode = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.permissions().mode() & 0o777;
+    anyhow::ensure!(mode & 0o077 == 0, "{} can be read by others (mode {mode:03o}): chmod 600 {}", path.display(), path.display());
+    Ok(())
+}
+
 /// Loads a model by built-in name, or by path relative to `beside` (the file that names it).
 ///
 /// # Errors

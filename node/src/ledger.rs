@@ -3,15 +3,26 @@
 use std::collections::BTreeMap;
 
 use proto::{Command, CommandId, CommandReply, Outcome, Rejection, Timestamp};
+use serde::{Deserialize, Serialize};
 
-/// How many answers are remembered. Ids older than that are long past their deadline.
+/// How many answers are remembered: more than a coordinator can give within a deadline.
 const REMEMBERED_MAX: usize = 1024;
+/// How long an answer is remembered after its command's deadline, s: beyond it, a late copy is
+/// refused as expired, which changes nothing either.
+const REMEMBERED_S: f64 = 60.0;
 
-/// Remembers answers by command id, and the newest epoch of a coordinator.
-#[derive(Debug, Clone, Default)]
+/// An answer, and until when the command may come again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Answer {
+    reply: CommandReply,
+    deadline: Timestamp,
+}
+
+/// Remembers answers by command id, and the newest epoch of a coordinator. An agent keeps it where a
+/// restart does not reach: else a command whose answer was lost would act again.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
-    answers: BTreeMap<CommandId, CommandReply>,
-    order: std::collections::VecDeque<CommandId>,
+    answers: BTreeMap<CommandId, Answer>,
     epoch: u64,
 }
 
@@ -20,7 +31,7 @@ impl Ledger {
     /// from a coordinator that was replaced, else with what `act` says.
     pub fn answer<A>(&mut self, now: Timestamp, command: &Command<A>, act: impl FnOnce(&A) -> Outcome) -> CommandReply {
         if let Some(known) = self.answers.get(&command.id) {
-            return known.clone();
+            return known.reply.clone();
         }
         let outcome = if command.epoch < self.epoch {
             refused(Rejection::StaleEpoch, format!("epoch {} is over; the coordinator is at {}", command.epoch, self.epoch))
@@ -31,14 +42,24 @@ impl Ledger {
             act(&command.action)
         };
         let reply = CommandReply { id: command.id.clone(), at: now, outcome };
-        self.answers.insert(command.id.clone(), reply.clone());
-        self.order.push_back(command.id.clone());
-        if self.order.len() > REMEMBERED_MAX
-            && let Some(oldest) = self.order.pop_front()
-        {
-            self.answers.remove(&oldest);
-        }
+        self.forget(now);
+        self.answers.insert(command.id.clone(), Answer { reply: reply.clone(), deadline: command.deadline });
         reply
+    }
+
+    /// The newest epoch obeyed.
+    #[must_use]
+    pub fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// Forgets what cannot come again, and under a flood the earliest deadline.
+    fn forget(&mut self, now: Timestamp) {
+        self.answers.retain(|_, answer| now.seconds_since(answer.deadline) <= REMEMBERED_S);
+        while self.answers.len() >= REMEMBERED_MAX {
+            let earliest = self.answers.iter().min_by_key(|(_, answer)| answer.deadline).map(|(id, _)| id.clone());
+            earliest.map(|id| self.answers.remove(&id));
+        }
     }
 }
 
@@ -78,5 +99,26 @@ mod tests {
         assert!(matches!(stale.outcome, Outcome::Rejected { reason: Rejection::StaleEpoch, .. }));
         let late = ledger.answer(now.plus_s(60.0), &command("c-3", 5), |_| unreachable!());
         assert!(matches!(late.outcome, Outcome::Rejected { reason: Rejection::Expired, .. }));
+    }
+
+    #[test]
+    fn what_is_written_down_and_read_again_answers_the_same() {
+        let mut ledger = Ledger::default();
+        let now = Timestamp::from_unix_ms(2_000);
+        let first = ledger.answer(now, &command("c-1", 5), |_| Outcome::Accepted);
+        let written = serde_json::to_string(&ledger).unwrap();
+        let mut read: Ledger = serde_json::from_str(&written).unwrap();
+        assert_eq!(read.answer(now, &command("c-1", 5), |_| unreachable!("acted twice")), first);
+        let stale = read.answer(now, &command("c-2", 4), |_| unreachable!("an old epoch"));
+        assert!(matches!(stale.outcome, Outcome::Rejected { reason: Rejection::StaleEpoch, .. }));
+    }
+
+    #[test]
+    fn a_flood_of_commands_does_not_fill_the_memory() {
+        let (mut ledger, now) = (Ledger::default(), Timestamp::from_unix_ms(2_000));
+        for number in 0..10_000 {
+            ledger.answer(now, &command(&format!("c-{number}"), 1), |_| Outcome::Accepted);
+        }
+        assert!(ledger.answers.len() <= REMEMBERED_MAX);
     }
 }

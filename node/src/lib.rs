@@ -3,23 +3,26 @@
 //! ```text
 //!   pure    ledger.rs   which commands were answered, and how
 //!           body.rs     a simulated pack behind a simulated gauge IC
-//!           publish.rs  how often an agent speaks
+//!           publish.rs  how often an agent speaks; silence.rs how long no coordinator was heard
 //!           selector.rs when a station changes packs, and what happens meanwhile
 //!           mission.rs  what a robot or vehicle does, leg by leg; vehicle.rs a station that drives
 //!           depot.rs    when a simulated station's packs are exchanged elsewhere
 //!           charging.rs what a station can charge, and with how much
 //!           wire.rs     estimates and readings on the wire
 //!   shell   clock.rs    real or accelerated time
-//!           session.rs  a Zenoh session from a [network] table; publish, serve, watch
+//!           network.rs  the [network] table; access.rs who may say what
+//!           session.rs  a Zenoh session: publish, ask, serve, watch
 //!           files.rs    texts and models from disk
 //!           settings.rs keys from flags and environment over those of the file
 //!           log.rs      what this program says of itself, on stderr
 //!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent
+//!           memory.rs   what a restarted agent must not have forgotten
 //!           stop.rs     when to end
 //! ```
 //!
 //! Robot agent, station agent and coordinator use it; nothing here knows which of them it serves.
 
+pub mod access;
 mod age;
 pub mod body;
 mod charging;
@@ -29,11 +32,14 @@ pub mod files;
 pub mod ledger;
 mod live_log;
 pub mod log;
+mod memory;
 pub mod mission;
+mod network;
 mod publish;
 mod selector;
 pub mod session;
 pub mod settings;
+mod silence;
 mod stop;
 mod telemetry;
 mod vehicle;
@@ -45,9 +51,12 @@ pub use clock::{Clock, ClockConfig};
 pub use depot::Depot;
 pub use ledger::{Ledger, refused};
 pub use live_log::LiveLog;
+pub use memory::MemoryFile;
+pub use network::{NetworkConfig, Tls};
 pub use publish::{Due, Publish};
 pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY};
-pub use session::{Link, NetworkConfig};
+pub use session::Link;
+pub use silence::Silence;
 pub use stop::told_to_stop;
 pub use telemetry::{LOAD_INPUTS, STATION_INPUTS, Telemetry, load_columns};
 pub use vehicle::Vehicle;

@@ -32,21 +32,23 @@ impl Publish {
     }
 }
 
-/// When something periodic is due next.
+/// When something periodic is due next, and its period, s.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Due(Option<Timestamp>);
+pub struct Due(Option<(Timestamp, f64)>);
 
 impl Due {
-    /// Whether it is due; what was never done is due at once.
+    /// Whether it is due; what was never done is due at once, and so is what lies further ahead than
+    /// a period: then the clock was set back, and an agent must not fall silent for that.
     #[must_use]
     pub fn is(&self, now: Timestamp) -> bool {
-        self.0.is_none_or(|due| now >= due)
+        self.0.is_none_or(|(due, period_s)| now >= due || due.seconds_since(now) > period_s)
     }
 
     /// It was done: due again on the period's grid, or a period from now when that was missed.
     pub fn done(&mut self, now: Timestamp, period_s: f64) {
-        let planned = self.0.unwrap_or(now).plus_s(period_s);
-        self.0 = Some(if planned > now { planned } else { now.plus_s(period_s) });
+        let planned = self.0.map_or(now, |(due, _)| due).plus_s(period_s);
+        let on_grid = planned > now && planned.seconds_since(now) <= period_s;
+        self.0 = Some((if on_grid { planned } else { now.plus_s(period_s) }, period_s));
     }
 }
 
@@ -62,8 +64,18 @@ mod tests {
         due.done(at(0), 1.0);
         assert!(!due.is(at(999)) && due.is(at(1_000)));
         due.done(at(1_200), 1.0);
-        assert!(due.is(at(2_000)));
+        assert!(!due.is(at(1_999)) && due.is(at(2_000)));
         due.done(at(9_500), 1.0);
         assert!(!due.is(at(10_400)) && due.is(at(10_500)));
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_silences_nobody() {
+        let at = Timestamp::from_unix_ms;
+        let mut due = Due::default();
+        due.done(at(3_600_000), 1.0);
+        assert!(due.is(at(0)));
+        due.done(at(0), 1.0);
+        assert!(!due.is(at(999)) && due.is(at(1_000)));
     }
 }

@@ -1,84 +1,17 @@
-//! A Zenoh session from a `[network]` table.
+//! A Zenoh session: publish, ask, serve, watch.
 
 use std::time::Duration;
 
+use crate::network::NetworkConfig;
 use anyhow::{Context, anyhow};
 use proto::{CodecError, Key, Message, Pattern, SiteId, decode, encode};
-use serde::{Deserialize, Serialize};
 use tokio::sync::mpsc;
 use tracing::warn;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::query::{Query, Queryable};
-use zenoh::sample::Sample;
-
-/// `[network]` in a configuration.
-///
-/// By default the coordinator listens on loopback and agents connect to it, so no router process
-/// is needed. To use a router, set `connect` to its address in every configuration and leave
-/// `listen` empty.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NetworkConfig {
-    /// Addresses to connect to, such as `tcp/127.0.0.1:7447`.
-    #[serde(default)]
-    pub connect: Vec<String>,
-    /// Addresses to listen on; empty for none.
-    #[serde(default)]
-    pub listen: Vec<String>,
-    /// Seconds without a sign of life after which others take this process for dead.
-    #[serde(default = "NetworkConfig::default_lease_s")]
-    pub lease_s: f64,
-}
-
-impl NetworkConfig {
-    /// Where coordinator and agents meet when nothing is said: the port of a Zenoh router.
-    pub const DEFAULT_ENDPOINT: &'static str = "tcp/127.0.0.1:7447";
-
-    fn default_lease_s() -> f64 {
-        10.0
-    }
-
-    /// Connects to the default endpoint.
-    #[must_use]
-    pub fn agent() -> Self {
-        Self { connect: vec![Self::DEFAULT_ENDPOINT.to_owned()], listen: Vec::new(), lease_s: Self::default_lease_s() }
-    }
-
-    /// Listens on the default endpoint.
-    #[must_use]
-    pub fn coordinator() -> Self {
-        Self { connect: Vec::new(), listen: vec![Self::DEFAULT_ENDPOINT.to_owned()], lease_s: Self::default_lease_s() }
-    }
-
-    /// Checks what types cannot.
-    ///
-    /// # Errors
-    /// Names the key and the allowed range.
-    pub fn check(&self) -> anyhow::Result<()> {
-        anyhow::ensure!((0.1..=3600.0).contains(&self.lease_s), "network.lease_s = {}: must be between 0.1 and 3600", self.lease_s);
-        anyhow::ensure!(!(self.listen.is_empty() && self.connect.is_empty()), "network: needs an address in listen or connect");
-        Ok(())
-    }
-
-    fn zenoh_config(&self) -> anyhow::Result<zenoh::Config> {
-        // Who listens carries traffic between the others, as a router does.
-        let mode = if self.listen.is_empty() { "client" } else { "router" };
-        let mut config = zenoh::Config::default();
-        let mut set = |key: &str, value: serde_json::Value| {
-            let refused = |_| anyhow!("[network] {key} = {value}: not an address such as {}", Self::DEFAULT_ENDPOINT);
-            config.insert_json5(key, &value.to_string()).map_err(refused)
-        };
-        set("mode", mode.into())?;
-        set("listen/endpoints", self.listen.clone().into())?;
-        set("connect/endpoints", self.connect.clone().into())?;
-        set("scouting/multicast/enabled", false.into())?;
-        set("scouting/gossip/enabled", false.into())?;
-        set("transport/link/tx/lease", ((self.lease_s * 1000.0) as u64).into())?;
-        Ok(config)
-    }
-}
+use zenoh::sample::{Sample, SampleKind};
 
 /// A session and the site whose keys it uses.
 #[derive(Clone)]
@@ -98,7 +31,7 @@ impl Link {
         let patient = network.listen.is_empty();
         let mut waited = false;
         loop {
-            match zenoh::open(network.zenoh_config()?).await {
+            match zenoh::open(network.zenoh_config(&site)?).await {
                 Ok(session) => return Ok(Self { session, site }),
                 Err(error) if patient => {
                     if !waited {
@@ -119,7 +52,7 @@ impl Link {
     /// # Errors
     /// When no connection can be made.
     pub async fn try_open(network: &NetworkConfig, site: SiteId) -> anyhow::Result<Self> {
-        let session = zenoh::open(network.zenoh_config()?).await.map_err(|error| anyhow!("{error}"))?;
+        let session = zenoh::open(network.zenoh_config(&site)?).await.map_err(|error| anyhow!("{error}"))?;
         Ok(Self { session, site })
     }
 
@@ -140,6 +73,19 @@ impl Link {
             }
         }
         false
+    }
+
+    /// Tells of each appearance (true) and loss (false) of who holds that token, those there already
+    /// included, until the subscriber is dropped.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub async fn watch(&self, key: &Key, lives: mpsc::UnboundedSender<bool>) -> anyhow::Result<Subscriber<()>> {
+        let tokens = self.session.liveliness().declare_subscriber(key.build(&self.site)).history(true);
+        let subscriber = tokens.callback(move |sample| {
+            let _ = lives.send(sample.kind() == SampleKind::Put);
+        });
+        subscriber.await.map_err(|error| anyhow!("{error}"))
     }
 
     /// Takes questions under a key expression into a queue, until the queryable is dropped.

@@ -1,13 +1,21 @@
 //! The robot's side of a service, without clock, network or hardware.
+//!
+//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget.
+
+mod alone;
+mod memory;
 
 use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::{Gauge as Estimator, Sample};
-use node::{Due, Ledger, Publish, gauge_message, refused};
+use node::{Due, Ledger, Publish, Silence, gauge_message, refused};
 use proto::{
     BayId, CommandReply, Estimate, Gauge, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState, StationId,
     Timestamp, Travel,
 };
+
+pub use alone::Alone;
+pub use memory::Memory;
 
 use crate::source::{Act, Observation, Place};
 
@@ -28,6 +36,8 @@ pub struct Profile {
     pub mission: Mission,
     /// How often it speaks.
     pub publish: Publish,
+    /// What it does while no coordinator is heard.
+    pub alone: Alone,
     /// Where samples come from, for people.
     pub source: String,
 }
@@ -39,6 +49,8 @@ pub enum Input {
     Observed(Observation),
     /// The coordinator asks for something.
     Command(RobotCommand),
+    /// A coordinator appeared (true) or was lost (false).
+    Coordinator(bool),
 }
 
 /// What the agent wants done.
@@ -52,6 +64,8 @@ pub enum Output {
     Reply(CommandReply),
     /// Make the robot do something.
     Act(Act),
+    /// Write this down before anything that follows: a restart begins with it.
+    Keep(Box<Memory>),
 }
 
 /// The robot's side of a service.
@@ -68,6 +82,10 @@ pub struct Agent {
     last: Option<Sample>,
     last_command: Option<proto::CommandId>,
     note: Option<String>,
+    silence: Silence,
+    /// It was restarted, and has not seen yet where it is.
+    restored: bool,
+    kept: Option<memory::Sketch>,
     gauge_due: Due,
     state_due: Due,
     told: Option<(RobotPhase, Option<BayId>)>,
@@ -91,6 +109,9 @@ impl Agent {
             last: None,
             last_command: None,
             note: None,
+            silence: Silence::default(),
+            restored: false,
+            kept: None,
             gauge_due: Due::default(),
             state_due: Due::default(),
             told: None,
@@ -103,11 +124,18 @@ impl Agent {
     /// Takes in one input.
     pub fn handle(&mut self, now: Timestamp, input: Input) {
         match input {
-            Input::Observed(observation) => self.observed(&observation),
+            Input::Observed(observation) => {
+                self.observed(&observation);
+                self.act_alone(now, &observation);
+            }
+            Input::Coordinator(heard) => self.silence.tell(now, heard),
             Input::Command(command) => {
+                self.silence.tell(now, true);
                 let mut ledger = std::mem::take(&mut self.ledger);
                 let reply = ledger.answer(now, &command, |action| self.act(action));
                 self.ledger = ledger;
+                // Refusals are kept too: a copy that comes after a restart gets the same one.
+                self.kept = None;
                 if reply.outcome == Outcome::Accepted {
                     self.last_command = Some(command.id);
                 }
@@ -115,6 +143,7 @@ impl Agent {
             }
         }
         self.tell(now);
+        self.keep();
     }
 
     /// The next thing to be done, until there is none.
@@ -192,10 +221,13 @@ impl Agent {
         }
         let dark = || (observation.place == Place::InBay && !observation.powered).then(|| "the bay has no power".to_owned());
         self.note = observation.why_down.clone().or_else(dark);
+        if std::mem::take(&mut self.restored) {
+            self.find_itself(observation.place);
+        }
         match (self.phase, observation.place) {
             (Working | Travelling | Waiting, place) if observation.depleted && place != Place::InBay => self.phase = Stranded,
             (Travelling, Place::AtStation) => self.phase = Waiting,
-            (Travelling | Waiting, Place::InBay) => self.phase = Docked,
+            (Working | Travelling | Waiting, Place::InBay) => self.phase = Docked,
             (Docked | Charging | Charged, Place::AtStation) => self.resume(),
             (Charging, Place::InBay) if observation.powered => {
                 let target = self.target_soc.unwrap_or(1.0);

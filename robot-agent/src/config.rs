@@ -13,7 +13,7 @@ use node::{Age, ClockConfig, NetworkConfig, Publish, wire};
 use proto::{RobotId, SiteId, StationId, Travel};
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{Agent, Profile};
+use crate::agent::{Agent, Alone, Profile};
 use crate::charger::ChargerConfig;
 use crate::radio::Radio;
 use crate::source::{Replay, RobotBody, Source, World};
@@ -49,6 +49,13 @@ pub struct Config {
     /// How often it speaks.
     #[serde(default)]
     pub publish: Publish,
+    /// What it does while no coordinator is heard.
+    #[serde(default)]
+    pub alone: Alone,
+    /// File for what a restart must not forget; relative to this file. Without it, a restarted agent
+    /// begins at work and might carry out a command a second time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory: Option<PathBuf>,
     /// Where samples come from.
     pub source: SourceConfig,
     /// Where the others are.
@@ -113,7 +120,8 @@ impl Config {
     /// Names file, line, key and the allowed range.
     pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let (name, text) = (path.display().to_string(), node::settings::settled(&read_text(path)?, sets)?);
-        let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        let mut config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        config.network.beside(path);
         config.check().with_context(|| name)?;
         Ok(config)
     }
@@ -127,6 +135,7 @@ impl Config {
         self.network.check()?;
         self.clock.map_or(Ok(()), |clock| clock.check())?;
         self.publish.check()?;
+        self.alone.check()?;
         self.mission.check()?;
         self.way.as_ref().map_or(Ok(()), Ways::check)?;
         for station in self.way.iter().flat_map(|way| way.to.keys()) {
@@ -183,7 +192,6 @@ impl Config {
         else {
             anyhow::bail!("robot {} has no simulated body", self.id)
         };
-        let battery = self.battery.load(path)?;
         let mut ways = BTreeMap::new();
         for station in self.way.iter().flat_map(|way| way.to.keys()) {
             if let Some(both) = self.way.as_ref().map(|way| way.stretches(station, &self.mission)).transpose()?.flatten() {
@@ -205,10 +213,23 @@ impl Config {
             temperature_degc: *temperature_degc,
             seed: *seed,
         });
+        Ok((self.agent_of(&mut body, path)?, body))
+    }
+
+    /// Makes a new agent for a simulated body that is there already, as a restart does: the chip that
+    /// counts its charge was not restarted with it.
+    ///
+    /// # Errors
+    /// When a model cannot be read or the source is not a simulated one.
+    pub fn agent_of(&self, body: &mut RobotBody, path: Option<&Path>) -> anyhow::Result<Agent> {
+        let SourceConfig::Sim { load: true_load, temperature_degc, .. } = &self.source else {
+            anyhow::bail!("robot {} has no simulated body", self.id)
+        };
+        let battery = self.battery.load(path)?;
         let load = self.load.as_ref().unwrap_or(true_load).load(path)?;
         let drain_w = self.mission.drain_w(&load)?;
         let gauge = self.gauge.open(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
-        Ok((Agent::new(self.profile(&battery, Some(&load), drain_w, "sim")?, gauge), body))
+        Ok(Agent::new(self.profile(&battery, Some(&load), drain_w, "sim")?, gauge))
     }
 
     fn profile(&self, battery: &Model, load: Option<&Arc<Model>>, drain_w: energy::Estimate, source: &str) -> anyhow::Result<Profile> {
@@ -231,6 +252,7 @@ impl Config {
             travel,
             mission: proto::Mission { weight: self.mission.weight, until: None },
             publish: self.publish,
+            alone: self.alone,
             source: source.to_owned(),
         })
     }

@@ -20,7 +20,7 @@ mod service;
 pub mod source;
 mod way;
 
-pub use agent::{Agent, Input, Output, Profile};
+pub use agent::{Agent, Alone, Input, Memory, Output, Profile};
 pub use charger::{ChargerConfig, Path};
 pub use config::{Config, SourceConfig};
 pub use node::mission::{Leg, Mission};

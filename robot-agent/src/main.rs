@@ -123,8 +123,12 @@ fn write_manual(dir: &Path) -> ExitCode {
 async fn run(args: RunArgs) -> anyhow::Result<()> {
     let log = args.log.clone().map(node::LiveLog::new);
     let (config, path) = configured(args)?;
-    let (agent, source) = config.build(path.as_deref())?;
-    robot_agent::run(&config, agent, source, log).await
+    let (mut agent, source) = config.build(path.as_deref())?;
+    let memory = node::MemoryFile::new(config.memory.as_deref(), path.as_deref());
+    if let Some(kept) = memory.read()? {
+        agent.restore(kept);
+    }
+    robot_agent::run(&config, agent, source, memory, log).await
 }
 
 /// The configuration file with the flags laid over it; or the flags alone, for a replay.
@@ -150,6 +154,8 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
                 travel_s: Default::default(),
                 way: None,
                 publish: node::Publish::default(),
+                alone: robot_agent::Alone::default(),
+                memory: None,
                 source: SourceConfig::Replay { file },
                 network: NetworkConfig::agent(),
                 clock: None,

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use energy::Channel;
 use node::session::{command, decoded, reply};
-use node::{Clock, LOAD_INPUTS, Link, LiveLog, told_to_stop};
+use node::{Clock, LOAD_INPUTS, Link, LiveLog, MemoryFile, told_to_stop};
 use proto::{Key, Pattern, RobotCommand, SimSupply, Timestamp};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
@@ -22,7 +22,13 @@ const STEP_S: f64 = 1.0;
 ///
 /// # Errors
 /// When the session cannot be opened or is lost for good, or the log cannot be written.
-pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>, mut log: Option<LiveLog>) -> anyhow::Result<()> {
+pub async fn run(
+    config: &Config,
+    mut agent: Agent,
+    mut source: Box<dyn Source>,
+    mut memory: MemoryFile,
+    mut log: Option<LiveLog>,
+) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let robot = &config.id;
     let _alive = link.announce(&Key::RobotAlive(robot.clone())).await?;
@@ -34,6 +40,8 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
         Err(error) => warn!("{} was refused: {error}", sample.key_expr()),
     };
     let _supplies = link.listen(&Pattern::SimSupplyTo(robot.clone()), supplied).await?;
+    let (lives_in, mut lives) = mpsc::unbounded_channel();
+    let _lives = link.watch(&Key::CoordinatorAlive, lives_in).await?;
     info!("robot {robot} is up");
 
     let clock = Clock::new(config.clock);
@@ -46,6 +54,8 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
         tokio::select! {
             _ = ticks.tick() => {
                 let now = clock.now();
+                // The clock was set back: time goes on from here.
+                last = last.min(now);
                 let behind_s = now.seconds_since(last);
                 let steps = (behind_s / STEP_S).floor();
                 for _ in 0..steps as u64 {
@@ -58,7 +68,7 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
                         note(log, config, last, &agent, source.as_ref(), &observation);
                     }
                     agent.handle(last, Input::Observed(observation));
-                    drain(&link, config, &mut agent, source.as_mut(), None, &mut station, log.as_mut()).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), None, &mut station, &mut memory, log.as_mut()).await?;
                 }
                 log.as_mut().map_or(Ok(()), LiveLog::flush)?;
                 if let (Some(at), Some(draw)) = (&station, source.draw()) {
@@ -66,10 +76,11 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
                 }
             }
             Some(supply) = supplies.recv() => source.supply(&supply),
+            Some(heard) = lives.recv() => agent.handle(clock.now(), Input::Coordinator(heard)),
             Some(query) = commands.recv() => {
                 if let Some(command) = command::<RobotCommand>(&query).await {
                     agent.handle(clock.now(), Input::Command(command));
-                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station, log.as_mut()).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station, &mut memory, log.as_mut()).await?;
                 }
             }
             () = &mut stop => return Ok(()),
@@ -92,6 +103,7 @@ fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, sourc
     }
 }
 
+#[allow(clippy::too_many_arguments, reason = "everything that an output may go to")]
 async fn drain(
     link: &Link,
     config: &Config,
@@ -99,6 +111,7 @@ async fn drain(
     source: &mut dyn Source,
     query: Option<&Query>,
     station: &mut Option<proto::StationId>,
+    memory: &mut MemoryFile,
     mut log: Option<&mut LiveLog>,
 ) -> anyhow::Result<()> {
     while let Some(output) = agent.poll() {
@@ -115,6 +128,7 @@ async fn drain(
                 link.publish(&Key::RobotState(config.id.clone()), &state).await?;
             }
             Output::Act(act) => source.act(&act),
+            Output::Keep(kept) => memory.keep(&kept),
             Output::Reply(answer) => {
                 if let Some(query) = query {
                     reply(query, &answer).await;

@@ -1,20 +1,30 @@
 //! The station's side of a service, without clock, network or hardware.
+//!
+//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget.
+
+mod alone;
+mod memory;
 
 use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::{Gauge as Estimator, Sample};
 use energy::selector::{PackSeen, Rule};
-use node::{Due, Ledger, Publish, gauge_message, refused, wire};
+use node::{Due, Ledger, Publish, Silence, gauge_message, refused, wire};
 use proto::{
-    BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, SpareId, SpareState, StationAction,
-    StationCommand, StationState, Timestamp,
+    BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, RobotPhase, RobotState, SpareId,
+    SpareState, StationAction, StationCommand, StationId, StationState, Timestamp,
 };
 
-use crate::source::{Act, Lifted, Observation};
+pub use alone::Alone;
+pub use memory::Memory;
+
+use crate::source::{Act, Lifted, Observation, Swapped};
 
 /// What does not change about a station while its agent runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
+    /// The station.
+    pub id: StationId,
     /// Its bays.
     pub bays: Vec<BayId>,
     /// Its spares and their state of charge as written on them.
@@ -23,6 +33,8 @@ pub struct Profile {
     pub rule: Rule,
     /// How often it speaks.
     pub publish: Publish,
+    /// What it does while no coordinator is heard.
+    pub alone: Alone,
     /// Where samples come from, for people.
     pub source: String,
 }
@@ -34,6 +46,10 @@ pub enum Input {
     Observed(Observation),
     /// The coordinator asks for something.
     Command(StationCommand),
+    /// A robot said what it does.
+    Robot(RobotId, RobotState),
+    /// A coordinator appeared (true) or was lost (false).
+    Coordinator(bool),
 }
 
 /// What the agent wants done.
@@ -47,7 +63,12 @@ pub enum Output {
     Reply(CommandReply),
     /// Make the station do something.
     Act(Act),
+    /// Write this down before anything that follows: a restart begins with it.
+    Keep(Box<Memory>),
 }
+
+/// An exchange of a robot's pack under way.
+type Swapping = (RobotId, SpareId);
 
 struct Bay {
     id: BayId,
@@ -86,11 +107,17 @@ pub struct Agent {
     /// Lift movements to come; the first is under way when `lifting`.
     lifts: VecDeque<Lifted>,
     lifting: bool,
-    swapping: Option<RobotId>,
+    swapping: Option<Swapping>,
     active_pack: Option<PackId>,
     powered: bool,
     pack_power_w: f64,
     last_command: Option<proto::CommandId>,
+    silence: Silence,
+    /// Robots that said they are here, and when.
+    here: BTreeMap<RobotId, (Timestamp, RobotPhase)>,
+    /// It was restarted, and has not seen yet whether lift and exchange go on.
+    restored: bool,
+    kept: Option<memory::Sketch>,
     gauge_due: Due,
     state_due: Due,
     told: Option<Vec<(BayPhase, Option<RobotId>)>>,
@@ -118,6 +145,10 @@ impl Agent {
             powered: true,
             pack_power_w: 0.0,
             last_command: None,
+            silence: Silence::default(),
+            here: BTreeMap::new(),
+            restored: false,
+            kept: None,
             gauge_due: Due::default(),
             state_due: Due::default(),
             told: None,
@@ -131,11 +162,19 @@ impl Agent {
     /// Takes in one input.
     pub fn handle(&mut self, now: Timestamp, input: Input) {
         match input {
-            Input::Observed(observation) => self.observed(observation),
+            Input::Observed(observation) => {
+                self.observed(observation);
+                self.act_alone(now);
+            }
+            Input::Robot(robot, state) => self.robot_said(now, robot, &state),
+            Input::Coordinator(heard) => self.silence.tell(now, heard),
             Input::Command(command) => {
+                self.silence.tell(now, true);
                 let mut ledger = std::mem::take(&mut self.ledger);
                 let reply = ledger.answer(now, &command, |action| self.act(action));
                 self.ledger = ledger;
+                // Refusals are kept too: a copy that comes after a restart gets the same one.
+                self.kept = None;
                 if reply.outcome == Outcome::Accepted {
                     self.last_command = Some(command.id);
                 }
@@ -144,6 +183,7 @@ impl Agent {
         }
         self.start_next_lift();
         self.tell(now);
+        self.keep();
     }
 
     /// The next thing to be done, until there is none.
@@ -164,7 +204,9 @@ impl Agent {
     /// Where a robot is that the station already has to do with: nothing is in two places.
     fn whereabouts(&self, robot: &RobotId) -> Option<String> {
         let bay = self.bays.iter().find(|bay| bay.robot.as_ref() == Some(robot)).map(|bay| format!("{robot} has bay {}", bay.id));
-        bay.or_else(|| (self.swapping.as_ref() == Some(robot)).then(|| format!("the pack of {robot} is being exchanged")))
+        bay.or_else(|| {
+            self.swapping.as_ref().is_some_and(|(known, _)| known == robot).then(|| format!("the pack of {robot} is being exchanged"))
+        })
     }
 
     fn act(&mut self, action: &StationAction) -> Outcome {
@@ -200,7 +242,7 @@ impl Agent {
                 Outcome::Accepted
             }
             StationAction::SwapPack { robot, spare } => {
-                if let Some(other) = &self.swapping {
+                if let Some((other, _)) = &self.swapping {
                     return refused(Rejection::Busy, format!("the pack of {other} is being exchanged"));
                 }
                 if let Some(elsewhere) = self.whereabouts(robot) {
@@ -213,7 +255,7 @@ impl Agent {
                     return refused(Rejection::NotPossible, format!("spare {spare} is not ready"));
                 }
                 known.ready = false;
-                self.swapping = Some(robot.clone());
+                self.swapping = Some((robot.clone(), spare.clone()));
                 self.outputs.push_back(Output::Act(Act::Swap { robot: robot.clone(), spare: spare.clone() }));
                 Outcome::Accepted
             }
@@ -279,14 +321,16 @@ impl Agent {
         self.active_pack = observation.active_pack;
         self.powered = observation.powered;
         self.leave_a_low_pack();
-        if let Some(done) = observation.lifted {
+        // What an agent before this one had begun and seen is not taken twice.
+        if let Some(done) = observation.lifted.filter(|done| self.lifting && self.lifts.front() == Some(done)) {
             self.lifts.pop_front();
             self.lifting = false;
             if let Some(bay) = self.bays.iter_mut().find(|bay| bay.id == done.bay) {
                 (bay.phase, bay.robot) = if done.into { (BayPhase::Occupied, Some(done.robot)) } else { (BayPhase::Free, None) };
             }
         }
-        if let Some(swapped) = observation.swapped {
+        let own = |swapped: &Swapped| self.swapping.as_ref() == Some(&(swapped.robot.clone(), swapped.spare.clone()));
+        if let Some(swapped) = observation.swapped.filter(own) {
             self.swapping = None;
             if let Some(spare) = self.spares.iter_mut().find(|spare| spare.spare == swapped.spare) {
                 (spare.soc, spare.ready) = (wire(swapped.given_soc), false);
@@ -296,6 +340,9 @@ impl Agent {
             if let Some(spare) = self.spares.iter_mut().find(|spare| spare.spare == charged) {
                 (spare.soc, spare.ready) = (wire(soc), true);
             }
+        }
+        if self.restored && !observation.lift_active {
+            self.begin_again();
         }
     }
 
@@ -314,7 +361,7 @@ impl Agent {
         }
         let telling: Vec<_> = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
         let here = self.packs.iter().map(|pack| pack.connected).collect();
-        let power = (self.powered, self.active_pack.clone(), self.swapping.clone(), here);
+        let power = (self.powered, self.active_pack.clone(), self.swapping.as_ref().map(|(robot, _)| robot.clone()), here);
         let changed = self.told.as_ref() != Some(&telling) || self.told_power.as_ref() != Some(&power);
         if changed || self.state_due.is(now) {
             (self.told, self.told_power) = (Some(telling), Some(power));
@@ -337,7 +384,7 @@ impl Agent {
             seq: self.state_seq,
             bays: self.bays.iter().map(bay).collect(),
             lift_busy: self.lifting,
-            swapping: self.swapping.clone(),
+            swapping: self.swapping.as_ref().map(|(robot, _)| robot.clone()),
             packs: self.packs.iter().map(pack).collect(),
             active_pack: self.active_pack.clone(),
             powered: self.powered,

@@ -1,7 +1,7 @@
 //! The station agent's configuration file.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use energy::gauge::Kind;
@@ -10,7 +10,7 @@ use node::{Age, Charging, ClockConfig, Depot, NetworkConfig, Publish, SelectorCo
 use proto::{BayId, Estimate, PackId, SiteId, SpareId, StationId};
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{Agent, Profile};
+use crate::agent::{Agent, Alone, Profile};
 use crate::source::{StationBody, World, WorldPack};
 
 /// Everything a station agent is told.
@@ -33,6 +33,13 @@ pub struct Config {
     /// How often it speaks.
     #[serde(default)]
     pub publish: Publish,
+    /// What it does while no coordinator is heard.
+    #[serde(default)]
+    pub alone: Alone,
+    /// File for what a restart must not forget; relative to this file. Without it, a restarted agent
+    /// believes that its bays are free and might carry out a command a second time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory: Option<PathBuf>,
     /// Where samples come from.
     pub source: SourceConfig,
     /// Where the others are.
@@ -136,7 +143,8 @@ impl Config {
     /// Names file, line, key and the allowed range.
     pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let (name, text) = (path.display().to_string(), node::settings::settled(&read_text(path)?, sets)?);
-        let config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        let mut config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        config.network.beside(path);
         config.check().with_context(|| name)?;
         Ok(config)
     }
@@ -179,6 +187,7 @@ impl Config {
             fraction(format!("source.packs.{}.soc", pack.id), truth.soc)?;
             truth.age.check().with_context(|| format!("source.packs.{}", pack.id))?;
         }
+        self.alone.check()?;
         self.publish.check()
     }
 
@@ -213,17 +222,29 @@ impl Config {
             temperature_degc: *temperature_degc,
             seed: *seed,
         });
+        Ok((self.agent_of(&mut body, path)?, body))
+    }
+
+    /// Makes a new agent for a simulated body that is there already, as a restart does: the chips
+    /// that count its packs' charge were not restarted with it.
+    ///
+    /// # Errors
+    /// When a model cannot be read.
+    pub fn agent_of(&self, body: &mut StationBody, path: Option<&Path>) -> anyhow::Result<Agent> {
+        let SourceConfig::Sim { selector, temperature_degc, .. } = &self.source;
         let mut gauges = Vec::new();
         for (pack, soc) in self.packs.iter().zip(body.remembered_socs()) {
             gauges.push((pack.id.clone(), pack.gauge.open(pack.battery.load(path)?, soc, *temperature_degc)));
         }
         let profile = Profile {
+            id: self.id.clone(),
+            alone: self.alone,
             bays: self.bays.clone(),
             spares: self.spares.iter().map(|spare| (spare.id.clone(), Estimate::new(spare.soc, 0.01))).collect(),
             rule: selector.map_or(UNTIL_EMPTY, |selector| selector.rule()),
             publish: self.publish,
             source: "sim".to_owned(),
         };
-        Ok((Agent::new(profile, gauges), body))
+        Ok(Agent::new(profile, gauges))
     }
 }

@@ -17,6 +17,6 @@ mod config;
 mod service;
 pub mod source;
 
-pub use agent::{Agent, Input, Output, Profile};
+pub use agent::{Agent, Alone, Input, Memory, Output, Profile};
 pub use config::{Config, PackConfig, SourceConfig, SpareConfig, TruePack};
 pub use service::run;

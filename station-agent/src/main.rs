@@ -93,6 +93,10 @@ async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<Pa
     if !connect.is_empty() {
         config.network.connect = connect;
     }
-    let (agent, source) = config.build_simulated(Some(&path))?;
-    station_agent::run(&config, agent, Box::new(source), log.map(node::LiveLog::new)).await
+    let (mut agent, source) = config.build_simulated(Some(&path))?;
+    let memory = node::MemoryFile::new(config.memory.as_deref(), Some(&path));
+    if let Some(kept) = memory.read()? {
+        agent.restore(kept);
+    }
+    station_agent::run(&config, agent, Box::new(source), memory, log.map(node::LiveLog::new)).await
 }

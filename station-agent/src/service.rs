@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use energy::{Channel, Estimate};
 use node::session::{command, decoded, reply};
-use node::{Clock, Link, LiveLog, STATION_INPUTS, told_to_stop};
-use proto::{Key, PackId, Pattern, RobotId, SimDraw, StationCommand, Timestamp};
+use node::{Clock, Link, LiveLog, MemoryFile, STATION_INPUTS, told_to_stop};
+use proto::{Key, PackId, Pattern, RobotId, RobotState, SimDraw, StationCommand, Timestamp};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::query::Query;
@@ -16,13 +16,21 @@ use crate::source::{Observation, Source};
 
 /// Fleet seconds between two looks at the source.
 const STEP_S: f64 = 1.0;
+/// States of robots that wait to be looked at.
+const ROBOT_QUEUE: usize = 1024;
 
 /// Runs until the source ends or the process is told to stop; `log` is where what the source shows is
 /// written.
 ///
 /// # Errors
 /// When the session cannot be opened or is lost for good, or the log cannot be written.
-pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>, mut log: Option<LiveLog>) -> anyhow::Result<()> {
+pub async fn run(
+    config: &Config,
+    mut agent: Agent,
+    mut source: Box<dyn Source>,
+    mut memory: MemoryFile,
+    mut log: Option<LiveLog>,
+) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let station = &config.id;
     let _alive = link.announce(&Key::StationAlive(station.clone())).await?;
@@ -34,6 +42,19 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
         (key, draw) => warn!("{} was refused: {key:?} {draw:?}", sample.key_expr()),
     };
     let _draws = link.listen(&Pattern::SimDrawAt(station.clone()), drawn).await?;
+    let (lives_in, mut lives) = mpsc::unbounded_channel();
+    let _lives = link.watch(&Key::CoordinatorAlive, lives_in).await?;
+    // Without a coordinator it looks after robots by what they say; newer words make old ones
+    // worthless, so a full queue loses nothing that matters.
+    let (robots_in, mut robots) = mpsc::channel(ROBOT_QUEUE);
+    let said = move |sample: zenoh::sample::Sample| {
+        if let (Ok((_, Key::RobotState(robot))), Ok(state)) =
+            (Key::parse(sample.key_expr().as_str()), decoded::<RobotState>(sample.payload()))
+        {
+            let _ = robots_in.try_send((robot, state));
+        }
+    };
+    let _robots = link.listen(&Pattern::AllRobotStates, said).await?;
     info!("station {station} is up");
 
     let clock = Clock::new(config.clock);
@@ -45,6 +66,8 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
         tokio::select! {
             _ = ticks.tick() => {
                 let now = clock.now();
+                // The clock was set back: time goes on from here.
+                last = last.min(now);
                 let steps = (now.seconds_since(last) / STEP_S).floor();
                 for _ in 0..steps as u64 {
                     last = last.plus_s(STEP_S);
@@ -56,7 +79,7 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
                         note(log, config, last, &agent, source.as_ref(), &observation);
                     }
                     agent.handle(last, Input::Observed(observation));
-                    drain(&link, config, &mut agent, source.as_mut(), None, log.as_mut()).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), None, &mut memory, log.as_mut()).await?;
                 }
                 log.as_mut().map_or(Ok(()), LiveLog::flush)?;
                 // Only the newest supply of each robot matters, except a pack put in.
@@ -69,10 +92,12 @@ pub async fn run(config: &Config, mut agent: Agent, mut source: Box<dyn Source>,
                 }
             }
             Some((robot, draw)) = draws.recv() => source.draw(&robot, &draw),
+            Some((robot, state)) = robots.recv() => agent.handle(clock.now(), Input::Robot(robot, state)),
+            Some(heard) = lives.recv() => agent.handle(clock.now(), Input::Coordinator(heard)),
             Some(query) = commands.recv() => {
                 if let Some(command) = command::<StationCommand>(&query).await {
                     agent.handle(clock.now(), Input::Command(command));
-                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), log.as_mut()).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut memory, log.as_mut()).await?;
                 }
             }
             () = &mut stop => return Ok(()),
@@ -113,6 +138,7 @@ async fn drain(
     agent: &mut Agent,
     source: &mut dyn Source,
     query: Option<&Query>,
+    memory: &mut MemoryFile,
     mut log: Option<&mut LiveLog>,
 ) -> anyhow::Result<()> {
     while let Some(output) = agent.poll() {
@@ -125,6 +151,7 @@ async fn drain(
             }
             Output::State(state) => link.publish(&Key::StationState(config.id.clone()), &state).await?,
             Output::Act(act) => source.act(&act),
+            Output::Keep(kept) => memory.keep(&kept),
             Output::Reply(answer) => {
                 if let Some(query) = query {
                     reply(query, &answer).await;

@@ -7,6 +7,7 @@ pub use simulated::{StationBody, World, WorldPack};
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
 use proto::{BayId, PackId, RobotId, SimDraw, SimSupply, SpareId};
+use serde::{Deserialize, Serialize};
 
 /// What the source knows after it moved on.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +44,7 @@ pub struct PackReading {
 }
 
 /// A finished lift movement.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Lifted {
     /// The robot that was moved.
     pub robot: RobotId,

@@ -3,9 +3,11 @@
 mod browser;
 mod decisions;
 mod failures;
+mod kills;
 mod network;
 mod operations;
 mod python;
 mod reference;
 mod replay;
+mod security;
 mod tidy;

@@ -12,9 +12,9 @@ async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
     let mut fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 100.0)?;
     let address = fleet.deployment.coordinator.network.listen.clone();
     // Coordinator and agents are all clients; what stands between them is another process' router.
-    let router = NetworkConfig { connect: Vec::new(), listen: address.clone(), lease_s: 10.0 };
+    let router = NetworkConfig { listen: address.clone(), ..NetworkConfig::coordinator() };
     let router = Link::open(&router, fleet.deployment.coordinator.site.clone()).await?;
-    fleet.deployment.coordinator.network = NetworkConfig { connect: address, listen: Vec::new(), lease_s: 10.0 };
+    fleet.deployment.coordinator.network = NetworkConfig { connect: address, ..NetworkConfig::agent() };
     fleet.write()?;
     let (heard_in, mut heard) = tokio::sync::mpsc::unbounded_channel();
     let schedules = router.session.declare_subscriber(Key::Schedule.build(&router.site)).callback(move |sample| {

@@ -73,7 +73,7 @@ pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
             let config = robot_agent::Config::read(&args.config)?;
             let (agent, source) = config.build(Some(&args.config))?;
             tokio::select! {
-                ran = robot_agent::run(&config, agent, source, None) => ran?,
+                ran = robot_agent::run(&config, agent, source, node::MemoryFile::new(None, None), None) => ran?,
                 () = parent_ended() => {}
             }
         }
@@ -81,7 +81,7 @@ pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
             let config = station_agent::Config::read(&args.config)?;
             let (agent, source) = config.build_simulated(Some(&args.config))?;
             tokio::select! {
-                ran = station_agent::run(&config, agent, Box::new(source), None) => ran?,
+                ran = station_agent::run(&config, agent, Box::new(source), node::MemoryFile::new(None, None), None) => ran?,
                 () = parent_ended() => {}
             }
         }
@@ -221,7 +221,7 @@ fn free_port() -> anyhow::Result<u16> {
 
 /// Prints the schedule whenever it has changed.
 async fn watch(network: &NetworkConfig, site: &proto::SiteId) {
-    let asking = NetworkConfig { connect: network.listen.clone(), listen: Vec::new(), lease_s: network.lease_s };
+    let asking = NetworkConfig { connect: network.listen.clone(), listen: Vec::new(), members: None, ..network.clone() };
     let mut shown = Vec::new();
     loop {
         tokio::time::sleep(Duration::from_millis(500)).await;

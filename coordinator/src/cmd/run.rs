@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use crate::config::Config;
 use crate::service;
+use crate::store::StoreError;
 
 /// Runs beside a fleet until Ctrl-C. A flag comes before the environment, that before the file.
 #[derive(clap::Args)]
@@ -22,8 +23,9 @@ pub struct Args {
     /// Router to connect to; then nothing is listened on.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "listen")]
     connect: Vec<String>,
-    /// Store in place of the configured one.
-    #[arg(long, value_name = "FILE")]
+    /// Store in place of the configured one: a file, or postgres://USER@HOST/DATABASE (the password in
+    /// PGPASSWORD); several coordinators may share that one, one of them leads.
+    #[arg(long, value_name = "STORE")]
     store: Option<PathBuf>,
     /// Port of the dashboard in place of the configured one; 0 for any that is free.
     #[arg(long, value_name = "PORT")]
@@ -47,10 +49,18 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         config.network.listen.clear();
     }
     if let Some(store) = &args.store {
-        config.store = std::path::absolute(store)?;
+        let address = store.to_str().is_some_and(|text| text.contains("://"));
+        config.store = if address { store.clone() } else { std::path::absolute(store)? };
     }
     config.web.port = args.web_port.unwrap_or(config.web.port);
     config.web.enabled &= !args.no_web;
-    service::run(&config, Some(&args.config), node::told_to_stop()).await?;
-    Ok(ExitCode::SUCCESS)
+    let mut stop = std::pin::pin!(node::told_to_stop());
+    loop {
+        match service::run(&config, Some(&args.config), &mut stop).await {
+            Err(error) if matches!(error.downcast_ref(), Some(StoreError::Deposed { .. })) => {
+                tracing::warn!("{error}: this one stands by");
+            }
+            ended => return ended.map(|()| ExitCode::SUCCESS),
+        }
+    }
 }

@@ -165,7 +165,8 @@ fn place(args: &Args) -> anyhow::Result<Place> {
         Some(config) => config.site.clone(),
         None => SiteId::new("site")?,
     };
-    Ok(Place { network: NetworkConfig { connect, listen: Vec::new(), lease_s: 10.0 }, site, store })
+    let tls = config.and_then(|config| config.network.tls);
+    Ok(Place { network: NetworkConfig { connect, tls, ..NetworkConfig::agent() }, site, store })
 }
 
 async fn live<M: Message>(place: &Place, key: &Key) -> anyhow::Result<Option<M>> {

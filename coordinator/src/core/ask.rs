@@ -20,6 +20,12 @@ pub(super) struct Asked {
     deadline: Timestamp,
 }
 
+impl Asked {
+    pub(super) fn set_back(&mut self, by_ms: i64) {
+        (self.sent, self.deadline) = (self.sent.plus_ms(-by_ms), self.deadline.plus_ms(-by_ms));
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(super) enum AskedCommand {
     Robot(RobotId, RobotCommand),
@@ -113,7 +119,9 @@ impl Core {
                     format!("{id} was not answered"),
                 );
                 if let Some((robot, _)) = service {
-                    self.fail(now, &robot, "a command was not answered");
+                    // It may have been obeyed and the answer lost: robot and station are left as they
+                    // are until their own words tell where the robot is.
+                    self.give_up(now, &robot, "a command was not answered");
                 }
                 continue;
             }

@@ -10,7 +10,7 @@ use crate::watch::{Change, News};
 impl Core {
     pub(super) fn robot_gauge(&mut self, now: Timestamp, id: RobotId, gauge: Gauge) {
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if newer(gauge.at, robot.gauge.as_ref().map(|known| known.at)) {
+        if newer((gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
             let first = robot.gauge.is_none();
             robot.gauge = Some(gauge.clone());
             self.record(Record::RobotGauge { robot: id.clone(), gauge });
@@ -36,7 +36,7 @@ impl Core {
             return;
         }
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if !newer(state.at, robot.state.as_ref().map(|known| known.at)) {
+        if !newer((state.at, state.seq), robot.state.as_ref().map(|known| (known.at, known.seq))) {
             return;
         }
         let before = robot.phase();
@@ -47,10 +47,7 @@ impl Core {
         self.doubted(now, news);
         self.record(Record::RobotState { robot: id.clone(), state: state.clone() });
         match before {
-            None => {
-                self.adopt(now, &id);
-                self.heard_robot(now, &id);
-            }
+            None => self.heard_robot(now, &id),
             Some(before) if before != phase => {
                 let why = state.note.filter(|_| phase == RobotPhase::Stranded).map_or_else(String::new, |note| format!(": {note}"));
                 self.event(now, EventKind::PhaseChanged, Some(&id), None, None, format!("{id}: {before} -> {phase}{why}"));
@@ -85,7 +82,7 @@ impl Core {
             return;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if !newer(state.at, station.state.as_ref().map(|known| known.at)) {
+        if !newer((state.at, state.seq), station.state.as_ref().map(|known| (known.at, known.seq))) {
             return;
         }
         let before = station.state.replace(state.clone());
@@ -135,7 +132,7 @@ impl Core {
             return;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if newer(gauge.at, station.packs.get(&pack).map(|known| known.at)) {
+        if newer((gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
             station.packs.insert(pack.clone(), gauge.clone());
             let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[&id], &id, &pack, &gauge);
             self.record(Record::PackGauge { station: id, pack, gauge });

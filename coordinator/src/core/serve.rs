@@ -7,7 +7,6 @@ use crate::answers;
 use crate::fleet::{Robot, Station};
 use crate::scheduler::Planned;
 use crate::service_run::{How, ServiceRun, Stage, Step};
-use energy::Need;
 
 impl Core {
     /// Begins the services whose robots must leave now.
@@ -89,18 +88,25 @@ impl Core {
         }
     }
 
-    /// Gives a service up, and frees robot and bay from it as far as they can be.
-    pub(super) fn fail(&mut self, now: Timestamp, robot: &RobotId, why: &str) {
-        let Some(run) = self.running.remove(robot) else { return };
+    /// Gives a service up, and leaves robot and station as they are.
+    pub(super) fn give_up(&mut self, now: Timestamp, robot: &RobotId, why: &str) -> Option<ServiceRun> {
+        let run = self.running.remove(robot)?;
         self.event(now, EventKind::ServiceFailed, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
         if self.promised.remove(robot) {
             self.event(now, EventKind::PromiseBroken, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
         }
         self.replan(format!("the service of {robot} failed: {why}"));
+        Some(run)
+    }
+
+    /// Gives a service up, and frees robot and bay from it as far as they can be. What a station has
+    /// begun is never cut short: a robot that drives off from under a lift is a broken robot.
+    pub(super) fn fail(&mut self, now: Timestamp, robot: &RobotId, why: &str) {
+        let Some(run) = self.give_up(now, robot, why) else { return };
         let phase = self.fleet.robots.get(robot).and_then(Robot::phase);
         let powered = self.fleet.stations.get(&run.station).and_then(Station::known).is_some_and(|state| state.powered);
         match (phase, &run.how) {
-            (Some(RobotPhase::Travelling | RobotPhase::Waiting | RobotPhase::Swapping), _) => {
+            (Some(RobotPhase::Travelling | RobotPhase::Waiting), _) if matches!(run.stage, Stage::Travelling | Stage::Waiting) => {
                 self.ask_robot(now, robot, RobotAction::Undock, None);
             }
             (Some(RobotPhase::Docked | RobotPhase::Charging | RobotPhase::Charged), How::Recharge { bay, .. }) if powered => {
@@ -110,40 +116,6 @@ impl Core {
             }
             _ => {}
         }
-    }
-
-    /// Takes over a service that a coordinator before this one has begun: a robot that is heard
-    /// for the first time on its way to a bay, or in it.
-    pub(super) fn adopt(&mut self, now: Timestamp, robot: &RobotId) {
-        let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.clone()) else { return };
-        let (Some(station), Some(bay)) = (state.station, state.bay) else { return };
-        let stage = match state.phase {
-            RobotPhase::Travelling => Stage::Travelling,
-            RobotPhase::Waiting => Stage::Waiting,
-            RobotPhase::Docked => Stage::Loading,
-            RobotPhase::Charging | RobotPhase::Charged => Stage::Charging,
-            RobotPhase::Working | RobotPhase::Swapping | RobotPhase::Stranded => return,
-        };
-        let to_soc = self.settings.charge_to_soc;
-        let charge_s = self.models.battery(robot, &state.battery).map_or(0.0, |battery| {
-            let facts = battery.battery();
-            to_soc * facts.capacity_ah / facts.charge.current_a * energy::units::S_PER_H
-        });
-        let run = ServiceRun {
-            robot: robot.clone(),
-            station: station.clone(),
-            how: How::Recharge { bay, to_soc },
-            left: now,
-            start: now,
-            end: now.plus_s(charge_s),
-            need: Need::default(),
-            packs: Vec::new(),
-            why: vec!["begun by the coordinator before this one".to_owned()],
-            stage,
-            asked: None,
-        };
-        self.event(now, EventKind::ServiceStarted, Some(robot), Some(&station), None, format!("{robot} is taken over at {station}"));
-        self.running.insert(robot.clone(), run);
     }
 
     /// Hands a station over to its next pack before the active one gives out.

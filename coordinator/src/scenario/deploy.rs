@@ -101,6 +101,8 @@ impl Scenario {
             way: entry.way.clone(),
             travel_s: entry.travel_s.iter().map(|(station, values)| (station.clone(), values.at(index))).collect(),
             publish: self.publish,
+            alone: Default::default(),
+            memory: None,
             source: robot_agent::SourceConfig::Sim {
                 battery: truth(&entry.battery),
                 load: truth(&entry.load),
@@ -139,6 +141,8 @@ impl Scenario {
                 .collect(),
             spares: entry.spares.iter().map(|spare| station_agent::SpareConfig { id: spare.id.clone(), soc: spare.soc }).collect(),
             publish: self.publish,
+            alone: Default::default(),
+            memory: None,
             source: station_agent::SourceConfig::Sim {
                 load: truth(&entry.load),
                 packs: entry.packs.iter().map(|pack| (pack.id.clone(), true_pack(pack))).collect(),

@@ -32,6 +32,30 @@ pub enum StoreError {
         /// `process 4711`, as it wrote into the lock file, or `another process`.
         owner: String,
     },
+    /// The file has several names, and so two coordinators could work with it unseen.
+    #[error("store {} is one of {names} names of the same file: open it by its own name, or copy it", path.display())]
+    Linked {
+        /// The store asked for.
+        path: PathBuf,
+        /// How many names it has.
+        names: u64,
+    },
+    /// It belongs to another site.
+    #[error("store {} belongs to site {found}, this coordinator serves {site}: name another store, or that site", path.display())]
+    OtherSite {
+        /// The store.
+        path: PathBuf,
+        /// Whose it is.
+        found: String,
+        /// Who asked.
+        site: String,
+    },
+    /// Another coordinator has taken over.
+    #[error("store {}: another coordinator leads now", path.display())]
+    Deposed {
+        /// The store.
+        path: PathBuf,
+    },
     /// Some other file, which was left as it is.
     #[error("{} is not a coordinator's store: {detail}; it was left untouched, choose another path", path.display())]
     NotAStore {
@@ -138,12 +162,12 @@ impl StoreError {
     /// nothing is wrong with the records.
     #[must_use]
     pub fn may_pass(&self) -> bool {
-        !matches!(self, StoreError::Refused { .. } | StoreError::Conflict { .. })
+        !matches!(self, StoreError::Refused { .. } | StoreError::Conflict { .. } | StoreError::Deposed { .. })
     }
 
     /// What a database error met while `doing` something means to the user.
     pub(super) fn database(path: &Path, doing: &'static str, source: sqlx::Error) -> Self {
-        let path = path.to_owned();
+        let path = super::shown(path);
         let Some(error) = source.as_database_error() else {
             return match source {
                 sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) => Self::Damaged { path, detail: format!("{doing}: {source}") },
@@ -151,6 +175,13 @@ impl StoreError {
             };
         };
         let detail = format!("{doing}: {}", error.message());
+        // A server's codes have five characters: out of room, and who may not enter.
+        match error.code().filter(|code| code.len() == 5).as_deref() {
+            Some("53100" | "53200") => return Self::Full { path, detail },
+            Some("28000" | "28P01" | "3D000" | "42501") => return Self::Denied { path, detail },
+            Some(_) if super::server::is_address(&path) => return Self::Database { path, doing, source },
+            _ => {}
+        }
         // The low byte of an extended code is the primary one.
         let code = error.code().and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
         match code {

@@ -17,6 +17,16 @@ pub(super) static MIGRATOR: Migrator = sqlx::migrate!("./migrations");
 /// Every SQLite file starts so.
 const HEADER: &[u8; 16] = b"SQLite format 3\0";
 
+/// Whether a file has several names: two processes could each make a log of changes beside their own,
+/// and destroy it.
+pub(super) fn one_name(place: &Path, asked: &Path) -> Result<(), StoreError> {
+    use std::os::unix::fs::MetadataExt as _;
+    match std::fs::metadata(place) {
+        Ok(facts) if facts.is_file() && facts.nlink() > 1 => Err(StoreError::Linked { path: asked.to_owned(), names: facts.nlink() }),
+        _ => Ok(()),
+    }
+}
+
 /// The absolute path of a store that exists or could be made. Two spellings of one place
 /// get one lock, and SQLite's special names (`:memory:`, `file:...`) are plain names here.
 pub(super) fn resolve(path: &Path) -> Result<PathBuf, StoreError> {
@@ -145,4 +155,24 @@ pub(super) fn options(place: &Path) -> SqliteConnectOptions {
         .foreign_keys(true)
         .busy_timeout(std::time::Duration::from_secs(5))
         .disable_statement_logging()
+}
+
+/// The file as the address of a connection that may read, or read and write.
+pub(super) fn address(place: &Path, mode: &str) -> String {
+    use std::fmt::Write as _;
+    use std::os::unix::ffi::OsStrExt as _;
+    let mut address = String::from("sqlite://");
+    for &byte in place.as_os_str().as_bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'_' | b'.' | b'~' => address.push(char::from(byte)),
+            _ => write!(address, "%{byte:02X}").expect("a text can be written to"),
+        }
+    }
+    format!("{address}?mode={mode}")
+}
+
+/// How to reach a store by address.
+pub(super) fn any(address: &str) -> Result<sqlx::any::AnyConnectOptions, sqlx::Error> {
+    sqlx::any::install_default_drivers();
+    Ok(address.parse::<sqlx::any::AnyConnectOptions>()?.disable_statement_logging())
 }

@@ -10,16 +10,18 @@ use proto::{
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
-use sqlx::sqlite::{SqlitePool, SqlitePoolOptions, SqliteRow};
+use sqlx::AnyPool;
+use sqlx::any::{AnyPoolOptions, AnyRow};
 use sqlx::{Row, query, query_as, query_scalar};
 
-use super::{StoreError, place};
+use super::{Heard, Record, StoreError, What, inputs, place};
+use crate::core::Numbering;
 
 /// A store open for reading. It sees every batch as soon as that is appended, whole.
 #[derive(Debug, Clone)]
 pub struct Reader {
     path: PathBuf,
-    pool: SqlitePool,
+    pool: AnyPool,
 }
 
 /// One moment of a robot's log.
@@ -65,12 +67,11 @@ fn bounds(from: Option<Timestamp>, to: Option<Timestamp>) -> (i64, i64) {
 }
 
 impl Reader {
-    pub(super) async fn connect(place: &Path, asked: &Path) -> Result<Self, StoreError> {
-        let pool = SqlitePoolOptions::new().max_connections(2).test_before_acquire(false);
-        let pool = pool
-            .connect_with(place::options(place).read_only(true))
-            .await
-            .map_err(|source| StoreError::database(asked, "opening it for reading", source))?;
+    pub(super) async fn connect(address: &str, asked: &Path) -> Result<Self, StoreError> {
+        let failed = |source| StoreError::database(asked, "opening it for reading", source);
+        let options = place::any(address).map_err(failed)?;
+        let pool = AnyPoolOptions::new().max_connections(2).test_before_acquire(false).acquire_timeout(super::PATIENCE);
+        let pool = pool.connect_with(options).await.map_err(failed)?;
         Ok(Self { path: asked.to_owned(), pool })
     }
 
@@ -172,6 +173,98 @@ impl Reader {
         TABLES.into_iter().map(count).collect::<Result<_, _>>().map_err(self.failed("counting rows"))
     }
 
+    /// Where the numbers of each start of a coordinator began, oldest first.
+    pub async fn starts(&self) -> Result<Vec<Numbering>, StoreError> {
+        let rows: Vec<(i64, i64, i64)> = query_as("SELECT epoch, event, plan FROM starts ORDER BY epoch")
+            .fetch_all(&self.pool)
+            .await
+            .map_err(self.failed("reading starts"))?;
+        let number = |number: i64| number.cast_unsigned();
+        Ok(rows
+            .into_iter()
+            .map(|(epoch, event, plan)| Numbering { epoch: number(epoch), event: number(event), plan: number(plan) })
+            .collect())
+    }
+
+    /// What the core of that start was told after line `after`, in order; at most `limit` lines.
+    pub async fn heard(&self, epoch: u64, after: u64, limit: usize) -> Result<Vec<Heard>, StoreError> {
+        let select = query("SELECT * FROM inputs WHERE epoch = $1 AND number > $2 ORDER BY number LIMIT $3")
+            .bind(epoch.cast_signed())
+            .bind(after.cast_signed())
+            .bind(i64::try_from(limit).unwrap_or(i64::MAX));
+        let rows = select.fetch_all(&self.pool).await.map_err(self.failed("reading inputs"))?;
+        rows.iter().map(inputs::heard).collect::<Result<_, _>>().map_err(self.failed("reading inputs"))
+    }
+
+    /// The message that a line points to; none for one that says all itself, or whose telemetry was
+    /// dropped.
+    pub async fn message_of(&self, heard: &Heard) -> Result<Option<Record>, StoreError> {
+        let failed = self.failed("reading what a line points to");
+        let at = |at: &Timestamp, seq: &u64| (at.unix_ms(), seq.cast_signed());
+        let (select, names, (at_ms, seq)) = match &heard.what {
+            What::RobotGauge(robot, when, seq) => (
+                "SELECT * FROM robot_gauges WHERE robot = $1 AND robot = $2 AND at_ms = $3 AND seq = $4",
+                [robot.as_str(); 2],
+                at(when, seq),
+            ),
+            What::PackGauge(station, pack, when, seq) => {
+                let names = [station.as_str(), pack.as_str()];
+                ("SELECT * FROM pack_gauges WHERE station = $1 AND pack = $2 AND at_ms = $3 AND seq = $4", names, at(when, seq))
+            }
+            What::RobotState(robot, when, seq) => (
+                "SELECT body FROM robot_states WHERE robot = $1 AND robot = $2 AND at_ms = $3 AND seq = $4",
+                [robot.as_str(); 2],
+                at(when, seq),
+            ),
+            What::StationState(station, when, seq) => {
+                let select = "SELECT body FROM station_states WHERE station = $1 AND station = $2 AND at_ms = $3 AND seq = $4";
+                (select, [station.as_str(); 2], at(when, seq))
+            }
+            _ => return Ok(None),
+        };
+        let row = query(select).bind(names[0]).bind(names[1]).bind(at_ms).bind(seq).fetch_optional(&self.pool).await.map_err(&failed)?;
+        let Some(row) = row else { return Ok(None) };
+        let body = || row.try_get::<String, _>("body").map_err(&failed);
+        Ok(Some(match heard.what.clone() {
+            What::RobotGauge(robot, ..) => Record::RobotGauge { robot, gauge: gauge(&row).map_err(&failed)? },
+            What::PackGauge(station, pack, ..) => Record::PackGauge { station, pack, gauge: gauge(&row).map_err(&failed)? },
+            What::RobotState(robot, ..) => Record::RobotState { robot, state: self.decode(&body()?, "robot_states")? },
+            What::StationState(station, ..) => Record::StationState { station, state: self.decode(&body()?, "station_states")? },
+            _ => return Ok(None),
+        }))
+    }
+
+    /// Events, plans and commands of one start, each kind in order, up to where the next one began.
+    pub async fn decisions(&self, start: Numbering, next: Option<Numbering>) -> Result<Vec<Record>, StoreError> {
+        let failed = self.failed("reading decisions");
+        let (event, plan) = next.map_or((i64::MAX, i64::MAX), |next| (next.event.cast_signed(), next.plan.cast_signed()));
+        let select = query_scalar::<_, String>("SELECT body FROM events WHERE seq >= $1 AND seq < $2 ORDER BY seq");
+        let events = select.bind(start.event.cast_signed()).bind(event).fetch_all(&self.pool).await.map_err(&failed)?;
+        let select = query_scalar::<_, String>("SELECT body FROM plans WHERE plan >= $1 AND plan < $2 ORDER BY plan");
+        let plans = select.bind(start.plan.cast_signed()).bind(plan).fetch_all(&self.pool).await.map_err(&failed)?;
+        let select = query_as("SELECT robot, station, body, reply_body FROM commands WHERE epoch = $1").bind(start.epoch.cast_signed());
+        let commands: Vec<CommandColumns> = select.fetch_all(&self.pool).await.map_err(&failed)?;
+        let mut commands = commands.into_iter().map(|row| self.stored_command(row)).collect::<Result<Vec<_>, _>>()?;
+        // Ids end with a number that counts up.
+        let number = |id: &CommandId| id.as_str().rsplit('-').next().and_then(|n| n.parse::<u64>().ok()).unwrap_or(0);
+        commands.sort_by_key(|command| match &command.sent {
+            SentCommand::Robot { command, .. } => number(&command.id),
+            SentCommand::Station { command, .. } => number(&command.id),
+        });
+        let mut records = Vec::new();
+        for body in &events {
+            records.push(Record::Event(self.decode(body, "events")?));
+        }
+        for body in &plans {
+            records.push(Record::Plan(self.decode(body, "plans")?));
+        }
+        records.extend(commands.into_iter().map(|command| match command.sent {
+            SentCommand::Robot { robot, command } => Record::RobotCommand { robot, command },
+            SentCommand::Station { station, command } => Record::StationCommand { station, command },
+        }));
+        Ok(records)
+    }
+
     /// The epoch of the coordinator that opened the store last.
     pub async fn last_epoch(&self) -> Result<u64, StoreError> {
         self.number("SELECT value FROM meta WHERE name = 'epoch'", "reading meta").await
@@ -226,13 +319,13 @@ impl Reader {
 /// Robot, station, body and reply.
 type CommandColumns = (Option<String>, Option<String>, String, Option<String>);
 
-fn telemetry(row: &SqliteRow) -> Result<TelemetryRow, sqlx::Error> {
+fn telemetry(row: &AnyRow) -> Result<TelemetryRow, sqlx::Error> {
     let phase: Option<String> = row.try_get("phase")?;
     let phase = phase.map(|name| RobotPhase::deserialize(IntoDeserializer::<ValueError>::into_deserializer(name))).transpose();
     Ok(TelemetryRow { gauge: gauge(row)?, phase: phase.map_err(|error| sqlx::Error::Decode(Box::new(error)))? })
 }
 
-fn gauge(row: &SqliteRow) -> Result<Gauge, sqlx::Error> {
+fn gauge(row: &AnyRow) -> Result<Gauge, sqlx::Error> {
     let estimate = |value: &str, sigma: &str| Ok::<_, sqlx::Error>(Estimate::new(row.try_get(value)?, row.try_get(sigma)?));
     let perhaps = |value: &str, sigma: &str| {
         let pair: (Option<f64>, Option<f64>) = (row.try_get(value)?, row.try_get(sigma)?);

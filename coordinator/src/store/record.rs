@@ -5,6 +5,8 @@ use proto::{
     StationState,
 };
 
+use super::Heard;
+
 /// One thing to keep.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Record {
@@ -62,4 +64,33 @@ pub enum Record {
     },
     /// A command was answered; kept with its command, the first answer only.
     Reply(CommandReply),
+    /// The core was told something; stands before the records that came of it.
+    Heard(Heard),
+}
+
+impl Record {
+    /// Whether it is something that the core decided, or noticed.
+    #[must_use]
+    pub fn is_decision(&self) -> bool {
+        self.is_event() || self.is_command() || self.is_plan()
+    }
+
+    pub(crate) fn is_event(&self) -> bool {
+        matches!(self, Record::Event(_))
+    }
+
+    pub(crate) fn is_command(&self) -> bool {
+        matches!(self, Record::RobotCommand { .. } | Record::StationCommand { .. })
+    }
+
+    pub(crate) fn is_plan(&self) -> bool {
+        matches!(self, Record::Plan(_))
+    }
+
+    /// Whether it is one of many of its kind, and may be dropped where there is no room.
+    #[must_use]
+    pub fn is_telemetry(&self) -> bool {
+        use Record::{Heard, PackGauge, RobotGauge, RobotState, StationState};
+        matches!(self, RobotGauge { .. } | PackGauge { .. } | RobotState { .. } | StationState { .. } | Heard(_))
+    }
 }

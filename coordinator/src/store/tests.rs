@@ -1,15 +1,17 @@
 //! The store as its users see it: on a real file, in a directory of its own.
 
+mod cluster;
 mod damage;
 mod journal;
 mod opening;
+mod server;
 
 use std::path::{Path, PathBuf};
 
 use proto::*;
 use tempfile::TempDir;
 
-use super::{Reader, Record, Store, StoreError};
+use super::{RENEWAL, Reader, Record, Store, StoreError};
 
 /// A directory that vanishes with the test, and a path in it.
 fn place() -> (TempDir, PathBuf) {

@@ -6,14 +6,10 @@ use proto::{
     Capacity, CommandReply, Estimate, Event, Explanation, Gauge, MAX_MESSAGE_BYTES, Message, PackId, RobotId, RobotState, Schedule,
     StationId, StationState, encode,
 };
-use sqlx::query_builder::Separated;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection, query, query_scalar};
+use sqlx::{AnyConnection, query, query_scalar};
 
-use super::{Record, StoreError};
-
-/// Rows per INSERT of telemetry: enough to make the cost of a statement small, and fewer
-/// than 32,766 parameters, SQLite's limit.
-const ROWS_PER_INSERT: usize = 64;
+use super::rows::{Value, insert};
+use super::{Heard, Record, StoreError, inputs};
 
 /// The columns of both gauge tables after those that name the battery.
 macro_rules! gauge_columns {
@@ -31,6 +27,7 @@ pub(super) struct Batch<'a> {
     pack_gauges: Vec<(&'a StationId, &'a PackId, &'a Gauge)>,
     robot_states: Vec<(&'a RobotId, &'a RobotState, String)>,
     station_states: Vec<(&'a StationId, &'a StationState, String)>,
+    heard: Vec<&'a Heard>,
     /// The rest, in the order given.
     decisions: Vec<Decision<'a>>,
 }
@@ -88,6 +85,7 @@ impl<'a> Batch<'a> {
                     self.decisions.push(Decision::Explanation(explanation, body));
                 }
             }
+            Record::Heard(heard) => self.heard.push(heard),
             decision => self.decisions.push(Decision::of(decision)?),
         }
         Ok(())
@@ -95,7 +93,7 @@ impl<'a> Batch<'a> {
 
     /// Writes everything. Telemetry that is there already is skipped: a message may arrive
     /// twice, and nothing that a network brings may make a batch fail.
-    pub(super) async fn write(&self, connection: &mut SqliteConnection, path: &Path) -> Result<(), StoreError> {
+    pub(super) async fn write(&self, connection: &mut AnyConnection, path: &Path) -> Result<(), StoreError> {
         self.write_telemetry(connection).await.map_err(|source| StoreError::database(path, "writing telemetry", source))?;
         for decision in &self.decisions {
             let kept = decision.write(connection).await.map_err(|source| StoreError::database(path, "writing decisions", source))?;
@@ -106,72 +104,61 @@ impl<'a> Batch<'a> {
         Ok(())
     }
 
-    async fn write_telemetry(&self, connection: &mut SqliteConnection) -> Result<(), sqlx::Error> {
-        let into = concat!("INSERT INTO robot_gauges (robot, ", gauge_columns!(), ") ");
-        insert(connection, into, &self.robot_gauges, |row, (robot, gauge)| {
-            row.push_bind(robot.as_str());
-            bind_gauge(row, gauge);
+    async fn write_telemetry(&self, connection: &mut AnyConnection) -> Result<(), sqlx::Error> {
+        let into = concat!("robot_gauges (robot, ", gauge_columns!(), ")");
+        insert(connection, into, &self.robot_gauges, |(robot, gauge)| gauge_row(&[robot.as_str()], gauge)).await?;
+        let into = concat!("pack_gauges (station, pack, ", gauge_columns!(), ")");
+        insert(connection, into, &self.pack_gauges, |(station, pack, gauge)| gauge_row(&[station.as_str(), pack.as_str()], gauge)).await?;
+        let into = "robot_states (robot, at_ms, seq, phase, station, bay, drain_w, drain_w_sigma, battery, body)";
+        insert(connection, into, &self.robot_states, |(robot, state, body)| {
+            vec![
+                Value::text(robot.as_str()),
+                Value::int(state.at.unix_ms()),
+                Value::int(state.seq.cast_signed()),
+                Value::text(&state.phase.to_string()),
+                Value::perhaps(state.station.as_ref().map(StationId::as_str)),
+                Value::perhaps(state.bay.as_ref().map(AsRef::<str>::as_ref)),
+                Value::real(state.drain_w.value),
+                Value::real(state.drain_w.sigma),
+                Value::text(&state.battery),
+                Value::text(body),
+            ]
         })
         .await?;
-        let into = concat!("INSERT INTO pack_gauges (station, pack, ", gauge_columns!(), ") ");
-        insert(connection, into, &self.pack_gauges, |row, (station, pack, gauge)| {
-            row.push_bind(station.as_str()).push_bind(pack.as_str());
-            bind_gauge(row, gauge);
+        let into = "station_states (station, at_ms, seq, active_pack, powered, lift_busy, pack_power_w, body)";
+        insert(connection, into, &self.station_states, |(station, state, body)| {
+            vec![
+                Value::text(station.as_str()),
+                Value::int(state.at.unix_ms()),
+                Value::int(state.seq.cast_signed()),
+                Value::perhaps(state.active_pack.as_ref().map(PackId::as_str)),
+                Value::Flag(state.powered),
+                Value::Flag(state.lift_busy),
+                Value::real(state.pack_power_w),
+                Value::text(body),
+            ]
         })
         .await?;
-        let into = "INSERT INTO robot_states (robot, at_ms, seq, phase, station, bay, drain_w, drain_w_sigma, battery, body) ";
-        insert(connection, into, &self.robot_states, |row, (robot, state, body)| {
-            row.push_bind(robot.as_str()).push_bind(state.at.unix_ms()).push_bind(state.seq.cast_signed());
-            row.push_bind(state.phase.to_string());
-            row.push_bind(state.station.as_ref().map(StationId::as_str)).push_bind(state.bay.as_ref().map(AsRef::<str>::as_ref));
-            bind_estimate(row, state.drain_w);
-            row.push_bind(state.battery.as_str()).push_bind(body.as_str());
-        })
-        .await?;
-        let into = "INSERT INTO station_states (station, at_ms, seq, active_pack, powered, lift_busy, pack_power_w, body) ";
-        insert(connection, into, &self.station_states, |row, (station, state, body)| {
-            row.push_bind(station.as_str()).push_bind(state.at.unix_ms()).push_bind(state.seq.cast_signed());
-            row.push_bind(state.active_pack.as_ref().map(PackId::as_str));
-            row.push_bind(state.powered).push_bind(state.lift_busy).push_bind(state.pack_power_w).push_bind(body.as_str());
-        })
-        .await
+        insert(connection, inputs::INTO, &self.heard, |heard| inputs::row(heard)).await
     }
 }
 
-/// Many rows with few statements.
-async fn insert<T>(
-    connection: &mut SqliteConnection,
-    into: &str,
-    rows: &[T],
-    bind: impl Fn(&mut Separated<'_, Sqlite, &'static str>, &T),
-) -> Result<(), sqlx::Error> {
-    for chunk in rows.chunks(ROWS_PER_INSERT) {
-        let mut sql = QueryBuilder::<Sqlite>::new(into);
-        sql.push_values(chunk, |mut row, item| bind(&mut row, item));
-        sql.push(" ON CONFLICT DO NOTHING");
-        // Only whole chunks come again in the same words; the others are not worth keeping
-        // a prepared statement for.
-        sql.build().persistent(chunk.len() == ROWS_PER_INSERT).execute(&mut *connection).await?;
+fn gauge_row(names: &[&str], gauge: &Gauge) -> Vec<Value> {
+    let mut row: Vec<Value> = names.iter().map(|name| Value::text(name)).collect();
+    row.extend([Value::int(gauge.at.unix_ms()), Value::int(gauge.seq.cast_signed())]);
+    let estimate = |row: &mut Vec<Value>, of: Option<Estimate>| {
+        row.extend([Value::Real(of.map(|of| of.value)), Value::Real(of.map(|of| of.sigma))]);
+    };
+    for of in [gauge.soc, gauge.remaining_wh, gauge.full_wh] {
+        estimate(&mut row, Some(of));
     }
-    Ok(())
-}
-
-fn bind_estimate(row: &mut Separated<'_, Sqlite, &'static str>, estimate: Estimate) {
-    row.push_bind(estimate.value).push_bind(estimate.sigma);
-}
-
-fn bind_gauge(row: &mut Separated<'_, Sqlite, &'static str>, gauge: &Gauge) {
-    row.push_bind(gauge.at.unix_ms()).push_bind(gauge.seq.cast_signed());
-    bind_estimate(row, gauge.soc);
-    bind_estimate(row, gauge.remaining_wh);
-    bind_estimate(row, gauge.full_wh);
-    for time_s in [gauge.time_to_empty_s, gauge.time_to_full_s] {
-        row.push_bind(time_s.map(|t| t.value)).push_bind(time_s.map(|t| t.sigma));
-    }
-    bind_estimate(row, gauge.soh);
-    row.push_bind(gauge.cycles);
-    row.push_bind(gauge.voltage_v).push_bind(gauge.current_a).push_bind(gauge.temperature_degc).push_bind(gauge.power_w);
-    row.push_bind(i64::from(gauge.cells_series)).push_bind(gauge.source.as_str());
+    estimate(&mut row, gauge.time_to_empty_s);
+    estimate(&mut row, gauge.time_to_full_s);
+    estimate(&mut row, Some(gauge.soh));
+    row.push(Value::Real(gauge.cycles));
+    row.extend([gauge.voltage_v, gauge.current_a, gauge.temperature_degc, gauge.power_w].map(Value::real));
+    row.extend([Value::int(i64::from(gauge.cells_series)), Value::text(&gauge.source)]);
+    row
 }
 
 /// What became of a record that has a name of its own.
@@ -206,6 +193,7 @@ impl<'a> Decision<'a> {
             | Record::PackGauge { .. }
             | Record::RobotState { .. }
             | Record::StationState { .. }
+            | Record::Heard(_)
             | Record::Explanations(_) => unreachable!("`Batch::take` keeps these apart"),
         })
     }
@@ -237,7 +225,7 @@ impl<'a> Decision<'a> {
         }
     }
 
-    async fn write(&self, connection: &mut SqliteConnection) -> Result<Kept, sqlx::Error> {
+    async fn write(&self, connection: &mut AnyConnection) -> Result<Kept, sqlx::Error> {
         match self {
             Self::Event(event, seq, body) => write_event(connection, event, *seq, body).await,
             Self::Plan(schedule, plan, body) => write_plan(connection, schedule, *plan, body).await,
@@ -249,7 +237,7 @@ impl<'a> Decision<'a> {
     }
 }
 
-async fn write_event(connection: &mut SqliteConnection, event: &Event, seq: i64, body: &str) -> Result<Kept, sqlx::Error> {
+async fn write_event(connection: &mut AnyConnection, event: &Event, seq: i64, body: &str) -> Result<Kept, sqlx::Error> {
     let insert = "INSERT INTO events (seq, at_ms, kind, robot, station, pack, body) VALUES ($1, $2, $3, $4, $5, $6, $7) \
                   ON CONFLICT (seq) DO NOTHING";
     let inserted = query(insert)
@@ -269,7 +257,7 @@ async fn write_event(connection: &mut SqliteConnection, event: &Event, seq: i64,
     Ok(Kept::if_equal(&stored, body))
 }
 
-async fn write_plan(connection: &mut SqliteConnection, schedule: &Schedule, plan: i64, body: &str) -> Result<Kept, sqlx::Error> {
+async fn write_plan(connection: &mut AnyConnection, schedule: &Schedule, plan: i64, body: &str) -> Result<Kept, sqlx::Error> {
     let insert = "INSERT INTO plans (plan, at_ms, policy, body) VALUES ($1, $2, $3, $4) ON CONFLICT (plan) DO NOTHING";
     let inserted =
         query(insert).bind(plan).bind(schedule.at.unix_ms()).bind(schedule.policy.as_str()).bind(body).execute(&mut *connection).await?;
@@ -280,7 +268,7 @@ async fn write_plan(connection: &mut SqliteConnection, schedule: &Schedule, plan
     Ok(Kept::if_equal(&stored, body))
 }
 
-async fn write_capacity(connection: &mut SqliteConnection, capacity: &Capacity, body: &str) -> Result<Kept, sqlx::Error> {
+async fn write_capacity(connection: &mut AnyConnection, capacity: &Capacity, body: &str) -> Result<Kept, sqlx::Error> {
     let insert = "INSERT INTO capacities (number, at_ms, robots_expected, robots_promised, confidence, body) \
                   VALUES ((SELECT COALESCE(MAX(number), 0) + 1 FROM capacities), $1, $2, $3, $4, $5)";
     query(insert)
@@ -294,14 +282,14 @@ async fn write_capacity(connection: &mut SqliteConnection, capacity: &Capacity, 
     Ok(Kept::Yes)
 }
 
-async fn write_explanation(connection: &mut SqliteConnection, explanation: &Explanation, body: &str) -> Result<Kept, sqlx::Error> {
+async fn write_explanation(connection: &mut AnyConnection, explanation: &Explanation, body: &str) -> Result<Kept, sqlx::Error> {
     let insert = "INSERT INTO explanations (robot, at_ms, body) VALUES ($1, $2, $3) \
                   ON CONFLICT (robot) DO UPDATE SET at_ms = excluded.at_ms, body = excluded.body";
     query(insert).bind(explanation.robot.as_str()).bind(explanation.at.unix_ms()).bind(body).execute(connection).await?;
     Ok(Kept::Yes)
 }
 
-async fn write_command(connection: &mut SqliteConnection, command: &CommandRow<'_>) -> Result<Kept, sqlx::Error> {
+async fn write_command(connection: &mut AnyConnection, command: &CommandRow<'_>) -> Result<Kept, sqlx::Error> {
     let insert = "INSERT INTO commands (id, epoch, at_ms, deadline_ms, robot, station, body) VALUES ($1, $2, $3, $4, $5, $6, $7) \
                   ON CONFLICT (id) DO NOTHING";
     let inserted = query(insert)
@@ -325,7 +313,7 @@ async fn write_command(connection: &mut SqliteConnection, command: &CommandRow<'
 
 /// The first answer counts, later ones repeat it. An answer to a command that is not here
 /// (the agent remembers one of an earlier store) has nothing to be kept with.
-async fn write_reply(connection: &mut SqliteConnection, reply: &CommandReply, body: &str) -> Result<Kept, sqlx::Error> {
+async fn write_reply(connection: &mut AnyConnection, reply: &CommandReply, body: &str) -> Result<Kept, sqlx::Error> {
     let update = "UPDATE commands SET reply_at_ms = $2, reply_body = $3 WHERE id = $1 AND reply_body IS NULL";
     query(update).bind(reply.id.as_str()).bind(reply.at.unix_ms()).bind(body).execute(connection).await?;
     Ok(Kept::Yes)

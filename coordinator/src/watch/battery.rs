@@ -113,7 +113,8 @@ impl BatteryWatch {
     /// Takes in a message; at the end of a block its begin and its innovation in sigma.
     pub(super) fn update(&mut self, gauge: &Gauge) -> Option<(Timestamp, f64)> {
         let dt_s = gauge.at.seconds_since(self.last);
-        if dt_s > GAP_S {
+        // Long silence, or a clock that was set back.
+        if dt_s.abs() > GAP_S {
             *self = Self::new(&Arc::clone(self.run.model()), gauge);
             return None;
         }

@@ -88,6 +88,9 @@ impl Desk {
     }
 }
 
+/// Why there is a new plan when somebody asked for one.
+pub const REPLAN_WHY: &str = "asked for on the dashboard";
+
 /// The newest word of a robot, as it came over the wire.
 #[derive(Serialize)]
 struct RobotWord<'a> {
@@ -143,7 +146,7 @@ impl Question {
             Question::Events(last) => Ok(json(&past.events.iter().rev().take(last).collect::<Vec<&Event>>())),
             Question::Metrics => Ok(metrics::text(now, core, past)),
             Question::Replan => {
-                core.handle(now, Input::Replan("asked for on the dashboard".to_owned()));
+                core.handle(now, Input::Replan(REPLAN_WHY.to_owned()));
                 Ok(json(&serde_json::json!({ "asked": "replan", "plan": core.schedule().plan })))
             }
         }

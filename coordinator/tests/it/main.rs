@@ -1,6 +1,8 @@
 //! The simulator and its command, from outside.
 
 mod commands;
+mod faults;
+mod fuzz;
 mod scenarios;
 mod stories;
 mod telemetry;

@@ -33,6 +33,11 @@ fn swap() -> RobotAction {
 
 /// An Explorer at 50 % charge that knows the way to mds-1.
 fn bench() -> Bench {
+    bench_at(0.5)
+}
+
+/// The same at another charge.
+fn bench_at(soc: f64) -> Bench {
     let model = Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap());
     let travel = Travel { time_s: 60.0, energy_wh: Estimate::new(0.07, 0.01) };
     let profile = Profile {
@@ -43,9 +48,10 @@ fn bench() -> Bench {
         travel: BTreeMap::from([(station("mds-1"), travel)]),
         mission: Mission { weight: 1.0, until: None },
         publish: Publish::default(),
+        alone: Alone::default(),
         source: "test".to_owned(),
     };
-    let gauge = Kind::CoulombCounter.open(model, energy::Estimate::new(0.5, 0.01), 25.0);
+    let gauge = Kind::CoulombCounter.open(model, energy::Estimate::new(soc, 0.01), 25.0);
     Bench { agent: Agent::new(profile, gauge), now: Timestamp::from_unix_ms(0), commands: 0, place: Place::Mission }
 }
 
@@ -216,4 +222,50 @@ fn a_bay_without_power_is_reported_and_does_not_count_as_charged() {
     // Above the target, but nothing flows: the station is dark.
     assert_eq!(bench.observe(|observation| observation.powered = false), []);
     assert_eq!((bench.agent.phase, bench.agent.note.as_deref()), (RobotPhase::Charging, Some("the bay has no power")));
+}
+
+#[test]
+fn without_a_coordinator_it_goes_to_charge_before_its_energy_gives_out_and_not_earlier() {
+    let (mut rich, mut poor) = (bench_at(0.5), bench_at(0.08));
+    for robot in [&mut rich, &mut poor] {
+        robot.agent.handle(robot.now, Input::Coordinator(true));
+        (0..120).for_each(|_| assert_eq!(robot.observe(|_| {}), []));
+        robot.agent.handle(robot.now, Input::Coordinator(false));
+        // A minute's silence may be a restart.
+        (0..59).for_each(|_| assert_eq!(robot.observe(|_| {}), []));
+    }
+    (0..60).for_each(|_| assert_eq!(rich.observe(|_| {}), [], "there is energy for hours of work"));
+    assert_eq!(poor.observe(|_| {}), [Act::TravelTo { station: station("mds-1") }]);
+    assert_eq!((poor.agent.phase, &poor.agent.bay), (RobotPhase::Travelling, &None));
+    poor.observe(|observation| observation.place = Place::AtStation);
+    assert_eq!(poor.agent.phase, RobotPhase::Waiting);
+    // The station takes it in.
+    let acts = poor.observe(|observation| (observation.place, observation.powered) = (Place::InBay, true));
+    assert_eq!((acts, poor.agent.phase), (vec![Act::Charge], RobotPhase::Charging));
+    // A coordinator is back: it goes on from here.
+    assert_eq!(poor.ask(RobotAction::Undock), (Outcome::Accepted, vec![Act::StopCharging]));
+}
+
+/// The newest memory that an agent asked to be kept.
+fn kept(bench: &mut Bench, input: Input) -> Memory {
+    bench.agent.handle(bench.now, input);
+    let outputs: Vec<Output> = std::iter::from_fn(|| bench.agent.poll()).collect();
+    // It stands before everything that rests on it.
+    let Some(Output::Keep(memory)) = outputs.into_iter().next() else { panic!("nothing is kept") };
+    *memory
+}
+
+#[test]
+fn a_restarted_agent_answers_from_memory_and_does_again_what_was_not_done() {
+    let mut before = bench();
+    let command = before.command(dock());
+    let memory = kept(&mut before, Input::Command(command.clone()));
+    let mut after = bench();
+    after.agent.restore(memory);
+    // The robot never heard that it should leave: the kill came in between.
+    assert_eq!(after.observe(|_| {}), [Act::TravelTo { station: station("mds-1") }]);
+    let (outcome, acts) = after.give(command.clone());
+    assert_eq!((outcome, acts), (Outcome::Accepted, Vec::new()), "a copy acts no second time");
+    let stale = RobotCommand { id: CommandId::new("c0-1").unwrap(), epoch: 0, ..command };
+    assert!(matches!(after.give(stale).0, Outcome::Rejected { reason: Rejection::StaleEpoch, .. }));
 }

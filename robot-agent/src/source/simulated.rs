@@ -118,6 +118,12 @@ impl RobotBody {
         self.pack.remembered_soc()
     }
 
+    /// The true value of a channel of its pack at the end of the last step.
+    #[must_use]
+    pub fn truth(&self, channel: Channel) -> f64 {
+        self.pack.truth(channel)
+    }
+
     /// True state of charge.
     #[must_use]
     pub fn true_soc(&self) -> f64 {
@@ -343,8 +349,9 @@ impl Source for RobotBody {
         if self.bay.is_none() && self.left_soc.is_none() {
             return None;
         }
-        let charging = self.powered() && self.charger_on;
         let [current_a, power_w] = [Channel::CurrentA, Channel::PowerW].map(|channel| self.pack.truth(channel));
+        // What it took in the last step, even if its charger was switched off since.
+        let charging = self.powered() && (self.charger_on || power_w < 0.0);
         Some(SimDraw {
             at: Timestamp::from_unix_ms((self.now_s * 1000.0) as i64),
             charge_power_w: if charging { (-power_w).max(0.0) } else { 0.0 },

@@ -47,7 +47,9 @@ fn bench() -> Bench {
     let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
     let gauge = || Kind::CoulombCounter.open(Arc::clone(&model), energy::Estimate::new(0.9, 0.01), 25.0);
     let profile = Profile {
+        id: StationId::new("mds-1").unwrap(),
         rule: node::UNTIL_EMPTY,
+        alone: Alone::default(),
         bays: vec![bay(1), bay(2)],
         spares: [1, 2].map(|number| (spare(number), proto::Estimate::new(0.98, 0.01))).into(),
         publish: Publish::default(),
@@ -249,4 +251,66 @@ fn a_pack_that_is_away_is_told_of_and_not_selected_and_its_gauge_starts_anew() {
     let soc = bench.agent.socs().nth(1).unwrap().1;
     assert!((soc.value - 0.3).abs() < 0.01, "{soc:?}");
     assert_eq!(bench.ask(StationAction::SelectPack { pack: pack(2) }).0, Outcome::Accepted);
+}
+
+/// What a robot at this station says.
+fn says(bench: &mut Bench, name: &str, phase: RobotPhase) {
+    let state = RobotState {
+        at: bench.now,
+        seq: 1,
+        phase,
+        station: Some(bench.agent.profile.id.clone()),
+        bay: None,
+        drain_w: proto::Estimate::new(4.0, 0.1),
+        travel: BTreeMap::new(),
+        mission: proto::Mission { weight: 1.0, until: None },
+        battery: "explorer".to_owned(),
+        last_command: None,
+        note: None,
+    };
+    bench.agent.handle(bench.now, Input::Robot(robot(name), state));
+}
+
+#[test]
+fn without_a_coordinator_it_takes_in_who_waits_and_lets_out_who_is_charged() {
+    let mut bench = bench();
+    bench.agent.handle(bench.now, Input::Coordinator(true));
+    says(&mut bench, "a", RobotPhase::Waiting);
+    (0..120).for_each(|_| assert_eq!(bench.observe(|_| {}), [], "the coordinator decides"));
+    bench.agent.handle(bench.now, Input::Coordinator(false));
+    (0..59).for_each(|_| assert_eq!(bench.observe(|_| {}), [], "a minute's silence may be a restart"));
+    says(&mut bench, "a", RobotPhase::Waiting);
+    assert_eq!(bench.observe(|_| {}), [lift("a", 1, true)]);
+    bench.lifted("a", 1, true);
+    says(&mut bench, "a", RobotPhase::Charging);
+    assert_eq!(bench.observe(|_| {}), []);
+    says(&mut bench, "a", RobotPhase::Charged);
+    assert_eq!(bench.observe(|_| {}), [lift("a", 1, false)]);
+    // Who was heard long ago may be anywhere.
+    says(&mut bench, "b", RobotPhase::Waiting);
+    bench.now = bench.now.plus_s(FRESH_TOO_LONG_S);
+    assert_eq!(bench.observe(|_| {}), []);
+}
+
+/// Longer than a robot's word counts.
+const FRESH_TOO_LONG_S: f64 = 40.0;
+
+#[test]
+fn a_restarted_agent_knows_its_bays_and_begins_again_what_had_not_begun() {
+    let mut before = bench();
+    let command = before.command(dock("a", 1));
+    before.agent.handle(before.now, Input::Command(command.clone()));
+    let first = before.agent.poll();
+    let Some(Output::Keep(memory)) = first else { panic!("kept before anything moves: {first:?}") };
+    let mut after = bench();
+    after.agent.restore(*memory);
+    assert_eq!(after.phases(), [BayPhase::Loading, BayPhase::Free]);
+    assert_eq!(after.give(command), (Outcome::Accepted, vec![]), "a copy acts no second time");
+    assert_eq!(after.ask(dock("b", 1)).1, [], "the bay is taken");
+    // The lift moves: it had begun before the kill.
+    assert_eq!(after.observe(|observation| observation.lift_active = true), []);
+    // It does not: it had not.
+    assert_eq!(after.observe(|_| {}), [lift("a", 1, true)]);
+    after.lifted("a", 1, true);
+    assert_eq!(after.phases(), [BayPhase::Occupied, BayPhase::Free]);
 }

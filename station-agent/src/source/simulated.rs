@@ -161,6 +161,11 @@ impl StationBody {
         self.packs.iter_mut().map(|pack| pack.body.remembered_soc()).collect()
     }
 
+    /// Every pack and the true value of a channel of it at the end of the last step.
+    pub fn packs_truth(&self, channel: Channel) -> impl Iterator<Item = (&PackId, f64)> {
+        self.packs.iter().map(move |pack| (&pack.id, pack.body.truth(channel)))
+    }
+
     /// True state of charge of every pack.
     pub fn true_socs(&self) -> impl Iterator<Item = (&PackId, f64)> {
         self.packs.iter().map(|pack| (&pack.id, pack.body.truth(Channel::Soc)))

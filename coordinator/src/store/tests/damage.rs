@@ -59,7 +59,7 @@ async fn an_overwritten_page_is_an_error_wherever_it_is_read() {
     let whole = file_of_a_store(&path).await;
     let pages = whole.len() / 4_096;
     let mut errors = 0;
-    for page in (0..pages.min(40)).chain(pages - 3..pages) {
+    for page in (0..pages.min(60)).chain(pages - 3..pages) {
         let mut bytes = whole.clone();
         bytes[page * 4_096 + 16..(page + 1) * 4_096].fill(0x55);
         let path = directory.path().join(format!("page-{page}.db"));
@@ -75,6 +75,8 @@ async fn an_overwritten_page_is_an_error_wherever_it_is_read() {
             store.unanswered_commands().await.is_ok(),
             store.robot_telemetry(&id("r1"), None, None).await.is_ok(),
             store.counts().await.is_ok(),
+            store.starts().await.is_ok(),
+            store.heard(1, 0, 9).await.is_ok(),
             store.append(&events(5_000..=5_000)).await.is_ok(),
         ];
         errors += usize::from(answers.contains(&false));
@@ -106,4 +108,39 @@ async fn a_row_that_no_coordinator_wrote_is_an_error_that_names_the_table() {
     for (error, table) in errors {
         assert!(matches!(error, StoreError::Damaged { .. }) && error.to_string().contains(table), "{error}");
     }
+}
+
+/// A power cut tears what was being written: any part of the log's end may be missing, or be something
+/// else. What was appended before stands, what was being appended is there as a whole or not at all.
+#[tokio::test]
+async fn a_log_whose_end_is_torn_loses_nothing_that_was_appended_before() {
+    let (directory, path) = place();
+    let log = path.with_file_name("journal.db-wal");
+    let store = open(&path).await;
+    store.append(&one_of_each()).await.unwrap();
+    store.append(&events(2..=5)).await.unwrap();
+    let before = std::fs::metadata(&log).unwrap().len() as usize;
+    store.append(&events(6..=40)).await.unwrap();
+    let (database, whole) = (std::fs::read(&path).unwrap(), std::fs::read(&log).unwrap());
+    assert!(whole.len() > before + 4_096, "the last batch is in the log: {} after {before}", whole.len());
+    let mut seen = std::collections::BTreeSet::new();
+    let step = (whole.len() - before) / 20;
+    for cut in (before..=whole.len()).step_by(step.max(1)).chain([whole.len() - 1, whole.len()]) {
+        for garbage in [None, Some(0x00), Some(0x55)] {
+            let torn = directory.path().join(format!("torn-{cut}-{garbage:?}.db"));
+            let mut bytes = whole[..cut].to_vec();
+            if let Some(byte) = garbage {
+                bytes.resize(whole.len(), byte);
+            }
+            std::fs::write(&torn, &database).unwrap();
+            std::fs::write(torn.with_file_name(format!("torn-{cut}-{garbage:?}.db-wal")), bytes).unwrap();
+            let store = open(&torn).await;
+            let next = store.next_event_seq().await.unwrap();
+            assert!(next == 6 || next == 41, "cut at {cut} of {}: the next event is {next}", whole.len());
+            assert!(store.command(&id("c1")).await.unwrap().is_some_and(|command| command.reply.is_some()));
+            seen.insert(next);
+            store.close().await;
+        }
+    }
+    assert_eq!(seen, [6, 41].into(), "torn before and after the end of the last batch");
 }

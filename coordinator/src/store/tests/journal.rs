@@ -2,10 +2,58 @@ use super::*;
 
 use crate::store::{SentCommand, TelemetryRow};
 
-#[tokio::test]
-async fn gives_back_what_was_appended() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+/// What is true of a journal, wherever it is kept.
+macro_rules! bodies {
+    ($($name:ident),* $(,)?) => {
+        const NAMES: &[&str] = &[$(stringify!($name)),*];
+
+        /// How many there are.
+        pub(super) const BODIES: usize = NAMES.len();
+
+        /// Runs one of them on an empty store.
+        pub(super) async fn body(number: usize, path: &Path) {
+            let mut next = 0;
+            $(
+                if number == next {
+                    $name(path).await;
+                }
+                next += 1;
+            )*
+            assert!(number < next, "{NAMES:?}");
+        }
+
+        mod in_a_file {
+            use super::*;
+            $(
+                #[tokio::test(flavor = "multi_thread")]
+                async fn $name() {
+                    let (_directory, path) = place();
+                    super::$name(&path).await;
+                }
+            )*
+        }
+    };
+}
+
+bodies! {
+    gives_back_what_was_appended,
+    what_the_core_was_told_comes_back_as_the_same_inputs,
+    an_empty_store_answers_with_nothing,
+    a_log_is_ordered_bounded_and_tells_the_phase_of_each_moment,
+    numbers_from_the_network_may_be_as_large_as_they_like,
+    the_last_events_come_oldest_first,
+    the_latest_is_what_was_appended_last_even_at_the_same_instant,
+    a_batch_appended_twice_is_kept_once,
+    a_command_keeps_its_first_answer,
+    an_answer_to_a_command_of_an_earlier_store_does_no_harm,
+    a_batch_that_fails_half_way_leaves_nothing,
+    refuses_what_it_could_not_give_back,
+    many_tasks_append_and_read_at_once,
+    an_append_that_is_given_up_leaves_all_or_nothing,
+}
+
+async fn gives_back_what_was_appended(path: &Path) {
+    let store = open(path).await;
     store.append(&one_of_each()).await.unwrap();
     assert_eq!(store.latest_schedule().await.unwrap(), Some(schedule(1)));
     assert_eq!(store.latest_capacity().await.unwrap(), Some(capacity(8)));
@@ -20,10 +68,42 @@ async fn gives_back_what_was_appended() {
     assert!(store.counts().await.unwrap().values().all(|&rows| rows == 1));
 }
 
-#[tokio::test]
-async fn an_empty_store_answers_with_nothing() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn what_the_core_was_told_comes_back_as_the_same_inputs(path: &Path) {
+    use crate::core::Input;
+    use crate::replay::Inputs;
+    use crate::store::Heard;
+    let store = open(path).await;
+    let told = [
+        Input::Tick,
+        Input::RobotGauge(id("r1"), gauge(1)),
+        Input::PackGauge(id("north"), id("p1"), gauge(2)),
+        Input::RobotAlive(id("r1"), false),
+        Input::StationAlive(id("north"), true),
+        Input::Reply(reply("c1", 5)),
+    ];
+    let mut records = Vec::new();
+    for (index, input) in told.iter().enumerate() {
+        let came: Vec<Record> = match input.clone() {
+            Input::RobotGauge(robot, gauge) => vec![Record::RobotGauge { robot, gauge }],
+            Input::PackGauge(station, pack, gauge) => vec![Record::PackGauge { station, pack, gauge }],
+            _ => Vec::new(),
+        };
+        records.push(Record::Heard(Heard::of((store.epoch(), index as u64 + 1), at(index as i64), input.clone(), &came)));
+        records.extend(came);
+    }
+    store.append(&records).await.unwrap();
+    assert_eq!(store.starts().await.unwrap().len(), 1);
+    let mut again = Vec::new();
+    for heard in store.heard(store.epoch(), 0, 100).await.unwrap() {
+        let message = store.message_of(&heard).await.unwrap();
+        again.push(Inputs::of(&message).input(&heard).unwrap());
+    }
+    assert_eq!(again, told);
+    assert_eq!(store.heard(store.epoch(), 4, 1).await.unwrap()[0].number, 5);
+}
+
+async fn an_empty_store_answers_with_nothing(path: &Path) {
+    let store = open(path).await;
     store.append(&[]).await.unwrap();
     assert_eq!(store.latest_schedule().await.unwrap(), None);
     assert_eq!(store.latest_capacity().await.unwrap(), None);
@@ -35,10 +115,8 @@ async fn an_empty_store_answers_with_nothing() {
     assert_eq!(rows(&store).await, 0);
 }
 
-#[tokio::test]
-async fn a_log_is_ordered_bounded_and_tells_the_phase_of_each_moment() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn a_log_is_ordered_bounded_and_tells_the_phase_of_each_moment(path: &Path) {
+    let store = open(path).await;
     // More than one statement's worth, the newest first, another robot in between.
     let mut batch: Vec<Record> = (1..=200).rev().map(|seq| robot_gauge("r1", seq)).collect();
     batch.push(robot_gauge("r2", 50));
@@ -56,19 +134,15 @@ async fn a_log_is_ordered_bounded_and_tells_the_phase_of_each_moment() {
     assert!(part.iter().map(|row| row.gauge.seq).eq(5..=7));
 }
 
-#[tokio::test]
-async fn numbers_from_the_network_may_be_as_large_as_they_like() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn numbers_from_the_network_may_be_as_large_as_they_like(path: &Path) {
+    let store = open(path).await;
     let far = Gauge { at: Timestamp::from_unix_ms(i64::MAX), seq: u64::MAX, ..gauge(0) };
     store.append(&[Record::RobotGauge { robot: id("r1"), gauge: far.clone() }]).await.unwrap();
     assert_eq!(store.robot_telemetry(&id("r1"), None, None).await.unwrap()[0].gauge, far);
 }
 
-#[tokio::test]
-async fn the_last_events_come_oldest_first() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn the_last_events_come_oldest_first(path: &Path) {
+    let store = open(path).await;
     store.append(&events(1..=9)).await.unwrap();
     let last: Vec<u64> = store.events(3).await.unwrap().iter().map(|event| event.seq).collect();
     assert_eq!(last, [7, 8, 9]);
@@ -76,10 +150,8 @@ async fn the_last_events_come_oldest_first() {
     assert_eq!(store.events(usize::MAX).await.unwrap().len(), 9);
 }
 
-#[tokio::test]
-async fn the_latest_is_what_was_appended_last_even_at_the_same_instant() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn the_latest_is_what_was_appended_last_even_at_the_same_instant(path: &Path) {
+    let store = open(path).await;
     let explain = |reason| Record::Explanations(vec![explanation("r1", reason), explanation("r2", reason)]);
     store.append(&[Record::Capacity(capacity(8)), Record::Capacity(capacity(7)), explain("first")]).await.unwrap();
     store.append(&[Record::Capacity(capacity(6)), explain("second")]).await.unwrap();
@@ -88,10 +160,8 @@ async fn the_latest_is_what_was_appended_last_even_at_the_same_instant() {
     assert_eq!(store.counts().await.unwrap()["explanations"], 2);
 }
 
-#[tokio::test]
-async fn a_batch_appended_twice_is_kept_once() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn a_batch_appended_twice_is_kept_once(path: &Path) {
+    let store = open(path).await;
     let batch: Vec<Record> = one_of_each().into_iter().filter(|record| !matches!(record, Record::Capacity(_))).collect();
     store.append(&batch).await.unwrap();
     let before = store.counts().await.unwrap();
@@ -100,10 +170,8 @@ async fn a_batch_appended_twice_is_kept_once() {
     assert_eq!(store.counts().await.unwrap(), before);
 }
 
-#[tokio::test]
-async fn a_command_keeps_its_first_answer() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn a_command_keeps_its_first_answer(path: &Path) {
+    let store = open(path).await;
     store.append(&[to_station("c2", 4), to_robot("c1", 3), to_robot("c3", 5)]).await.unwrap();
     let unanswered = [
         SentCommand::Robot { robot: id("r1"), command: robot_command("c1", 3) },
@@ -119,19 +187,15 @@ async fn a_command_keeps_its_first_answer() {
     assert_eq!(store.command(&id("c1")).await.unwrap().unwrap().reply, Some(reply("c1", 10)));
 }
 
-#[tokio::test]
-async fn an_answer_to_a_command_of_an_earlier_store_does_no_harm() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn an_answer_to_a_command_of_an_earlier_store_does_no_harm(path: &Path) {
+    let store = open(path).await;
     store.append(&[Record::Reply(reply("c0", 10)), Record::Event(event(1, "r1 joined"))]).await.unwrap();
     assert_eq!(store.command(&id("c0")).await.unwrap(), None);
     assert_eq!(rows(&store).await, 1);
 }
 
-#[tokio::test]
-async fn a_batch_that_fails_half_way_leaves_nothing() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn a_batch_that_fails_half_way_leaves_nothing(path: &Path) {
+    let store = open(path).await;
     store.append(&[Record::Event(event(5, "r1 joined")), to_robot("c1", 3), Record::Plan(schedule(2))]).await.unwrap();
     let before = store.counts().await.unwrap();
     let other_plan = Schedule { trigger: "r2 joined".to_owned(), ..schedule(2) };
@@ -153,10 +217,8 @@ async fn a_batch_that_fails_half_way_leaves_nothing() {
     assert_eq!(rows(&store).await, before.values().sum::<u64>() + 2);
 }
 
-#[tokio::test]
-async fn refuses_what_it_could_not_give_back() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn refuses_what_it_could_not_give_back(path: &Path) {
+    let store = open(path).await;
     let nan = Gauge { power_w: f64::NAN, ..gauge(1) };
     let bad_capacity = Capacity { confidence: f64::INFINITY, ..capacity(1) };
     let records = [
@@ -172,10 +234,8 @@ async fn refuses_what_it_could_not_give_back() {
     assert_eq!(rows(&store).await, 0);
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn many_tasks_append_and_read_at_once() {
-    let (_directory, path) = place();
-    let store = std::sync::Arc::new(open(&path).await);
+async fn many_tasks_append_and_read_at_once(path: &Path) {
+    let store = std::sync::Arc::new(open(path).await);
     let tasks: Vec<_> = (0..8_u64)
         .map(|task| {
             let store = store.clone();
@@ -195,10 +255,8 @@ async fn many_tasks_append_and_read_at_once() {
     assert_eq!(rows(&store).await, 800);
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn an_append_that_is_given_up_leaves_all_or_nothing() {
-    let (_directory, path) = place();
-    let store = open(&path).await;
+async fn an_append_that_is_given_up_leaves_all_or_nothing(path: &Path) {
+    let store = open(path).await;
     for patience in 0..40_u64 {
         let first = patience * 100 + 1;
         let batch = events(first..=first + 99);

@@ -184,8 +184,39 @@ async fn a_store_of_a_newer_coordinator_is_refused_and_left_as_it_is() {
     .await;
     let before = std::fs::read(&path).unwrap();
     for error in [Store::open(&path).await.unwrap_err(), Store::open_read_only(&path).await.unwrap_err()] {
-        assert!(matches!(error, StoreError::Newer { found: 9, known: 2, .. }), "{error}");
+        assert!(matches!(error, StoreError::Newer { found: 9, known: 3, .. }), "{error}");
         assert!(error.to_string().contains("journal.db has format 9"), "{error}");
     }
     assert_eq!(std::fs::read(&path).unwrap(), before);
+}
+
+#[tokio::test]
+async fn a_file_with_two_names_is_refused_and_a_store_of_another_site_too() {
+    let (directory, path) = place();
+    let store = Store::open_for(&path, "north").await.unwrap();
+    store.close().await;
+    let error = Store::open_for(&path, "south").await.unwrap_err();
+    assert!(matches!(error, StoreError::OtherSite { .. }) && error.to_string().contains("belongs to site north"), "{error}");
+    // A refusal leaves the store free.
+    Store::open_for(&path, "north").await.unwrap().close().await;
+    let other = directory.path().join("other.db");
+    std::fs::hard_link(&path, &other).unwrap();
+    for name in [&path, &other] {
+        let error = open_error(name).await;
+        assert!(matches!(error, StoreError::Linked { names: 2, .. }), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn a_writer_whose_successor_has_counted_a_start_writes_nothing_more() {
+    let (_directory, path) = place();
+    let store = open(&path).await;
+    run(&path, "UPDATE meta SET value = value + 1 WHERE name = 'epoch'").await;
+    let error = store.append(&events(1..=1)).await.unwrap_err();
+    assert!(matches!(error, StoreError::Deposed { .. }), "{error}");
+    assert_eq!(store.events(9).await.unwrap(), []);
+}
+
+async fn open_error(path: &Path) -> StoreError {
+    Store::open(path).await.unwrap_err()
 }

@@ -69,7 +69,7 @@ pub(super) fn table(basis: &Basis<'_>, schedule: &Schedule, wanted: &Wanted) -> 
         rows.sort_by(|a, b| (a.tone != Tone::Bad).cmp(&(b.tone != Tone::Bad)).then(left_s(a).total_cmp(&left_s(b))));
     } else {
         // explorer-10 comes after explorer-9.
-        rows.sort_by(|a, b| natural(a.robot.as_ref()).cmp(&natural(b.robot.as_ref())));
+        rows.sort_by_cached_key(|row| natural(row.robot.as_ref()));
     }
     let matching = rows.len();
     rows.truncate(if wanted.rows == 0 { ROWS } else { wanted.rows.min(ROWS_MAX) });

@@ -1,0 +1,127 @@
+//! Robots that are on their way, in a bay or being exchanged although no service of this coordinator
+//! put them there: a coordinator before it did, or a command whose answer was lost, or robot and
+//! station by themselves while no coordinator was heard.
+
+use energy::Need;
+use proto::{BayId, BayPhase, EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
+
+use super::Core;
+use crate::service_run::{How, ServiceRun, Stage};
+
+/// Where a station says that a robot is.
+enum Held {
+    /// In a bay.
+    InBay(StationId, BayId),
+    /// On the lift, or its pack is being exchanged: that ends by itself.
+    Moving,
+    /// Nowhere.
+    Nowhere,
+}
+
+impl Core {
+    /// Takes over what can be carried on, and frees what cannot. Before it frees anything it waits
+    /// for longer than any command lives, so that no answer is under way.
+    pub(super) fn find_strays(&mut self, now: Timestamp) {
+        let robots: Vec<RobotId> = self.fleet.robots.keys().cloned().collect();
+        for robot in robots {
+            match self.stray(&robot) {
+                Some(phase) => {
+                    let since = *self.strays.entry(robot.clone()).or_insert(now);
+                    let settled = now.seconds_since(since) > self.settings.deadline_s + self.settings.resend_s;
+                    self.settle(now, &robot, phase, settled);
+                }
+                None => drop(self.strays.remove(&robot)),
+            }
+        }
+    }
+
+    /// What a robot without a service does, if that is anything that needs looking after.
+    fn stray(&self, robot: &RobotId) -> Option<RobotPhase> {
+        if self.running.contains_key(robot) {
+            return None;
+        }
+        let (_, state) = self.fleet.robots.get(robot)?.known()?;
+        match state.phase {
+            RobotPhase::Stranded => None,
+            // It plans like any other, unless a station believes to have it.
+            RobotPhase::Working | RobotPhase::Waiting => (!matches!(self.held(robot), Held::Nowhere)).then_some(state.phase),
+            phase => Some(phase),
+        }
+    }
+
+    fn held(&self, robot: &RobotId) -> Held {
+        for (id, station) in &self.fleet.stations {
+            let Some(state) = station.known() else { continue };
+            if state.swapping.as_ref() == Some(robot) {
+                return Held::Moving;
+            }
+            match state.bays.iter().find(|bay| bay.robot.as_ref() == Some(robot)) {
+                Some(bay) if bay.phase == BayPhase::Occupied => return Held::InBay(id.clone(), bay.bay.clone()),
+                Some(_) => return Held::Moving,
+                None => {}
+            }
+        }
+        Held::Nowhere
+    }
+
+    fn settle(&mut self, now: Timestamp, robot: &RobotId, phase: RobotPhase, settled: bool) {
+        use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
+        match (phase, self.held(robot)) {
+            (Docked, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Loading),
+            (Charging | Charged, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Charging),
+            (Travelling, _) => {
+                let state = self.fleet.robots[robot].state.clone();
+                // Without a bay it goes by its own rule, and plans when it is there.
+                if let Some((station, bay)) = state.and_then(|state| Some((state.station?, state.bay?))) {
+                    self.adopt(now, robot, station, bay, Stage::Travelling);
+                }
+            }
+            // The exchange was never begun: back to work, and planned anew.
+            (Swapping, Held::Nowhere) if settled => {
+                self.strays.insert(robot.clone(), now);
+                self.ask_robot(now, robot, RobotAction::Undock, None);
+            }
+            // It is gone, and its bay still waits for it.
+            (Working, Held::InBay(station, bay)) if settled => {
+                self.strays.insert(robot.clone(), now);
+                self.ask_station(now, &station, StationAction::Undock { robot: robot.clone(), bay }, None);
+            }
+            (Working | Waiting | Docked | Charging | Charged | Swapping | Stranded, _) => {}
+        }
+    }
+
+    /// Carries on from `stage` what somebody else has begun.
+    fn adopt(&mut self, now: Timestamp, robot: &RobotId, station: StationId, bay: BayId, stage: Stage) {
+        // A bay belongs to one service; who comes second is planned anew when it stands there.
+        let taken = |run: &ServiceRun| run.station == station && matches!(&run.how, How::Recharge { bay: own, .. } if *own == bay);
+        if self.running.values().any(taken) || !self.models.stations.contains_key(&station) {
+            return;
+        }
+        let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.clone()) else { return };
+        let to_soc = self.settings.charge_to_soc;
+        let charge_s = self.models.battery(robot, &state.battery).map_or(0.0, |battery| {
+            let facts = battery.battery();
+            to_soc * facts.capacity_ah / facts.charge.current_a * energy::units::S_PER_H
+        });
+        let travel_s = if stage == Stage::Travelling { state.travel.get(&station).map_or(0.0, |way| way.time_s) } else { 0.0 };
+        let start = now.plus_s(travel_s);
+        let run = ServiceRun {
+            robot: robot.clone(),
+            station: station.clone(),
+            how: How::Recharge { bay, to_soc },
+            left: now,
+            start,
+            end: start.plus_s(charge_s),
+            need: Need::default(),
+            packs: Vec::new(),
+            why: vec!["begun by the coordinator before this one, or by the robot itself".to_owned()],
+            stage,
+            asked: None,
+        };
+        self.strays.remove(robot);
+        self.plan.planned.retain(|planned| planned.robot != *robot);
+        self.event(now, EventKind::ServiceStarted, Some(robot), Some(&station), None, format!("{robot} is taken over at {station}"));
+        self.running.insert(robot.clone(), run);
+        self.refresh_schedule(now);
+    }
+}

@@ -1,0 +1,97 @@
+//! What the core wants done, until it may be done: what a command rests on is in the store before the
+//! command leaves. The live service and the simulator both work through it.
+//!
+//! ```text
+//!   Core::poll ──> take ──> records ──> the store ──> written ──> commands leave
+//!                                          └─ failed: the fleet is served on, records wait
+//! ```
+
+use proto::Timestamp;
+
+use crate::core::{Core, Input, Output};
+use crate::store::{Heard, Record};
+
+/// Records that wait while the store cannot be written; beyond this telemetry is dropped.
+const RECORDS_MAX: usize = 100_000;
+
+/// Records to be kept, and commands that wait for them.
+#[derive(Debug)]
+pub struct Outbox {
+    epoch: u64,
+    records: Vec<Record>,
+    commands: Vec<Output>,
+    /// How many inputs the core was given.
+    heard: u64,
+}
+
+impl Outbox {
+    /// That of the coordinator of this epoch.
+    #[must_use]
+    pub fn new(epoch: u64) -> Self {
+        Self { epoch, records: Vec::new(), commands: Vec::new(), heard: 0 }
+    }
+
+    /// Gives the core an input and takes everything that comes of it. The input is kept too, so that
+    /// the journal can be replayed.
+    pub fn handle(&mut self, core: &mut Core, now: Timestamp, input: Input) {
+        core.handle(now, input.clone());
+        self.came(core, now, input);
+    }
+
+    /// Takes everything that has come of an input that the core was given by somebody else.
+    pub fn came(&mut self, core: &mut Core, now: Timestamp, input: Input) {
+        let place = self.records.len();
+        while let Some(output) = core.poll() {
+            match output {
+                Output::Record(record) => self.records.push(record),
+                command => self.commands.push(command),
+            }
+        }
+        self.heard += 1;
+        let heard = Heard::of((self.epoch, self.heard), now, input, &self.records[place..]);
+        self.records.insert(place, Record::Heard(heard));
+    }
+
+    /// What is to be kept next, in order.
+    #[must_use]
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
+    /// Whether commands wait for the records to be kept.
+    #[must_use]
+    pub fn urgent(&self) -> bool {
+        !self.commands.is_empty()
+    }
+
+    /// Everything was kept.
+    pub fn written(&mut self) {
+        self.records.clear();
+    }
+
+    /// Nothing could be kept for now: it waits. Beyond a bound telemetry makes room; says whether it
+    /// had to.
+    pub fn failed(&mut self) -> bool {
+        let full = self.records.len() > RECORDS_MAX;
+        if full {
+            self.records.retain(|record| !record.is_telemetry());
+        }
+        full
+    }
+
+    /// Takes the records out, to be kept one by one; what is still to be kept comes back by
+    /// [`Outbox::wait`].
+    pub fn take_records(&mut self) -> Vec<Record> {
+        std::mem::take(&mut self.records)
+    }
+
+    /// A record that waits on.
+    pub fn wait(&mut self, record: Record) {
+        self.records.push(record);
+    }
+
+    /// The commands that may leave now.
+    pub fn take_commands(&mut self) -> Vec<Output> {
+        std::mem::take(&mut self.commands)
+    }
+}

@@ -1,0 +1,70 @@
+//! What a robot's agent must not forget when it is restarted, and how it finds itself again.
+
+use node::Ledger;
+use proto::{BayId, CommandId, RobotPhase, StationId};
+use serde::{Deserialize, Serialize};
+
+use super::{Agent, Output};
+use crate::source::{Act, Place};
+
+/// What survives a restart. The gauge is not part of it: the chip that counts goes on counting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    ledger: Ledger,
+    phase: RobotPhase,
+    station: Option<StationId>,
+    bay: Option<BayId>,
+    target_soc: Option<f64>,
+    last_command: Option<CommandId>,
+}
+
+/// What is compared to see whether a new memory is due.
+pub(super) type Sketch = (RobotPhase, Option<StationId>, Option<BayId>, Option<f64>);
+
+impl Agent {
+    /// Goes on from what was kept. To be called before the first input.
+    pub fn restore(&mut self, memory: Memory) {
+        let Memory { ledger, phase, station, bay, target_soc, last_command } = memory;
+        self.ledger = ledger;
+        (self.phase, self.station, self.bay, self.target_soc, self.last_command) = (phase, station, bay, target_soc, last_command);
+        self.restored = true;
+        self.kept = Some(self.sketch());
+    }
+
+    fn sketch(&self) -> Sketch {
+        (self.phase, self.station.clone(), self.bay.clone(), self.target_soc)
+    }
+
+    /// Asks for what has changed to be kept, before anybody hears of it and before the robot moves.
+    pub(super) fn keep(&mut self) {
+        let sketch = self.sketch();
+        if self.kept.as_ref() == Some(&sketch) {
+            return;
+        }
+        self.kept = Some(sketch);
+        let memory = Memory {
+            ledger: self.ledger.clone(),
+            phase: self.phase,
+            station: self.station.clone(),
+            bay: self.bay.clone(),
+            target_soc: self.target_soc,
+            last_command: self.last_command.clone(),
+        };
+        self.outputs.retain(|output| !matches!(output, Output::Keep(_)));
+        self.outputs.push_front(Output::Keep(Box::new(memory)));
+    }
+
+    /// After a restart: what was kept may not have been done yet, or the robot was moved meanwhile.
+    pub(super) fn find_itself(&mut self, place: Place) {
+        use RobotPhase::{Charged, Charging, Docked, Swapping, Travelling, Waiting, Working};
+        match (self.phase, place, self.station.clone()) {
+            (Travelling, Place::Mission, Some(station)) => self.outputs.push_back(Output::Act(Act::TravelTo { station })),
+            (Working, Place::Underway | Place::AtStation, _) | (Waiting | Docked | Charging | Charged | Swapping, Place::Mission, _) => {
+                self.resume();
+            }
+            (Charging, Place::InBay, _) => self.outputs.push_back(Output::Act(Act::Charge)),
+            (Docked | Charged, Place::InBay, _) => self.outputs.push_back(Output::Act(Act::StopCharging)),
+            _ => {}
+        }
+    }
+}
