@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use energy::Model;
 use indicatif::{ProgressBar, ProgressStyle};
 use lab::ModelSource;
@@ -55,6 +55,15 @@ impl<'a> Case<'a> {
             anyhow::Ok(Arc::new(Evidence::new(&source.model, prepared)))
         };
         let (seen, held) = (evidence(&train)?, if holdout.is_empty() { None } else { Some(evidence(&holdout)?) });
+        // Where every number can be fitted exactly, nothing is ever seen to be missing.
+        let rows: usize = seen.segments.iter().map(|segment| segment.rows.len()).sum();
+        let unknowns = Frame::new(Arc::clone(&source.model), Arc::clone(&seen)).unknowns();
+        ensure!(
+            rows > unknowns,
+            "{}: {rows} rows count, and {unknowns} numbers are free or only roughly known (free parameters, [uncertainty], sensors' \
+             offsets and gains): too few to say what is missing. Give a longer log, or look at `lab compare`",
+            seen.logs.iter().map(|log| log.name.as_str()).collect::<Vec<_>>().join(", ")
+        );
         Ok(Case { inputs, train, holdout, evidence: seen, held, source })
     }
 
