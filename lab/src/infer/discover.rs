@@ -6,7 +6,6 @@ use energy::{Channel, EffectSpec, Model};
 
 use super::candidate::{Candidate, Untested, candidates};
 use super::evidence::Evidence;
-use super::frame::Frame;
 use super::judge::{ABSORBED, Refusal, explained, refusals, squares, threshold};
 use super::score::{Score, Scoring};
 use super::state::State;
@@ -182,8 +181,7 @@ const EFFECTS_MAX: usize = 8;
 /// Adds effects until the model is complete or none is accepted.
 #[must_use]
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
-    let frame = Arc::new(Frame::new(model, evidence));
-    let mut state = State::search(Arc::clone(&frame), &frame.start(), f64::NEG_INFINITY);
+    let mut state = State::of_model(model, evidence);
     let mut steps = Vec::new();
     loop {
         let step = Step::look(state, holdout);

@@ -10,7 +10,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use energy::Channel;
+use energy::{Channel, Model};
 use nalgebra::DMatrix;
 
 use super::descent::{Asked, Place, descend};
@@ -18,6 +18,7 @@ use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
 use super::lens::Lens;
 use super::noise::{Filter, Noise, Rows, estimate};
+use super::rough::Known;
 
 /// A frame at its most likely unknowns.
 #[derive(Debug, Clone)]
@@ -46,8 +47,17 @@ pub struct State {
 
 /// Slow noise, in floors, that needs no second look.
 const SLIGHT: f64 = 0.3;
+/// Deviations from which on what a log says of its own start is asked again.
+const ODD: f64 = 2.0;
 
 impl State {
+    /// The model on its evidence, its free parameters and all that is roughly known at their best.
+    #[must_use]
+    pub fn of_model(model: Arc<Model>, evidence: Arc<Evidence>) -> State {
+        let frame = Arc::new(Frame::new(model, evidence));
+        State::search(Arc::clone(&frame), &frame.start(), f64::NEG_INFINITY).or_with_starts_as_told()
+    }
+
     /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
     /// that ends with slow noise, once more from where the sensors' noise alone leads. Slow noise
     /// excuses what it has to explain: from either side the search may come to rest too early. A
@@ -61,6 +71,23 @@ impl State {
         let white = descend(&frame, &begin.x, &State::white(&frame), &all(&frame), Asked::Never);
         let again = State::fit(Arc::clone(&frame), &white.x, &noises(&frame, &white.residual));
         if again.cost < begin.cost { again } else { begin }
+    }
+
+    /// The better of this state and the fit that begins where the logs' own starts are what the logs
+    /// say, when some ended far from it: a charge beyond full, where the open-circuit voltage is steep,
+    /// can do the work of a missing transient, with a hill between the two.
+    #[must_use]
+    pub(super) fn or_with_starts_as_told(self) -> State {
+        let first = self.frame.free.len();
+        let known = || self.frame.known.iter().zip(first..);
+        let odd = |&(known, place): &(&Known, usize)| known.log().is_some() && self.x[place].abs() > ODD * known.sigma;
+        if !known().any(|one| odd(&one)) {
+            return self;
+        }
+        let mut start = self.x.clone();
+        known().filter(|(known, _)| known.log().is_some()).for_each(|(_, place)| start[place] = 0.0);
+        let other = State::fit(Arc::clone(&self.frame), &start, &self.noise);
+        if other.cost < self.cost { other } else { self }
     }
 
     /// Fits all unknowns, beginning at `start` and with this noise.

@@ -53,7 +53,7 @@ impl Trial {
             let other = State::search(Arc::clone(&frame), &from(&base.frame.start(), &usual), content);
             state = if other.cost < state.cost { other } else { state };
         }
-        Trial::of(base, state, candidate.spec, score.uniqueness, holdout)
+        Trial::of(base, state.or_with_starts_as_told(), candidate.spec, score.uniqueness, holdout)
     }
 
     fn of(base: &State, state: State, spec: &'static EffectSpec, uniqueness: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
