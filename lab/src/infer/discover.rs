@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model};
+use energy::{Channel, Model};
 
 use super::candidate::{Candidate, Untested, candidates};
 use super::evidence::Evidence;
@@ -108,7 +108,7 @@ impl Step {
             _ => {
                 let alike = |&place: &usize| {
                     let likely = trials[0].delta_bic - trials[place].delta_bic < ALIKE;
-                    likely && !same_form(trials[0].spec, trials[place].spec)
+                    likely && !trials[0].is_also(&trials[place]) && !trials[place].is_also(&trials[0])
                 };
                 Outcome::Missing((1..accepted).filter(alike).collect())
             }
@@ -157,13 +157,6 @@ fn worth_a_refit(base: &State, scored: &[(Score, &Candidate)], tried: usize) -> 
         places.extend(by(|score| score.explained, scored.len()).into_iter().filter(explains).filter(absorbed).take(ABSORBED_MAX));
     }
     places
-}
-
-/// Whether one effect is another, or that with more freedom: it moves the same channel by
-/// parameters of the same names.
-fn same_form(a: &EffectSpec, b: &EffectSpec) -> bool {
-    let within = |a: &EffectSpec, b: &EffectSpec| a.parameters.iter().all(|p| b.parameters.iter().any(|q| q.name == p.name));
-    a.channel == b.channel && (within(a, b) || within(b, a))
 }
 
 /// The whole search.

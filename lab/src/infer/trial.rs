@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model};
+use energy::{Channel, EffectSpec, Model, Parameter};
 
 use super::candidate::{Candidate, usual};
 use super::descent::{Asked, descend};
@@ -56,6 +56,44 @@ impl Trial {
         Trial::of(base, state.or_with_starts_as_told(), candidate.spec, score.uniqueness, holdout)
     }
 
+    /// Whether the other effect is this one under another name, or this one with more freedom: with the
+    /// numbers that it has in common with this one, and the rest of its own at an end of their ranges,
+    /// it predicts the same.
+    #[must_use]
+    pub fn is_also(&self, other: &Trial) -> bool {
+        let (own, theirs) = (&self.state.frame, &other.state.frame);
+        let shared = |name: &str| self.spec.parameters.iter().any(|parameter| parameter.name == name);
+        let in_common = other.spec.parameters.iter().filter(|parameter| shared(parameter.name)).count();
+        if self.spec.channel != other.spec.channel || in_common < self.spec.parameters.len() {
+            return false;
+        }
+        let value = |wanted: &Parameter| {
+            let effect = if wanted.effect == other.spec.id { self.spec.id } else { wanted.effect };
+            let same = |&place: &usize| {
+                let known = &own.model.parameters()[own.free[place]];
+                known.effect == effect && known.name == wanted.name
+            };
+            (0..own.free.len()).find(same).map(|place| self.state.x[place])
+        };
+        let rest: Vec<usize> =
+            (0..theirs.free.len()).filter(|&place| value(&theirs.model.parameters()[theirs.free[place]]).is_none()).collect();
+        if rest.len() > REST_MAX {
+            return false;
+        }
+        let expected = own.predict(&self.state.x);
+        // Every corner of what is left: a bit for each, set for the upper end.
+        (0..1_usize << rest.len()).any(|corner| {
+            let number = |(place, &index): (usize, &usize)| {
+                let parameter = &theirs.model.parameters()[index];
+                let bit = rest.iter().position(|&one| one == place).map_or(0, |bit| corner >> bit & 1);
+                value(parameter).unwrap_or(if bit == 1 { parameter.max } else { parameter.min })
+            };
+            let rough = self.state.x[own.free.len()..].iter().copied();
+            let found = theirs.predict(&theirs.free.iter().enumerate().map(number).chain(rough).collect::<Vec<_>>());
+            expected.iter().zip(&found).all(|(a, b)| (a - b).abs() <= SAME * (1.0 + a.abs()))
+        })
+    }
+
     fn of(base: &State, state: State, spec: &'static EffectSpec, uniqueness: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
         let parameters = state.frame.model.parameters().iter().enumerate();
         let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
@@ -66,6 +104,10 @@ impl Trial {
     }
 }
 
+/// Share by which predictions differ that are the same but for rounding.
+const SAME: f64 = 1e-6;
+/// Further numbers of an effect that are tried at the ends of their ranges.
+const REST_MAX: usize = 3;
 /// Share of the gain that the linear theory expects with which a refit is content.
 const CONTENT: f64 = 0.9;
 
