@@ -69,8 +69,7 @@ impl<'a> Case<'a> {
 
     /// The model as given, its free parameters and all that is roughly known at their best.
     pub(super) fn fitted(&self) -> State {
-        let frame = Arc::new(Frame::new(Arc::clone(&self.source.model), Arc::clone(&self.evidence)));
-        State::search(Arc::clone(&frame), &frame.start())
+        State::of_model(Arc::clone(&self.source.model), Arc::clone(&self.evidence))
     }
 
     /// The model as given, as a written one: what a comparison begins with.
