@@ -63,11 +63,9 @@ pub fn usable_wh(pack: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_
     forecast::remaining_wh(pack, soc, temperature_degc, power_w)
 }
 
-/// The same to a load that ends gently, of which a full pack gives `gain_wh` more: a pack that holds less
-/// than the ending gives that much less of it.
+/// How much more a pack that gives `steady_wh` at full power gives to a load that ends gently, where a full
+/// pack gives `gain_wh` more: one that holds less than the ending gives that much less of it.
 #[must_use]
-pub fn usable_to_the_end_wh(pack: &Arc<Model>, soc: Estimate, temperature_degc: f64, draw: &Draw, gain_wh: f64) -> Estimate {
-    let steady_wh = usable_wh(pack, soc, temperature_degc, draw.power_w);
-    let share = (steady_wh.value / draw.ending_wh().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-    Estimate::new(steady_wh.value + share * gain_wh, steady_wh.sigma)
+pub fn ending_gain_wh(steady_wh: f64, draw: &Draw, gain_wh: f64) -> f64 {
+    gain_wh * (steady_wh / draw.ending_wh().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }

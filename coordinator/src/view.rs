@@ -267,10 +267,11 @@ impl Basis<'_> {
             .filter(|pack| pack.connected && !pack.depleted)
             .filter_map(|pack| {
                 let (gauge, model) = (station.packs.get(&pack.pack)?, models.packs.get(&pack.pack)?);
+                let usable_wh = forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, draw.power_w);
                 let gain_wh = self.tables.gain_wh(id, model, gauge.temperature_degc, &draw);
-                let usable_wh = forecast::usable_to_the_end_wh(model, from_wire(gauge.soc), gauge.temperature_degc, &draw, gain_wh);
+                let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
                 let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor) })
+                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh })
             })
             .collect();
         let active = |pack: &PackId| state.active_pack.as_ref() == Some(pack);
@@ -278,6 +279,10 @@ impl Basis<'_> {
             let key = |pack: &PackView| (!active(&pack.pack), pack.usable_wh.value);
             key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)).then_with(|| a.pack.cmp(&b.pack))
         });
+        // Only the last one sees the end of the last charge.
+        if let Some(last) = packs.last_mut() {
+            last.usable_wh.value += std::mem::take(&mut last.gain_wh);
+        }
         packs
     }
 
