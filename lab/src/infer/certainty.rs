@@ -91,7 +91,7 @@ impl State {
 
     /// The same fit with what the logs leave open as it was known before, where that is within bounds.
     #[must_use]
-    pub(super) fn as_known_before(self) -> State {
+    pub(super) fn with_what_is_open_as_before(self) -> State {
         let Some((along, covariance)) = self.left_open() else { return self };
         let pull =
             DVector::from_iterator(self.x.len(), self.before().iter().zip(&self.x).map(|((value, sigma), x)| (value - x) / sigma.powi(2)));
