@@ -209,6 +209,7 @@ impl Basis<'_> {
                 vec![(start_s, start_s + load_s), unload]
             }
             Stage::Loading => vec![(0.0, load_s), unload],
+            Stage::ChargingItself => Vec::new(),
             _ => vec![unload],
         }
     }

@@ -35,13 +35,14 @@ impl Drain {
     }
 
     /// The mean with its standard deviation: from two blocks on what they say, before that the only
-    /// value that there is, and nothing known of how far it is off.
-    fn estimate(&self) -> Option<Estimate> {
+    /// value that there is, and as good as nothing known of how far it is off: it may be itself, or
+    /// what empties the pack in an hour.
+    fn estimate(&self, hour_w: f64) -> Option<Estimate> {
         if self.blocks >= 2.0 {
             return Some(Estimate::new(self.mean_w, (self.squares_w2 / (self.blocks - 1.0) / self.blocks).sqrt()));
         }
         let seen_w = if self.blocks > 0.0 { self.mean_w } else { self.energy_ws / self.time_s };
-        seen_w.is_finite().then(|| Estimate::new(seen_w, seen_w.abs()))
+        seen_w.is_finite().then(|| Estimate::new(seen_w, seen_w.abs().max(hour_w)))
     }
 }
 
@@ -51,7 +52,8 @@ impl Agent {
     /// every message.
     pub(super) fn learn_drain(&mut self, sample: &Sample) {
         self.drain.update(sample);
-        let Some(new) = self.drain.estimate() else { return };
+        let pack = self.gauge.model().battery();
+        let Some(new) = self.drain.estimate(sample.voltage_v * pack.capacity_ah) else { return };
         let told = self.profile.drain_w;
         let worth = (new.value - told.value).abs() > told.sigma || new.sigma < 0.5 * told.sigma;
         if !worth {
@@ -74,12 +76,12 @@ mod tests {
         for power_w in powers_w {
             (0..60).for_each(|_| drain.update(&Sample { dt_s: 1.0, current_a: power_w / 10.0, voltage_v: 10.0, temperature_degc: 25.0 }));
         }
-        drain.estimate().unwrap()
+        drain.estimate(10.0).unwrap()
     }
 
     #[test]
     fn the_deviation_is_that_of_a_mean_and_large_while_little_was_seen() {
-        assert_eq!(after(&[4.0]), Estimate::new(4.0, 4.0));
+        assert_eq!(after(&[4.0]), Estimate::new(4.0, 10.0));
         // By hand: mean of 3, 5, 4, 4 with a standard deviation of sqrt(2/3), over sqrt(4).
         let four = after(&[3.0, 5.0, 4.0, 4.0]);
         assert!((four.value - 4.0).abs() < 1e-12 && (four.sigma - (2.0_f64 / 3.0).sqrt() / 2.0).abs() < 1e-12, "{four:?}");

@@ -249,9 +249,13 @@ impl Source for Measured {
             match self.since_last(report) {
                 Some(since_s) => self.count(report, since_s, &mut counted),
                 None => {
-                    (counted, self.anchor) = (Counted::default(), None);
+                    counted = Counted::default();
+                    self.anchor = report.soc.map(|soc| Anchor { soc, waited_s: 0.0 });
                     exchanged = self.state_of_charge(report);
-                    self.count(report, 0.0, &mut counted);
+                    // Said at once, so that the robot is known; what a device without a current draws
+                    // will show.
+                    let first = Report { current_a: Some(report.current_a.unwrap_or(0.0)), ..*report };
+                    self.count(&first, dt_s, &mut counted);
                 }
             }
             self.hands.feel(self.fed(report));

@@ -46,15 +46,18 @@ impl Config {
         let supplies = supplies(&self.root)?;
         let batteries: Vec<&str> = supplies.iter().filter(|name| is_battery(&self.root.join(name))).map(String::as_str).collect();
         let root = self.root.display();
+        let listed = |names: &[&str]| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         let name = match (&self.device, batteries.as_slice()) {
             (Some(device), known) => {
-                let there = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
                 let near = hint(device, known.iter().copied());
-                ensure!(known.contains(&device.as_str()), "source.device = \"{device}\": no such battery{near} In {root}: {there}");
+                ensure!(known.contains(&device.as_str()), "source.device = \"{device}\": no such battery{near} In {root}: {}", listed(known));
                 device.as_str()
             }
             (None, [only]) => only,
-            (None, []) => bail!("{root} shows no battery. Power supplies there: {}", supplies.join(", ")),
+            (None, []) => {
+                let supplies: Vec<&str> = supplies.iter().map(String::as_str).collect();
+                bail!("{root} shows no battery. Power supplies there: {}", listed(&supplies))
+            }
             (None, several) => bail!("{root} shows several batteries; choose one with source.device: {}", several.join(", ")),
         };
         let folder = self.root.join(name);
