@@ -65,7 +65,7 @@ fn models_are_models_and_a_metre_costs_what_rmf_says() {
         ["tinyRobot-battery.toml", "tinyRobot-robot.toml", "tinyRobot-grid.toml", "tinyRobot-charger.toml"].map(model);
     assert_eq!((battery.battery().capacity_ah, battery.battery().charge.current_a), (24.0, 5.0));
     // By hand, at 0.5 m/s: 20 W + 0.22 * 20 kg * 9.81 m/s2 * 0.5 m/s = 41.58 W.
-    let mission: node::mission::Mission = toml::from_str("inputs = { speed_mps = 0.5 }").unwrap();
+    let mission: ::node::mission::Mission = toml::from_str("inputs = { speed_mps = 0.5 }").unwrap();
     let drain_w = mission.drain_w(&std::sync::Arc::new(robot)).unwrap().value;
     assert!((drain_w - 41.58).abs() < 0.02, "{drain_w}");
 }

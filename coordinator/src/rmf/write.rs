@@ -42,6 +42,9 @@ pub struct Import {
 /// RMF's battery has one voltage; the curve that stands for it runs this share below and above it, so
 /// that the energy is the same and both ends are ends.
 const VOLTAGE_SHARE: f64 = 0.01;
+/// Voltage of a cell, V, by which a battery is divided into cells: lithium-ion's. Nothing but the way it
+/// is written hangs on it.
+const CELL_V: f64 = 3.7;
 /// A grid's pack holds this many times what its charger can give in the whole run.
 const GRID_TIMES: f64 = 2.0;
 /// Charge ends at this share of the charger's current: without resistance it is there at once.
@@ -173,18 +176,27 @@ fn parameter(name: &str, value: f64, key: &str) -> String {
 }
 
 fn battery(fleet: &Fleet, stem: &str) -> String {
-    let Fleet { voltage_v, capacity_ah, charging_current_a, .. } = fleet;
-    let (low_v, high_v) = (voltage_v * (1.0 - VOLTAGE_SHARE), voltage_v * (1.0 + VOLTAGE_SHARE));
     format!(
         "# The battery of the Open-RMF fleet {}: one voltage and a capacity. The curve runs 1 % about the\n\
          # nominal voltage, so that it holds the same energy and that its ends are ends.\n\
-         schema = 1\nsystem = \"battery\"\nname = \"{stem}-battery\"\nsource = \"Open-RMF, battery_system\"\n\n\
-         [battery]\nseries = 1\nparallel = 1\ncapacity_ah = {capacity_ah:?}\n\
-         full_v_per_cell = {high_v:?}\neod_v_per_cell = {low_v:?}\n\
-         charge_current_a = {charging_current_a:?}\ncharge_cutoff_a = {:?}\n\
-         ocv = {{ soc = [0.0, 1.0], voltage_v = [{low_v:?}, {high_v:?}] }}\n",
+         schema = 1\nsystem = \"battery\"\nname = \"{stem}-battery\"\nsource = \"Open-RMF, battery_system\"\n\n{}",
         fleet.name,
-        CUTOFF_SHARE * charging_current_a
+        facts(fleet, fleet.capacity_ah)
+    )
+}
+
+/// `[battery]` of a pack with the fleet's voltage and charge current.
+fn facts(fleet: &Fleet, capacity_ah: f64) -> String {
+    let series = (fleet.voltage_v / CELL_V).round().max(1.0);
+    let cell_v = fleet.voltage_v / series;
+    let [low_v, high_v] = [1.0 - VOLTAGE_SHARE, 1.0 + VOLTAGE_SHARE].map(|share| cell_v * share);
+    let charge_a = fleet.charging_current_a;
+    format!(
+        "[battery]\nseries = {series}\nparallel = 1\ncapacity_ah = {capacity_ah:?}\n\
+         full_v_per_cell = {high_v:.6}\neod_v_per_cell = {low_v:.6}\n\
+         charge_current_a = {charge_a:?}\ncharge_cutoff_a = {:?}\n\
+         ocv = {{ soc = [0.0, 1.0], voltage_v = [{low_v:.6}, {high_v:.6}] }}\n",
+        CUTOFF_SHARE * charge_a
     )
 }
 
@@ -203,16 +215,12 @@ fn robot(fleet: &Fleet, stem: &str) -> String {
 /// The grid behind a charger, as a pack that cannot give out.
 fn grid(fleet: &Fleet, stem: &str, wishes: Wishes) -> String {
     let capacity_ah = (GRID_TIMES * fleet.charging_current_a * wishes.hours).max(fleet.capacity_ah);
-    let (low_v, high_v) = (fleet.voltage_v * (1.0 - VOLTAGE_SHARE), fleet.voltage_v * (1.0 + VOLTAGE_SHARE));
     format!(
         "# What an Open-RMF charger takes its energy from is not modelled there: a pack of {GRID_TIMES} times what the charger\n\
          # can give in {} h. Put your station's packs in its place to see how many robots they can serve.\n\
-         schema = 1\nsystem = \"battery\"\nname = \"{stem}-grid\"\nsource = \"stands for the grid\"\n\n\
-         [battery]\nseries = 1\nparallel = 1\ncapacity_ah = {capacity_ah:?}\nfull_v_per_cell = {high_v:?}\neod_v_per_cell = {low_v:?}\n\
-         charge_current_a = {:?}\ncharge_cutoff_a = {:?}\nocv = {{ soc = [0.0, 1.0], voltage_v = [{low_v:?}, {high_v:?}] }}\n",
+         schema = 1\nsystem = \"battery\"\nname = \"{stem}-grid\"\nsource = \"stands for the grid\"\n\n{}",
         wishes.hours,
-        fleet.charging_current_a,
-        CUTOFF_SHARE * fleet.charging_current_a
+        facts(fleet, capacity_ah)
     )
 }
 

@@ -3,6 +3,7 @@
 mod commands;
 mod faults;
 mod fuzz;
+mod import;
 mod scenarios;
 mod stories;
 mod telemetry;

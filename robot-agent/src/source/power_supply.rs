@@ -50,7 +50,11 @@ impl Config {
         let name = match (&self.device, batteries.as_slice()) {
             (Some(device), known) => {
                 let near = hint(device, known.iter().copied());
-                ensure!(known.contains(&device.as_str()), "source.device = \"{device}\": no such battery{near} In {root}: {}", listed(known));
+                ensure!(
+                    known.contains(&device.as_str()),
+                    "source.device = \"{device}\": no such battery{near} In {root}: {}",
+                    listed(known)
+                );
                 device.as_str()
             }
             (None, [only]) => only,
