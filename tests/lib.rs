@@ -22,21 +22,26 @@ pub fn workspace() -> PathBuf {
 /// # Panics
 /// When it does not build.
 #[must_use]
-pub fn program(name: &'static str) -> Command {
-    static BUILT: OnceLock<std::collections::BTreeMap<&'static str, PathBuf>> = OnceLock::new();
-    let built = BUILT.get_or_init(|| {
-        let given = std::env::var_os("TENDER_PROGRAMS").map(PathBuf::from);
-        let path = |name: &'static str| {
-            if let Some(folder) = &given {
-                return (name, folder.join(name));
-            }
-            let build = escargot::CargoBuild::new().manifest_path(workspace().join("Cargo.toml")).package(name).bin(name);
-            let build = if cfg!(debug_assertions) { build } else { build.release() };
-            (name, build.run().unwrap_or_else(|error| panic!("{name} does not build: {error}")).path().to_owned())
-        };
-        ["coordinator", "robot-agent", "station-agent"].map(path).into()
-    });
-    Command::new(&built[name])
+pub fn program(name: &str) -> Command {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    let built = || std::env::var_os("TENDER_PROGRAMS").map_or_else(build, PathBuf::from);
+    Command::new(FOLDER.get_or_init(built).join(name))
+}
+
+/// Builds all programs beside this test and gives their folder. Built together with all tests they share
+/// the features of every dependency with them, so after `cargo test --workspace` hardly anything is left
+/// to do.
+fn build() -> PathBuf {
+    let this = std::env::current_exe().expect("a test is a file");
+    let folder = this.ancestors().nth(2).expect("tests are built two folders deep").to_owned();
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.args(["build", "--quiet", "--workspace", "--bins", "--tests", "--target-dir"]).arg(folder.parent().expect("a target folder"));
+    cargo.current_dir(workspace());
+    if !cfg!(debug_assertions) {
+        cargo.arg("--release");
+    }
+    assert!(cargo.status().is_ok_and(|status| status.success()), "the programs do not build");
+    folder
 }
 
 /// A program at work, ended when the test is.

@@ -1,17 +1,16 @@
 //! What the coordinator tells: schedule, capacity, explanations, as they go on the wire.
 
-use std::collections::BTreeMap;
-
 use energy::Estimate;
+use energy::units::S_PER_H;
 use proto::{
-    Alternative, Capacity, Explanation, Mode, PackId, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction, StationId,
-    Unserved,
+    Alternative, Capacity, Explanation, Mode, PackId, Quality, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction,
+    StationId, Unserved,
 };
 
 use crate::forecast;
 use crate::models::from_wire;
-use crate::scheduler::capacity::{PackQuestion, capacity as count};
-use crate::scheduler::{Book, PackView, Plan, Planned, Problem, Way};
+use crate::scheduler::capacity::{Question, capacity as count};
+use crate::scheduler::{PackView, Plan, Planned, Solved, StationView, account};
 use crate::service_run::{How, ServiceRun};
 use crate::view::Basis;
 
@@ -21,8 +20,8 @@ const HANDOVER_S: f64 = 60.0;
 /// The plan made at `basis.now`, and the services that have begun.
 #[must_use]
 pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) -> Schedule {
-    let begun = basis.running.values().map(running_service);
-    let planned = plan.planned.iter().map(|planned| planned_service(basis, planned));
+    let begun = basis.running.values().map(|run| running_service(basis, run));
+    let planned = plan.planned.iter().map(planned_service);
     let mut services: Vec<Service> = begun.chain(planned).collect();
     services.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
     let unserved = plan.rejected.iter().map(|rejected| Unserved { robot: rejected.robot.clone(), reasons: rejected.reasons.clone() });
@@ -34,6 +33,19 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         services,
         unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck(basis, plan)).collect(),
         doubts: basis.watch.doubts(basis.fleet, basis.models),
+        quality: Some(quality(plan)),
+    }
+}
+
+fn quality(plan: &Plan) -> Quality {
+    let robots = |count: i64| u32::try_from(count.max(0)).unwrap_or(u32::MAX);
+    let of = &plan.quality;
+    Quality {
+        stranded: robots(of.stranded),
+        stranded_bound: robots(of.stranded_bound),
+        missed_s: of.missed_s.max(0.0),
+        missed_bound_s: of.missed_bound_s.max(0.0),
+        moved: plan.moved.clone(),
     }
 }
 
@@ -52,7 +64,7 @@ fn stuck<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unser
     })
 }
 
-fn running_service(run: &ServiceRun) -> Service {
+fn running_service(basis: &Basis<'_>, run: &ServiceRun) -> Service {
     let (mode, bay) = match &run.how {
         How::Recharge { bay, to_soc } => (Mode::Recharge { to_soc: *to_soc }, Some(bay.clone())),
         How::Swap { spare } => (Mode::Swap { spare: spare.clone() }, None),
@@ -64,73 +76,88 @@ fn running_service(run: &ServiceRun) -> Service {
         bay,
         packs: run.packs.clone(),
         leave: run.left,
-        start: run.start,
-        end: run.end,
+        // What the plan counts on, which need not be what was once planned.
+        start: run.start.plus_s(basis.late_s(run)),
+        end: basis.now.plus_s(basis.ends_s(run)),
         pack_energy_wh: node::wire(run.need.estimate()),
+        probability: None,
         status: run.status(),
         why: run.why.clone(),
     }
 }
 
-fn planned_service(basis: &Basis<'_>, planned: &Planned) -> Service {
-    let Planned { robot, slot, why } = planned;
-    let station = basis.models.stations.keys().nth(slot.station).expect("slots name stations of the problem").clone();
-    let mode = match (&slot.spare, slot.to_soc) {
-        (Some(spare), _) => Mode::Swap { spare: spare.clone() },
-        (None, to_soc) => Mode::Recharge { to_soc: to_soc.unwrap_or(1.0) },
+fn planned_service(planned: &Planned) -> Service {
+    let mode = match (&planned.bay, &planned.spare) {
+        (None, Some(spare)) => Mode::Swap { spare: spare.clone() },
+        _ => Mode::Recharge { to_soc: planned.to_soc },
     };
     Service {
-        robot: robot.clone(),
-        station,
+        robot: planned.robot.clone(),
+        station: planned.station.clone(),
         mode,
-        bay: slot.bay.clone(),
-        packs: slot.packs.clone(),
-        leave: basis.now.plus_s(slot.leave_s),
-        start: basis.now.plus_s(slot.start_s),
-        end: basis.now.plus_s(slot.end_s),
-        pack_energy_wh: node::wire(slot.need.estimate()),
+        bay: planned.bay.clone(),
+        packs: planned.packs.clone(),
+        leave: planned.leave,
+        start: planned.start,
+        end: planned.end,
+        pack_energy_wh: node::wire(planned.need.estimate()),
+        probability: Some(planned.probability),
         status: ServiceStatus::Planned,
-        why: why.clone(),
+        why: planned.why.clone(),
     }
 }
 
-/// How many more robots each pack can service, each pack by itself, beyond the services that have
-/// begun.
+/// How many more robots each pack can service, each pack by itself, and each station, beyond the services
+/// that have begun.
 #[must_use]
 pub fn capacity(basis: &Basis<'_>) -> Capacity {
-    let mut questions = Vec::new();
-    for (id, models) in &basis.models.stations {
-        let Some(station) = basis.fleet.stations.get(id) else { continue };
-        let Some(state) = station.known() else { continue };
-        let Some(battery) = basis.reference_battery() else { continue };
-        let service = basis.reference_recharge(id, models, battery, state.bays.len());
-        let service_s = service.charge_s + models.handling.load_s + models.handling.unload_s;
-        let view = basis.station(id, models, Some(station));
-        let begun = view.committed.plus(&view.overhead_per_h.scaled(view.committed_until_s / energy::units::S_PER_H));
-        let free = free_wh(&view.packs, begun.estimate());
-        for pack in state.packs.iter().filter(|pack| pack.connected) {
-            let Some(gauge) = station.packs.get(&pack.pack) else { continue };
-            // A pack that gave out, or that no model is known of, is in no plan.
-            let usable_wh = free.get(&pack.pack).copied().unwrap_or(Estimate::exact(0.0));
-            questions.push(PackQuestion {
-                station: id.clone(),
-                pack: pack.pack.clone(),
-                remaining_wh: from_wire(gauge.remaining_wh),
-                usable_wh,
-                service: service.clone(),
-                service_s,
-                bays: state.bays.len() as u32,
-                overhead_per_h: view.overhead_per_h.clone(),
-                overhead_breakdown: forecast::overhead_breakdown(models),
-            });
-        }
-    }
-    count(basis.now, &questions, basis.settings.confidence)
+    let view = basis.view();
+    let asked = view.stations.iter().enumerate().filter_map(|(index, station)| question(basis, &view.robots, index, station));
+    count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence)
+}
+
+fn question(basis: &Basis<'_>, robots: &[crate::scheduler::RobotView], index: usize, station: &StationView) -> Option<Question> {
+    let id = &station.station;
+    let (models, known) = (basis.models.stations.get(id)?, basis.fleet.stations.get(id)?);
+    let state = known.known()?;
+    let table = basis.reference(id, models)?;
+    let from_soc = basis.settings.serve_below_soc;
+    let service = table.at(from_soc);
+    let with_doubt = |need: energy::Need| {
+        let shared_wh = station.shared_per_wh.iter().map(|change| change * need.mean_wh).collect();
+        energy::Need { shared_wh, ..need }
+    };
+    let begun = station.committed.plus(&station.overhead_per_h.scaled(station.committed_until_s / S_PER_H));
+    let free = free_wh(&station.packs, begun.estimate());
+    let packs = state.packs.iter().filter(|pack| pack.connected).filter_map(|pack| {
+        let gauge = known.packs.get(&pack.pack)?;
+        // A pack that gave out, or that no model is known of, is in no plan.
+        let usable_wh = free.get(&pack.pack).copied().unwrap_or(Estimate::exact(0.0));
+        Some((pack.pack.clone(), from_wire(gauge.remaining_wh), usable_wh))
+    });
+    let mut coming: Vec<(f64, &crate::scheduler::RobotView)> = robots.iter().map(|robot| (robot.wanted_s, robot)).collect();
+    coming.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.robot.cmp(&b.1.robot)));
+    let coming = coming.into_iter().filter_map(|(_, robot)| {
+        let (_, travel_s, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
+        let soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.max(*travel_s);
+        Some((robot.robot.clone(), with_doubt(table.need(Estimate::new(soc.max(0.0), robot.soc.sigma), 1.0))))
+    });
+    Some(Question {
+        station: id.clone(),
+        packs: packs.collect(),
+        robots: coming.collect(),
+        service: with_doubt(table.need(Estimate::exact(from_soc), 1.0)),
+        breakdown_wh: table.breakdown_wh.clone(),
+        service_s: service.charge_s + models.handling.load_s + models.handling.unload_s,
+        bays: state.bays.len() as u32,
+        overhead_per_h: station.overhead_per_h.clone(),
+        overhead_breakdown: forecast::overhead_breakdown(models),
+    })
 }
 
 /// What each pack has left when services that have begun are paid for, in the order in which packs
 /// are drained. Who pays a share carries the share's doubt.
-fn free_wh(packs: &[PackView], begun: Estimate) -> BTreeMap<PackId, Estimate> {
+fn free_wh(packs: &[PackView], begun: Estimate) -> std::collections::BTreeMap<PackId, Estimate> {
     let mut owed_wh = begun.value;
     let free = |pack: &PackView| {
         let paid_wh = owed_wh.min(pack.usable_wh.value).max(0.0);
@@ -141,11 +168,18 @@ fn free_wh(packs: &[PackView], begun: Estimate) -> BTreeMap<PackId, Estimate> {
     packs.iter().map(free).collect()
 }
 
-/// Why a robot is serviced as it is, from the problem that the last plan solved.
+/// Why a robot is serviced as it is, from the problem that the last plan solved. `changed` is what is
+/// different from the plan before.
 ///
 /// # Errors
 /// When the robot is not known, with the nearest that is.
-pub fn explain(basis: &Basis<'_>, problem: &Problem, plan: &Plan, schedule: &Schedule, robot: &RobotId) -> Result<Explanation, String> {
+pub fn explain(
+    basis: &Basis<'_>,
+    solved: Option<&Solved>,
+    schedule: &Schedule,
+    robot: &RobotId,
+    changed: &[String],
+) -> Result<Explanation, String> {
     let Some(belief) = basis.fleet.robots.get(robot) else {
         let known = || basis.fleet.robots.keys().map(AsRef::as_ref);
         let hint = energy::document::hint(robot.as_ref(), known());
@@ -166,35 +200,58 @@ pub fn explain(basis: &Basis<'_>, problem: &Problem, plan: &Plan, schedule: &Sch
     } else {
         reasons.push("it has not been heard, or was lost".to_owned());
     }
-    match (&service, plan.rejected.iter().find(|rejected| rejected.robot == *robot)) {
+    reasons
+        .extend(basis.trust.fault(basis.now, robot).map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
+    match (&service, schedule.unserved.iter().find(|unserved| unserved.robot == *robot)) {
         (Some(service), _) => reasons.extend(service.why.iter().cloned()),
-        (None, Some(rejected)) => reasons.extend(rejected.reasons.iter().cloned()),
+        (None, Some(unserved)) => reasons.extend(unserved.reasons.iter().cloned()),
         (None, None) => reasons.push("no service is planned".to_owned()),
     }
     let at = service.as_ref().map(|service| service.station.clone());
     // What a service rests on: the robot's own models, and those of its station.
     let concerns = |doubt: &proto::Doubt| doubt.robot.as_ref() == Some(robot) || doubt.station.is_some() && doubt.station == at;
     let doubts = basis.watch.doubts(basis.fleet, basis.models).into_iter().filter(concerns).collect();
-    let alternatives = alternatives(schedule, problem, robot);
-    Ok(Explanation { at: basis.now, robot: robot.clone(), service, reasons, alternatives, doubts })
+    // What has begun is kept: there is nothing else to it.
+    let begun = basis.running.contains_key(robot);
+    let told = solved.filter(|_| !begun).map(|solved| account(&solved.task, &solved.sessions, robot)).unwrap_or_default();
+    let alternatives = told.others.into_iter().map(|other| Alternative {
+        station: other.station,
+        mode: other.mode.to_owned(),
+        start: other.start,
+        why_not: other.why_not,
+    });
+    Ok(Explanation {
+        at: basis.now,
+        robot: robot.clone(),
+        service,
+        reasons,
+        alternatives: alternatives.collect(),
+        doubts,
+        earlier: told.earlier,
+        changed: changed.to_vec(),
+    })
 }
 
-/// Every way of servicing a robot, as if nothing but what has begun were promised.
-fn alternatives(schedule: &Schedule, problem: &Problem, robot: &RobotId) -> Vec<Alternative> {
-    let Some(view) = problem.robots.iter().find(|view| view.robot == *robot) else { return Vec::new() };
-    let tried = view.options.iter().map(|option| {
-        let station = &problem.stations[option.station];
-        let mode = match option.way {
-            Way::Recharge { .. } => "recharge",
-            Way::Swap { .. } => "swap",
-        };
-        let (start, why_not) = match Book::new(station).slot(problem, view, option) {
-            Ok(slot) => (Some(schedule.at.plus_s(slot.start_s)), Vec::new()),
-            Err(refusal) => (None, vec![refusal.to_string()]),
-        };
-        Alternative { station: station.station.clone(), mode: mode.to_owned(), start, why_not }
-    });
-    tried.collect()
+/// What is different for a robot between two schedules, in a sentence; none when nothing is. Services that
+/// began as planned are no difference.
+#[must_use]
+pub fn change(before: &Schedule, after: &Schedule, robot: &RobotId) -> Option<String> {
+    let service = |schedule: &Schedule| schedule.services.iter().find(|service| service.robot == *robot).cloned();
+    let told = |service: &Service| {
+        let start: String = service.start.to_string().chars().skip(11).take(8).collect();
+        let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
+        format!("{start} at {}{bay}", service.station)
+    };
+    let because = format!("plan {}, because {}", after.plan, after.trigger);
+    match (service(before), service(after)) {
+        (None, Some(new)) => Some(format!("{because}: it was given a service, {}", told(&new))),
+        (Some(old), None) if old.status == ServiceStatus::Planned => Some(format!("{because}: it lost its service, {}", told(&old))),
+        (Some(old), Some(new)) if new.status == ServiceStatus::Planned => {
+            let moved = old.station != new.station || old.start != new.start || old.mode != new.mode;
+            moved.then(|| format!("{because}: it was moved from {} to {}", told(&old), told(&new)))
+        }
+        _ => None,
+    }
 }
 
 /// The pack that a station should be handed over to now, if its active one is about to give out.
@@ -214,7 +271,7 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
         let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
         Some(forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, state.pack_power_w.max(0.0)).value)
     };
-    let enough_wh = state.pack_power_w * 2.0 * HANDOVER_S / energy::units::S_PER_H;
+    let enough_wh = state.pack_power_w * 2.0 * HANDOVER_S / S_PER_H;
     let others = state.packs.iter().filter(|pack| pack.pack != *active && pack.connected && !pack.depleted);
     let holding = others.filter_map(|pack| Some((pack, usable_wh(&pack.pack)?))).filter(|(_, left_wh)| *left_wh > enough_wh);
     let (next, _) = holding.min_by(|a, b| a.1.total_cmp(&b.1))?;

@@ -7,12 +7,12 @@ use anyhow::{Context, ensure};
 use energy::System;
 use node::files::{ModelRef, read_text};
 use node::{Charging, ClockConfig, NetworkConfig};
+use planner::{policies, policy};
 use proto::{PackId, RobotId, SiteId, StationId};
 use serde::{Deserialize, Serialize};
 
 use crate::forecast::Handling;
 use crate::models::{Models, Settings, StationModels};
-use crate::scheduler::{policies, policy};
 use crate::web::WebConfig;
 
 /// Everything a coordinator is told.
@@ -53,7 +53,7 @@ pub struct Config {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PolicyConfig {
-    /// Order of robots.
+    /// How plans are made.
     pub name: String,
     /// Probability with which a promised service must find its energy.
     pub confidence: f64,
@@ -61,6 +61,12 @@ pub struct PolicyConfig {
     pub serve_below_soc: f64,
     /// Level at which a recharge is done.
     pub charge_to_soc: f64,
+    /// A service must add at least this much charge.
+    pub min_gain_soc: f64,
+    /// A promised service is moved only if that saves this much work, s.
+    pub loyalty_s: f64,
+    /// Moves of the search per robot, for each plan.
+    pub moves_per_robot: u64,
     /// A plan is made anew after this time even if nothing has happened, s.
     pub replan_period_s: f64,
     /// An unanswered command is sent again after this time, s.
@@ -80,6 +86,9 @@ impl Default for PolicyConfig {
             confidence: 0.95,
             serve_below_soc: 0.2,
             charge_to_soc: 0.98,
+            min_gain_soc: 0.1,
+            loyalty_s: 120.0,
+            moves_per_robot: 100,
             replan_period_s: 60.0,
             resend_s: 5.0,
             deadline_s: 60.0,
@@ -113,6 +122,9 @@ pub struct StationConfig {
 const TIME_MIN_S: f64 = 0.1;
 const TIME_MAX_S: f64 = 30.0 * 86_400.0;
 
+/// Most moves of the search per robot.
+const MOVES_MAX: u64 = 1_000_000;
+
 /// The only version of the file so far.
 const SCHEMA: u32 = 1;
 
@@ -145,6 +157,20 @@ impl PolicyConfig {
             confidence: self.confidence,
             serve_below_soc: fraction("serve_below_soc", self.serve_below_soc)?,
             charge_to_soc: fraction("charge_to_soc", self.charge_to_soc)?,
+            min_gain_soc: fraction("min_gain_soc", self.min_gain_soc)?,
+            loyalty_s: {
+                ensure!(
+                    (0.0..=TIME_MAX_S).contains(&self.loyalty_s),
+                    "policy.loyalty_s = {}: must be between 0 and {TIME_MAX_S}",
+                    self.loyalty_s
+                );
+                self.loyalty_s
+            },
+            moves_per_robot: {
+                let moves = self.moves_per_robot;
+                ensure!(moves <= MOVES_MAX, "policy.moves_per_robot = {moves}: must be between 0 and {MOVES_MAX}");
+                moves
+            },
             replan_period_s: time("replan_period_s", self.replan_period_s)?,
             resend_s: time("resend_s", self.resend_s)?,
             deadline_s: time("deadline_s", self.deadline_s)?,

@@ -27,14 +27,18 @@ use ask::Asked;
 use crate::answers;
 use crate::fleet::Fleet;
 use crate::models::{Models, Settings};
-use crate::scheduler::{Plan, Problem, construct};
+use crate::scheduler::{Effort, Plan, Solved, Tables, solve};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
+use crate::trust::Trust;
 use crate::view::Basis;
 use crate::watch::{Standing, Watch};
 
 /// How many different refusals are told; a flood of bad messages must not fill the memory.
 const REFUSED_MAX: usize = 1000;
+
+/// The trigger of a plan that nothing but the clock asked for.
+const TIME_PASSED: &str = "time passed";
 
 /// What reaches the coordinator.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,9 +104,13 @@ pub struct Core {
     asked: BTreeMap<CommandId, Asked>,
     /// When each station was last told to select a pack.
     selected: BTreeMap<StationId, Timestamp>,
-    /// The problem that the last plan solved.
-    problem: Problem,
+    tables: Tables,
+    /// The last plan with the problem that it solved.
+    solved: Option<Solved>,
+    /// The last plan without the services that have begun since.
     plan: Plan,
+    /// What was last changed for each robot, by which plan and why.
+    changed: BTreeMap<RobotId, Vec<String>>,
     schedule: Schedule,
     promised: BTreeSet<RobotId>,
     /// Robots that are somewhere without a service, since when.
@@ -115,6 +123,7 @@ pub struct Core {
     trigger: Option<String>,
     refused: BTreeSet<String>,
     watch: Watch,
+    trust: Trust,
     outputs: VecDeque<Output>,
 }
 
@@ -130,6 +139,7 @@ impl Core {
             services: Vec::new(),
             unserved: Vec::new(),
             doubts: Vec::new(),
+            quality: None,
         };
         Self {
             settings,
@@ -140,8 +150,10 @@ impl Core {
             running: BTreeMap::new(),
             asked: BTreeMap::new(),
             selected: BTreeMap::new(),
-            problem: Problem { confidence: settings.confidence, robots: Vec::new(), stations: Vec::new() },
+            tables: Tables::default(),
+            solved: None,
             plan: Plan::default(),
+            changed: BTreeMap::new(),
             schedule,
             promised: BTreeSet::new(),
             strays: BTreeMap::new(),
@@ -151,6 +163,7 @@ impl Core {
             trigger: None,
             refused: BTreeSet::new(),
             watch: Watch::default(),
+            trust: Trust::default(),
             outputs: VecDeque::new(),
         }
     }
@@ -173,6 +186,7 @@ impl Core {
             Input::Refused(what) => self.refuse(now, what),
             Input::Replan(why) => self.replan(why),
         }
+        self.doubt_gauges(now);
         self.resend(now);
         self.carry_on(now);
         self.find_strays(now);
@@ -204,7 +218,8 @@ impl Core {
     /// # Errors
     /// When the robot is not known, with the nearest that is.
     pub fn explain(&self, now: Timestamp, robot: &RobotId) -> Result<Explanation, String> {
-        answers::explain(&self.basis(now), &self.problem, &self.plan, &self.schedule, robot)
+        let changed = self.changed.get(robot).map_or(&[][..], Vec::as_slice);
+        answers::explain(&self.basis(now), self.solved.as_ref(), &self.schedule, robot, changed)
     }
 
     /// What is believed of robots and stations.
@@ -224,10 +239,12 @@ impl Core {
             now,
             fleet: &self.fleet,
             models: &self.models,
+            tables: &self.tables,
             settings: &self.settings,
             running: &self.running,
             promised: &self.promised,
             watch: &self.watch,
+            trust: &self.trust,
         }
     }
 
@@ -245,7 +262,7 @@ impl Core {
             return self.trigger.is_some() && (all || waited_s >= self.settings.patience_s);
         };
         if now.seconds_since(planned) >= self.settings.replan_period_s {
-            self.replan("time passed".to_owned());
+            self.replan(TIME_PASSED.to_owned());
         }
         // One plan a second at most: a burst of news is one trigger.
         self.trigger.is_some() && now.seconds_since(planned) >= 1.0
@@ -253,8 +270,10 @@ impl Core {
 
     fn make_plan(&mut self, now: Timestamp) {
         let trigger = self.trigger.take().unwrap_or_default();
-        self.problem = self.basis(now).problem();
-        self.plan = construct(&self.problem, self.settings.policy);
+        let effort = if trigger == TIME_PASSED || self.solved.is_none() { Effort::Better } else { Effort::Mend };
+        let solved = solve(self.basis(now).view(), &self.settings, &self.plan.planned, effort);
+        self.plan = solved.plan.clone();
+        self.solved = Some(solved);
         self.planned = Some(now);
         let number = self.numbering.plan;
         self.numbering.plan += 1;
@@ -274,12 +293,22 @@ impl Core {
                 format!("plan {number}: {} services, {} unserved ({})", schedule.services.len(), schedule.unserved.len(), schedule.trigger);
             self.event(now, EventKind::PlanMade, None, None, None, text);
         }
+        self.note_changes(&schedule);
         self.record(Record::Plan(schedule.clone()));
         self.schedule = schedule;
         self.record(Record::Capacity(self.capacity(now)));
         let known: Vec<RobotId> = self.fleet.robots.keys().cloned().collect();
         let explanations = known.iter().filter_map(|robot| self.explain(now, robot).ok()).collect();
         self.record(Record::Explanations(explanations));
+    }
+
+    /// Keeps what is different for each robot, and which message brought it about.
+    fn note_changes(&mut self, new: &Schedule) {
+        for robot in self.fleet.robots.keys() {
+            if let Some(text) = answers::change(&self.schedule, new, robot) {
+                self.changed.insert(robot.clone(), vec![text]);
+            }
+        }
     }
 
     /// The clock was set back: what is counted from an instant is counted from as much earlier, or

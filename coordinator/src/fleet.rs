@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use proto::{BayId, BayPhase, BayState, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp};
+use proto::{BayId, BayPhase, BayState, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 /// What is believed of a robot.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +36,8 @@ pub struct Station {
     pub state: Option<StationState>,
     /// The last gauge message of each pack.
     pub packs: BTreeMap<PackId, Gauge>,
+    /// Since when each spare's place holds a pack that a robot left and that is not charged yet.
+    pub left: BTreeMap<SpareId, Timestamp>,
     /// Whether it was lost after it had spoken.
     pub lost: bool,
 }

@@ -20,8 +20,16 @@ pub fn circumstances(station: &StationModels, at_once: usize) -> Circumstances {
 /// Recharges a robot from `soc` to `target_soc`: what the station's packs give, beyond what the
 /// station takes anyway.
 #[must_use]
-pub fn recharge(station: &StationModels, at_once: usize, battery: &Arc<Model>, soc: Estimate, target_soc: f64) -> Recharge {
-    service::service_energy(&station.load, station.handling, battery, soc, target_soc, &circumstances(station, at_once))
+pub fn recharge(
+    station: &StationModels,
+    at_once: usize,
+    battery: &Arc<Model>,
+    temperature_degc: f64,
+    soc: Estimate,
+    target_soc: f64,
+) -> Recharge {
+    let around = Circumstances { temperature_degc, ..circumstances(station, at_once) };
+    service::service_energy(&station.load, station.handling, battery, soc, target_soc, &around)
 }
 
 /// What the station takes in an hour in which it services nobody.
@@ -34,14 +42,6 @@ pub fn overhead_per_h(station: &StationModels) -> Need {
 #[must_use]
 pub fn overhead_breakdown(station: &StationModels) -> BTreeMap<String, f64> {
     service::overhead_breakdown(&station.load, circumstances(station, 1).pack_v)
-}
-
-/// What an exchange of a robot's pack takes: the station's handling, at the power of its lift, and
-/// what its packs give to make a spare of the pack that is left behind at `soc`.
-#[must_use]
-pub fn exchange(station: &StationModels, soc: Estimate, target_soc: f64) -> Need {
-    let handling = service::exchange(&station.load, station.handling, circumstances(station, 1).pack_v);
-    handling.plus(&spare_again(station, soc, target_soc))
 }
 
 /// What the station's packs give to charge a pack that a robot left behind: nothing where such

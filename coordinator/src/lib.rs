@@ -3,10 +3,11 @@
 //! ```text
 //!   pure    core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
 //!             fleet.rs        the newest word of each robot and station
+//!             trust.rs        whether gauges can be believed
 //!             models.rs       the coordinator's own models and settings
 //!             forecast.rs     what a service takes
 //!             view.rs         beliefs and models as one planning problem
-//!             scheduler/      problem -> plan, capacity
+//!             scheduler/      beliefs -> planner's problem -> services, capacity, words
 //!             service_run.rs  a service that has begun, and the commands that carry it on
 //!             outbox.rs       records before commands; replay.rs the journal told to a core again
 //!             answers.rs      schedule, capacity, explanations for the wire
@@ -38,6 +39,7 @@ pub mod service;
 pub mod service_run;
 pub mod sim;
 pub mod store;
+mod trust;
 pub mod view;
 mod watch;
 pub mod web;

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use energy::{Estimate, Model};
+use planner::Policy;
 use proto::{PackId, RobotId, StationId};
 
 use crate::forecast::Handling;
-use crate::scheduler::Policy;
 
 /// How the coordinator decides.
 #[derive(Clone, Copy)]
 pub struct Settings {
-    /// Order of robots.
+    /// How plans are made.
     pub policy: &'static dyn Policy,
     /// Probability with which a promised service must find its energy.
     pub confidence: f64,
@@ -20,6 +20,12 @@ pub struct Settings {
     pub serve_below_soc: f64,
     /// Level at which a recharge is done.
     pub charge_to_soc: f64,
+    /// A service must add at least this much charge.
+    pub min_gain_soc: f64,
+    /// A promised service is moved only if that saves this much work, s.
+    pub loyalty_s: f64,
+    /// Moves of the search per robot, for each plan.
+    pub moves_per_robot: u64,
     /// A plan is made anew after this time even if nothing has happened, s.
     pub replan_period_s: f64,
     /// An unanswered command is sent again after this time, s.

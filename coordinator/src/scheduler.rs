@@ -1,29 +1,35 @@
-//! Who docks where and when, and which packs pay for it.
+//! Beliefs as a problem for the planner, and its plan as services.
 //!
 //! ```text
-//!   problem.rs    an immutable view: robots, bays, lift, packs, spares, forecasts
+//!   view.rs (outside)   what is believed: robots, bays, lift, packs, spares, forecasts
 //!      |
-//!   policy/       the order in which robots are considered: one file per policy
+//!   problem.rs    the same as one immutable view, in seconds and Wh
+//!   charging.rs   what charging takes and how long, from the energy models, once per kind
 //!      |
-//!   feasible.rs   can this robot be serviced so? a slot, or the reasons why not
+//!   translate.rs  that view as a `planner::Problem`, on a grid of ticks
 //!      |
-//!   construct.rs  robot by robot, the earliest end; every robot ends up in the plan or unserved
+//!   solve.rs      the planner, beginning from the last plan
 //!      |
-//!   plan.rs       bay, pack and time, reserved once
+//!   plan.rs       its sessions as services: bay, spare, packs, times, probability
+//!   words.rs      why, why not, and what would have to change
+//!
+//!   capacity.rs   how many robots each pack can still service, and how certainly
 //! ```
 
 pub mod capacity;
-mod construct;
-mod feasible;
+pub mod charging;
 mod plan;
-mod policy;
 mod problem;
+mod solve;
+mod translate;
+mod words;
 
-pub use construct::construct;
-pub use feasible::{Book, Refusal, Slot};
+pub use charging::Tables;
 pub use plan::{Plan, Planned, Rejected};
-pub use policy::{Policy, policies, policy};
-pub use problem::{BayView, OptionView, PackView, Problem, RobotView, SpareView, StationView, Way};
+pub use problem::{Begun, PackView, RobotView, SpareView, StationView, View};
+pub use solve::{Effort, Solved, solve};
+pub use translate::{Grid, Task};
+pub use words::{Account, account};
 
 #[cfg(test)]
 mod tests;

@@ -90,6 +90,12 @@ pub enum Step {
 }
 
 impl ServiceRun {
+    /// Whether its robot has still to come to its place.
+    #[must_use]
+    pub fn under_way(&self) -> bool {
+        matches!(self.stage, Stage::Travelling | Stage::Waiting)
+    }
+
     /// The first command: the robot leaves its work.
     #[must_use]
     pub fn first(&self) -> RobotAction {

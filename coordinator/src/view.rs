@@ -1,25 +1,30 @@
-//! Makes the planning problem from beliefs, models and services that have begun.
+//! Makes the planning view from beliefs, models and services that have begun.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
-use energy::{Estimate, Model};
+use energy::{Estimate, Model, Need};
 use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::fleet::{Fleet, Robot, Station};
-use crate::forecast::{self, Recharge};
+use crate::forecast;
 use crate::models::{Models, Settings, StationModels, from_wire};
-use crate::scheduler::{BayView, OptionView, PackView, Problem, RobotView, SpareView, StationView, Way};
+use crate::scheduler::charging::Table;
+use crate::scheduler::{Begun, PackView, RobotView, SpareView, StationView, Tables, View};
 use crate::service_run::{How, ServiceRun, Stage};
+use crate::trust::Trust;
 use crate::watch::{Subject, Watch};
-use energy::Need;
 
 /// Share of the time to empty after which a service is wanted whatever the state of charge.
 const QUEUE_SHARE: f64 = 0.9;
+/// Share of the usual caution with which a robot's time is judged that was promised a service.
+const HELD_CAUTION: f64 = 0.5;
+/// A spare that should have been charged by now is counted on after this time, s.
+const SPARE_LATE_S: f64 = 300.0;
 
-/// Everything that a problem is made from.
+/// Everything that a view is made from.
 #[derive(Clone, Copy)]
 pub struct Basis<'a> {
     /// Now.
@@ -28,6 +33,8 @@ pub struct Basis<'a> {
     pub fleet: &'a Fleet,
     /// Models.
     pub models: &'a Models,
+    /// What charging takes.
+    pub tables: &'a Tables,
     /// How to decide.
     pub settings: &'a Settings,
     /// Services that have begun.
@@ -36,12 +43,14 @@ pub struct Basis<'a> {
     pub promised: &'a BTreeSet<RobotId>,
     /// Doubts in models.
     pub(crate) watch: &'a Watch,
+    /// Doubts in gauges.
+    pub(crate) trust: &'a Trust,
 }
 
 impl Basis<'_> {
-    /// The planning problem.
+    /// What is believed, for planning.
     #[must_use]
-    pub fn problem(&self) -> Problem {
+    pub fn view(&self) -> View {
         let stations: Vec<StationView> =
             self.models.stations.iter().map(|(id, models)| self.station(id, models, self.fleet.stations.get(id))).collect();
         let robots = self.fleet.robots.iter().filter_map(|(id, robot)| {
@@ -50,39 +59,63 @@ impl Basis<'_> {
             let battery = self.models.battery(id, &state.battery)?;
             plannable.then(|| self.robot(id, gauge, state, battery, &stations))
         });
-        Problem { confidence: self.settings.confidence, robots: robots.collect(), stations }
+        View { now: self.now, robots: robots.collect(), stations }
     }
 
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, stations: &[StationView]) -> RobotView {
-        let soc = wider(from_wire(gauge.soc), self.watch.wider(&Subject::RobotBattery(id.clone())));
-        let stored_wh = battery.battery().stored_wh();
-        let drain_soc_per_s = (state.drain_w.value / stored_wh / S_PER_H).max(1e-12);
-        let empty_s = self.empty_s(id, gauge, state);
-        // A heavy load may empty a pack soon after it reaches the level at which a service is
-        // wanted, or before: it comes while there is time left for a queue.
-        let wanted_s = ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0).min(QUEUE_SHARE * empty_s);
-        let options = stations.iter().enumerate().flat_map(|(index, station)| {
-            state.travel.get(&station.station).map_or_else(Vec::new, |travel| {
-                let ready_s = travel.time_s.max(wanted_s);
-                let soc_ready = Estimate::new((soc.value - drain_soc_per_s * ready_s).clamp(0.0, 1.0), soc.sigma);
-                self.options(index, station, travel.time_s, soc_ready, drain_soc_per_s, battery)
-            })
-        });
-        RobotView {
+        let (soc, remaining_wh) = self.trust.belief(self.now, id, gauge, state, battery.battery().stored_wh());
+        let soc = wider(soc, self.watch.wider(&Subject::RobotBattery(id.clone())));
+        let per_s = |power_w: f64| (power_w / battery.battery().stored_wh() / S_PER_H).max(1e-12);
+        let drain_soc_per_s = per_s(state.drain_w.value);
+        let caution = Normal::standard().inverse_cdf(self.settings.confidence);
+        let held = self.promised.contains(id);
+        let (pessimistic_s, drain_hi_w) = self.empty_s(id, remaining_wh, state, caution);
+        // A promise that was given is not broken over the last minute of its margin.
+        let empty_s = if held { self.empty_s(id, remaining_wh, state, HELD_CAUTION * caution).0 } else { pessimistic_s };
+        let mut view = RobotView {
             robot: id.clone(),
+            battery: Arc::clone(battery),
+            temperature_degc: gauge.temperature_degc,
             soc,
             empty_s,
-            wanted_s,
+            wanted_s: ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0),
             drain_soc_per_s,
+            drain_hi_soc_per_s: per_s(drain_hi_w),
             weight: state.mission.weight,
-            promised: self.promised.contains(id),
-            options: options.collect(),
+            until_s: state.mission.until.map(|until| until.seconds_since(self.now)),
+            held,
+            travel: Vec::new(),
+            closed: Vec::new(),
+        };
+        let mut handled_s: f64 = 0.0;
+        for (index, station) in stations.iter().enumerate() {
+            let Some(travel) = state.travel.get(&station.station) else { continue };
+            if let Some(why) = &station.out_of_order {
+                view.closed.push((station.station.clone(), why.clone()));
+                continue;
+            }
+            let table = self.table(&station.station, &self.models.stations[&station.station], battery, gauge.temperature_degc);
+            handled_s = handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
+            view.travel.push((index, travel.time_s, table));
         }
+        // It lives on its own pack until it is in the bay, or has the other pack.
+        view.empty_s = (empty_s - handled_s).max(0.0);
+        // A heavy load may empty a pack soon after it reaches the level at which a service is
+        // wanted, or before: it comes while there is time left for a queue.
+        view.wanted_s = view.wanted_s.min(QUEUE_SHARE * (pessimistic_s - handled_s).max(0.0));
+        view
     }
 
-    /// Time until a robot may be empty: what its gauge has left over its drain, both pessimistic.
-    fn empty_s(&self, id: &RobotId, gauge: &Gauge, state: &RobotState) -> f64 {
-        let z = Normal::standard().inverse_cdf(self.settings.confidence);
+    /// What charging a battery takes at a station.
+    #[must_use]
+    pub fn table(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, temperature_degc: f64) -> Arc<Table> {
+        let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
+        self.tables.of(id, models, self.side_by_side(id), battery, temperature_degc, levels)
+    }
+
+    /// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic by `z`
+    /// sigmas; and that drain, W.
+    fn empty_s(&self, id: &RobotId, remaining_wh: Estimate, state: &RobotState, z: f64) -> (f64, f64) {
         // A doubted model is less certain than it says.
         let [battery, work, on_way] = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())]
             .map(|of| self.watch.wider(&of));
@@ -91,57 +124,28 @@ impl Basis<'_> {
         let beyond_wh = |way: &Travel| way.energy_wh.value + z * on_way * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
         let reserve_wh = state.travel.values().map(beyond_wh).fold(f64::INFINITY, f64::min);
         let reserve_wh = if reserve_wh.is_finite() { reserve_wh.max(0.0) } else { 0.0 };
-        let energy_wh = (gauge.remaining_wh.value - z * battery * gauge.remaining_wh.sigma - reserve_wh).max(0.0);
-        if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }
-    }
-
-    fn options(
-        &self,
-        index: usize,
-        station: &StationView,
-        travel_s: f64,
-        soc_ready: Estimate,
-        drain_soc_per_s: f64,
-        battery: &Arc<Model>,
-    ) -> Vec<OptionView> {
-        let models = &self.models.stations[&station.station];
-        let mut ways = Vec::new();
-        if !station.bays.is_empty() {
-            let to_soc = self.settings.charge_to_soc;
-            let recharge = self.recharge(&station.station, models, self.side_by_side(&station.station), battery, soc_ready, to_soc);
-            let facts = battery.battery();
-            let need_share_per_s = drain_soc_per_s / (to_soc - soc_ready.value).max(0.01);
-            // What a robot loses while it waits is charged at full current, or at what robots that
-            // share a converter get on average.
-            let charge_s_per_s = if models.converter_w_max.is_finite() {
-                recharge.charge_s * need_share_per_s
-            } else {
-                drain_soc_per_s * facts.capacity_ah / facts.charge.current_a * S_PER_H
-            };
-            ways.push(Way::Recharge { to_soc, recharge, charge_s_per_s, need_share_per_s });
-        }
-        if !station.spares.is_empty() {
-            let need = forecast::exchange(models, soc_ready, self.settings.charge_to_soc);
-            ways.push(Way::Swap { need: self.doubted(&station.station, need) });
-        }
-        ways.into_iter().map(|way| OptionView { station: index, travel_s, way }).collect()
+        let energy_wh = (remaining_wh.value - z * battery * remaining_wh.sigma - reserve_wh).max(0.0);
+        (if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }, drain_w)
     }
 
     /// One station, with what services that have begun hold of it.
     #[must_use]
     pub fn station(&self, id: &StationId, models: &StationModels, station: Option<&Station>) -> StationView {
+        let reference = self.reference(id, models);
+        let factor = self.watch.wider(&Subject::Station(id.clone()));
         let mut view = StationView {
             station: id.clone(),
             out_of_order: None,
             handling: models.handling,
             bays: Vec::new(),
-            lift_busy: Vec::new(),
-            swap_free_s: 0.0,
+            begun: Vec::new(),
             spares: Vec::new(),
+            charges_spares: models.spare_battery.is_some(),
             packs: Vec::new(),
             committed: Need::default(),
             committed_until_s: 0.0,
             overhead_per_h: self.doubted(id, forecast::overhead_per_h(models)),
+            shared_per_wh: reference.map_or_else(Vec::new, |table| table.shared_per_wh.iter().map(|change| factor * change).collect()),
         };
         let Some((station, state)) = station.and_then(|station| Some((station, station.known()?))) else {
             view.out_of_order = Some("it has not been heard".to_owned());
@@ -151,29 +155,45 @@ impl Basis<'_> {
             view.out_of_order = Some("it has no power".to_owned());
         }
         let here: Vec<&ServiceRun> = self.running.values().filter(|run| run.station == *id).collect();
-        let taken_spares: Vec<_> =
-            here.iter().filter_map(|run| if let How::Swap { spare } = &run.how { Some(spare) } else { None }).collect();
-        // A spare at the level at which robots want a service is none.
-        let charged = |soc: f64| soc > self.settings.serve_below_soc;
-        let ready = state.spares.iter().filter(|s| s.ready && charged(s.soc.value) && !taken_spares.contains(&&s.spare));
-        view.spares = ready.map(|spare| SpareView { spare: spare.spare.clone(), soc: from_wire(spare.soc) }).collect();
-        // Packs that robots left are still to be charged.
-        for left in state.spares.iter().filter(|spare| !spare.ready) {
-            view.committed = view.committed.plus(&forecast::spare_again(models, from_wire(left.soc), self.settings.charge_to_soc));
-        }
-        view.bays = state.bays.iter().map(|bay| self.bay(&bay.bay, bay.phase, &here)).collect();
+        self.spares(&mut view, models, station, state, &here);
+        view.bays = state.bays.iter().filter(|bay| self.usable(&bay.bay, bay.phase, &here)).map(|bay| bay.bay.clone()).collect();
         for run in here {
             let ends_s = self.ends_s(run);
             view.committed_until_s = view.committed_until_s.max(ends_s);
             view.committed = view.committed.plus(&self.still_needs(run, models));
-            match run.how {
-                How::Swap { .. } => view.swap_free_s = view.swap_free_s.max(ends_s),
-                How::Recharge { .. } => view.lift_busy.extend(self.lift_busy(run, models, ends_s)),
-            }
+            view.begun.push(self.begun(run, ends_s));
         }
-        view.lift_busy.sort_by(|a, b| a.0.total_cmp(&b.0));
         view.packs = self.packs(id, models, station, state);
         view
+    }
+
+    /// Spares that can be handed out, now or when they are charged again.
+    fn spares(&self, view: &mut StationView, models: &StationModels, station: &Station, state: &StationState, here: &[&ServiceRun]) {
+        let to_soc = self.settings.charge_to_soc;
+        let charge_s = |soc: f64| self.reference(&view.station, models).map_or(0.0, |table| table.at(soc).charge_s);
+        for spare in &state.spares {
+            let taker = here.iter().find(|run| matches!(&run.how, How::Swap { spare: taken } if *taken == spare.spare));
+            // A spare at the level at which robots want a service is none.
+            let charged = spare.soc.value > self.settings.serve_below_soc;
+            let (ready_s, soc) = if let Some(run) = taker {
+                // The pack that its robot leaves takes its place.
+                let soc = self.fleet.robots.get(&run.robot).and_then(|robot| robot.gauge.as_ref()).map_or(0.0, |gauge| gauge.soc.value);
+                (self.ends_s(run) + charge_s(soc), to_soc)
+            } else if spare.ready {
+                (0.0, spare.soc.value)
+            } else {
+                let since_s = station.left.get(&spare.spare).map_or(0.0, |since| self.now.seconds_since(*since));
+                let whole_s = charge_s(spare.soc.value).max(1.0);
+                // What it has taken since then, the packs' gauges have counted.
+                let lacking = (1.0 - since_s / whole_s).clamp(0.0, 1.0);
+                let need = forecast::spare_again(models, from_wire(spare.soc), to_soc).scaled(lacking);
+                view.committed = view.committed.plus(&self.doubted(&view.station, need));
+                ((whole_s - since_s).max(SPARE_LATE_S), to_soc)
+            };
+            if (ready_s == 0.0 && charged) || (ready_s > 0.0 && view.charges_spares) {
+                view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s });
+            }
+        }
     }
 
     /// How many robots may charge side by side at a station: as many as it has bays, or as can come.
@@ -184,43 +204,57 @@ impl Basis<'_> {
         bays.min(self.fleet.robots.values().filter(reaches).count()).max(1)
     }
 
-    fn bay(&self, bay: &proto::BayId, phase: BayPhase, here: &[&ServiceRun]) -> BayView {
-        let run = here.iter().find(|run| matches!(&run.how, How::Recharge { bay: own, .. } if own == bay));
-        let free_s = match (phase, run) {
-            (BayPhase::Failed, _) => None,
-            (_, Some(run)) => Some(self.ends_s(run)),
-            (BayPhase::Free, None) => Some(0.0),
-            // Somebody is in it whom no service put there: nobody knows for how long.
-            (_, None) => None,
-        };
-        BayView { bay: bay.clone(), free_s }
+    /// Whether a bay works, and is free or held by a service that has begun. If somebody is in it whom no
+    /// service put there, nobody knows for how long.
+    fn usable(&self, bay: &proto::BayId, phase: BayPhase, here: &[&ServiceRun]) -> bool {
+        let held = here.iter().any(|run| matches!(&run.how, How::Recharge { bay: own, .. } if own == bay));
+        phase != BayPhase::Failed && (held || phase == BayPhase::Free)
     }
 
-    fn ends_s(&self, run: &ServiceRun) -> f64 {
-        run.end.seconds_since(self.now).max(1.0)
-    }
-
-    fn lift_busy(&self, run: &ServiceRun, models: &StationModels, ends_s: f64) -> Vec<(f64, f64)> {
-        let unload = (ends_s - models.handling.unload_s, ends_s);
-        let load_s = models.handling.load_s;
-        match run.stage {
-            Stage::Travelling | Stage::Waiting => {
-                let start_s = run.start.seconds_since(self.now).max(0.0);
-                vec![(start_s, start_s + load_s), unload]
-            }
-            Stage::Loading => vec![(0.0, load_s), unload],
-            Stage::ChargingItself => Vec::new(),
-            _ => vec![unload],
+    /// When a service that has begun ends, s from now. Once its robot charges, its gauge says so better
+    /// than the plan.
+    #[must_use]
+    pub fn ends_s(&self, run: &ServiceRun) -> f64 {
+        let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
+        if !matches!(run.stage, Stage::Charging | Stage::ChargingItself) {
+            return planned_s;
         }
+        let belief = self.fleet.robots.get(&run.robot).and_then(Robot::known);
+        let charging = belief.filter(|(_, state)| state.phase == RobotPhase::Charging).and_then(|(gauge, state)| {
+            let (models, battery) = (self.models.stations.get(&run.station)?, self.models.battery(&run.robot, &state.battery)?);
+            let table = self.table(&run.station, models, battery, gauge.temperature_degc);
+            Some(table.at(gauge.soc.value).charge_s + models.handling.unload_s)
+        });
+        charging.map_or(planned_s, |left_s| left_s.max(1.0))
+    }
+
+    /// How much later than planned a service can begin, s: as long as somebody else is still in its bay.
+    #[must_use]
+    pub fn late_s(&self, run: &ServiceRun) -> f64 {
+        let How::Recharge { bay, .. } = &run.how else { return 0.0 };
+        if !run.under_way() {
+            return 0.0;
+        }
+        let in_it = |other: &&ServiceRun| {
+            other.station == run.station && !other.under_way() && matches!(&other.how, How::Recharge { bay: theirs, .. } if theirs == bay)
+        };
+        let free_s = self.running.values().filter(in_it).map(|other| self.ends_s(other)).fold(0.0, f64::max);
+        if free_s > 0.0 { (free_s - run.start.seconds_since(self.now)).max(0.0) } else { 0.0 }
+    }
+
+    fn begun(&self, run: &ServiceRun, until_s: f64) -> Begun {
+        let bay = if let How::Recharge { bay, .. } = &run.how { Some(bay.clone()) } else { None };
+        let from_s = if run.under_way() { (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0) } else { 0.0 };
+        Begun { bay, from_s, to_load: run.under_way() || run.stage == Stage::Loading, until_s }
     }
 
     /// What a service that has begun still takes: the charge that the robot still lacks.
     fn still_needs(&self, run: &ServiceRun, models: &StationModels) -> Need {
-        let How::Recharge { to_soc, .. } = run.how else { return run.need.clone() };
-        let robot = self.fleet.robots.get(&run.robot);
-        let Some((gauge, state)) = robot.and_then(|robot| robot.known()) else { return run.need.clone() };
+        let How::Recharge { .. } = run.how else { return run.need.clone() };
+        let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
-        self.recharge(&run.station, models, self.side_by_side(&run.station), battery, from_wire(gauge.soc), to_soc).need
+        let factor = self.watch.wider(&Subject::Station(run.station.clone()));
+        self.table(&run.station, models, battery, gauge.temperature_degc).need(from_wire(gauge.soc), factor)
     }
 
     /// Packs that hold something, in the order in which they are drained: the active one, then
@@ -251,8 +285,17 @@ impl Basis<'_> {
     pub fn working_power_w(&self, id: &StationId, models: &StationModels, state: &StationState) -> f64 {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return overhead_w };
-        let recharge = self.reference_recharge(id, models, battery, state.bays.len());
-        overhead_w + state.bays.len() as f64 * recharge.need.mean_wh / (recharge.charge_s / S_PER_H).max(1e-6)
+        let bays = state.bays.len();
+        let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
+        let table = self.tables.of(id, models, bays, battery, energy::units::REFERENCE_DEGC, levels);
+        let service = table.at(self.settings.serve_below_soc);
+        overhead_w + bays as f64 * service.need_wh / (service.charge_s / S_PER_H).max(1e-6)
+    }
+
+    /// What charging takes at a station, for a battery like those of its robots.
+    #[must_use]
+    pub fn reference(&self, id: &StationId, models: &StationModels) -> Option<Arc<Table>> {
+        Some(self.table(id, models, self.reference_battery()?, energy::units::REFERENCE_DEGC))
     }
 
     /// The battery of the service that capacity is counted in: that of the first robot known, or
@@ -261,27 +304,6 @@ impl Basis<'_> {
     pub fn reference_battery(&self) -> Option<&Arc<Model>> {
         let known = self.fleet.robots.iter().find_map(|(id, robot)| self.models.battery(id, &robot.state.as_ref()?.battery));
         known.or_else(|| self.models.robots.values().chain(self.models.batteries.values()).next())
-    }
-
-    /// The service that capacity is counted in: from where a service is wanted to where it ends,
-    /// with as many robots at once as there are bays.
-    #[must_use]
-    pub fn reference_recharge(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, bays: usize) -> Recharge {
-        let from = Estimate::exact(self.settings.serve_below_soc);
-        self.recharge(id, models, bays, battery, from, self.settings.charge_to_soc)
-    }
-
-    fn recharge(
-        &self,
-        id: &StationId,
-        models: &StationModels,
-        at_once: usize,
-        battery: &Arc<Model>,
-        soc: Estimate,
-        to_soc: f64,
-    ) -> Recharge {
-        let recharge = forecast::recharge(models, at_once, battery, soc, to_soc);
-        Recharge { need: self.doubted(id, recharge.need), ..recharge }
     }
 
     /// What a station's packs must give, as much less certain as its model is doubted.

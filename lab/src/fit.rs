@@ -8,15 +8,18 @@
 mod bounded;
 mod certainty;
 mod choice;
+mod step;
 
 use std::sync::Arc;
 
 use energy::{Channel, Facts, Model};
 use nalgebra::{DMatrix, DVector};
 
+pub(crate) use bounded::held;
 pub use bounded::{LeastSquares, Side, Solution, Step, minimise, minimise_to};
 pub use certainty::{Certainty, Segment, SegmentCertainty, certainty, uniform_sigma};
 pub use choice::{ChoiceError, free_parameters};
+pub(crate) use step::{damped_step, promised};
 
 use crate::predict::{predict, sensitivities};
 use crate::prepare::{Prepared, Target};

@@ -5,17 +5,23 @@
 //!   rough      what a model knows roughly: OCV table, sensors' offsets and gains, SoC at the start
 //!     |
 //!   evidence   the rows that are judged, alone or in means
+//!     |          course   as few steps as show them
 //!     |
 //!   frame      model, logs and rough knowledge as one vector of unknowns; predictions, derivatives
 //!     |            noise   the sensors' known floor beside a slow part of unknown size
 //!     v              v
+//!   lens       rows and derivatives in units of independent noise, and what a refit absorbs
+//!     |
 //!   state      the best unknowns and noise for one list of effects, and the evidence for it
+//!     |          descent  the way there
 //!     |
 //!   candidate  absent effects, the shapes that their equations can take, what keeps one from a test
 //!     |
 //!   score      each of them without a refit: expected size, uniqueness, what it is confused with
 //!     |
-//!   trial      the best of them refitted, judged on logs that the fit has not seen
+//!   trial      the best of them refitted
+//!     |
+//!   judge      accepted or not, also by logs that the fit has not seen
 //!     v
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |
@@ -28,9 +34,13 @@
 
 pub mod answer;
 pub mod candidate;
+mod course;
+mod descent;
 pub mod discover;
 pub mod evidence;
 pub mod frame;
+pub mod judge;
+mod lens;
 pub mod noise;
 pub mod propose;
 pub mod rough;

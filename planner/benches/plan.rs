@@ -72,9 +72,12 @@ fn fleet(robots: usize, stations: usize) -> Problem {
     for number in 0..robots {
         let like = &base.robots[number % base.robots.len()];
         let home = number * stations / robots.max(1);
-        let travel =
-            (0..3.min(stations)).map(|next| Travel { station: (home + next) % stations, ticks: (2 + (number * 7 + next * 5) % 9) as u32 });
-        let energy = (like.energy + (number as i64 * 977) % 3000).min(base.battery.capacity);
+        let travel = (0..3.min(stations)).map(|next| Travel {
+            station: (home + next) % stations,
+            ticks: (2 + (number * 7 + next * 5) % 9) as u32,
+            variance: 0.0,
+        });
+        let energy = (like.energy + (number as i64 * 977) % 3000).min(base.batteries[0].capacity);
         problem.robots.push(Robot { name: number.to_string(), energy, travel: travel.collect(), ..like.clone() });
     }
     problem
@@ -102,10 +105,10 @@ fn roll() {
         for (robot, begun) in problem.robots.iter_mut().zip(begun) {
             // A service that has begun is taken as done; what matters here is how fast plans come.
             robot.energy = match begun {
-                Some(_) => problem.battery.targets[2],
+                Some(_) => problem.batteries[0].targets[2],
                 None => (robot.energy - i64::from(STEP) * robot.drain).max(0),
             };
-            stranded += i64::from(robot.energy <= problem.battery.floor);
+            stranded += i64::from(robot.energy <= problem.batteries[0].floor);
         }
     }
     println!("rolling: 50 robots, {services} services, {plans} plans, {:.4} CPU s, {stranded} robots found empty", cpu_s() - start);

@@ -4,10 +4,13 @@
 //! Beside each row of counters stands a row of flags "nothing left here", so that most ways that
 //! do not fit are refused by a look at one or two words.
 
+mod odds;
+
 use crate::bits::Bits;
 use crate::problem::{Problem, Station, Tick};
 use crate::supply::{self, Limit};
 use crate::way::{Choices, Mode, NEVER, Way};
+use odds::Odds;
 
 /// What a way asks for that is not there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,9 +23,9 @@ pub enum Clash {
     Slot(Tick),
     /// No charged spare is left in this tick.
     Spare(Tick),
-    /// The station would draw more than it may in this tick, by so many mWh.
+    /// The station would draw more than it may in this tick, by so much.
     Power(Tick, i64),
-    /// The packs that are there before this tick are so many mWh short.
+    /// The packs that are there before this tick are so much short.
     Energy(Tick, i64),
 }
 
@@ -31,19 +34,21 @@ pub enum Clash {
 pub struct Book<'p> {
     station: &'p Station,
     horizon: Tick,
-    /// The greatest draw that a stretch of a way can have, mWh per tick.
+    /// The greatest draw that a stretch of a way can have, per tick.
     draw_max: i64,
     bays: Counters,
     lift: Counters,
     slot: Counters,
     /// Spares that are charged and not handed out.
     spares: Counters,
-    /// What may still be drawn in each tick, mWh.
+    /// What may still be drawn in each tick.
     headroom: Vec<i64>,
     /// Ticks in which some way may ask for more than the headroom.
     tight: Bits,
-    /// What the packs can still give, by when, mWh.
+    /// What the packs can still give, by when.
     energy: Vec<Limit>,
+    /// How certain that is, where it is not for certain.
+    odds: Option<Odds<'p>>,
     /// Robots with a way at this station.
     pub robots: Vec<u32>,
 }
@@ -77,7 +82,8 @@ impl<'p> Book<'p> {
     pub fn new(problem: &'p Problem, station: &'p Station) -> Self {
         let horizon = problem.horizon;
         let ticks = horizon as usize;
-        let curve = problem.battery.curve.iter().map(|segment| segment.draw.max(segment.draw_bare));
+        let chargers = problem.batteries.iter().filter_map(|battery| battery.chargers.get(station.charger));
+        let curve = chargers.flat_map(|charger| &charger.curve).map(|segment| segment.draw.max(segment.draw_bare));
         let draw_max = curve.chain([station.load_draw, station.unload_draw, station.swap_draw]).max().unwrap_or(0);
         let mut spares = Counters::new(ticks, 0);
         for &ready in station.spares.iter().filter(|&&ready| ready < horizon) {
@@ -94,17 +100,33 @@ impl<'p> Book<'p> {
             headroom: problem.base_load(station).iter().map(|draw| station.p_max - draw).collect(),
             tight: Bits::new(ticks),
             energy: supply::limits(station, horizon),
+            odds: station.chance.as_ref().map(|chance| Odds::new(chance, station, horizon)),
             robots: Vec::new(),
         };
+        // Who comes into a bay after another takes it from when that one leaves.
+        let mut held: Vec<usize> = vec![0; station.bays as usize];
         for ongoing in &station.ongoing {
             let until = ongoing.until.min(horizon) as usize;
-            book.bays.change(0, until, -1);
-            let unload = ongoing.until.saturating_sub(ongoing.unload_ticks) as usize;
-            book.lift.change(unload.min(until), until, -1);
+            let from = (ongoing.from as usize).min(until);
+            match ongoing.bay {
+                Some(bay) => {
+                    let held = &mut held[bay as usize];
+                    if until > *held {
+                        book.bays.change(*held, until, -1);
+                        *held = until;
+                    }
+                }
+                None => book.slot.change(from, until, -1),
+            }
+            let load = (from + ongoing.load_ticks as usize).min(until);
+            let unload = (ongoing.until.saturating_sub(ongoing.unload_ticks) as usize).min(until).max(load);
+            book.lift.change(from, load, -1);
+            book.lift.change(unload, until, -1);
         }
         let base = problem.base_load(station);
         for limit in &mut book.energy {
-            limit.energy -= base[..limit.before as usize].iter().sum::<i64>();
+            let begun = station.chance.as_ref().map_or(0, |chance| chance.begun);
+            limit.energy -= begun + base[..limit.before as usize].iter().sum::<i64>();
         }
         for tick in 0..ticks {
             book.tight.put(tick, book.headroom[tick] < draw_max);
@@ -132,7 +154,7 @@ impl<'p> Book<'p> {
         // Limits rise with time, so a way that all packs can pay may still come too early.
         let plenty = self.energy.iter().all(|limit| Tick::from(way.start) >= limit.before || way.energy <= limit.energy);
         let calm = !self.tight.any(start, drawn_to.min(self.horizon as usize));
-        (plenty && calm) || self.draw_clash(choices, way).is_none()
+        if plenty && calm { self.odds_short(choices, way) <= 0 } else { self.feeds(choices, way) }
     }
 
     fn spare_back(&self, way: &Way) -> usize {
@@ -155,6 +177,18 @@ impl<'p> Book<'p> {
         found.or_else(|| self.draw_clash(choices, way))
     }
 
+    /// Whether power and energy are there for a way, wherever it may take place.
+    #[must_use]
+    pub fn feeds(&self, choices: &Choices, way: &Way) -> bool {
+        self.lack(choices, way).is_none()
+    }
+
+    /// The first lack of power or energy, whether there is a place or not.
+    #[must_use]
+    pub fn lack(&self, choices: &Choices, way: &Way) -> Option<Clash> {
+        self.draw_clash(choices, way)
+    }
+
     /// The first lack of power or energy.
     fn draw_clash(&self, choices: &Choices, way: &Way) -> Option<Clash> {
         let mut clash = None;
@@ -168,10 +202,20 @@ impl<'p> Book<'p> {
             return clash;
         }
         let short = self.energy.iter().map(|limit| (limit.before, self.drawn(choices, way, limit.before) - limit.energy));
-        short.into_iter().find(|&(_, short)| short > 0).map(|(before, short)| Clash::Energy(before, short))
+        let certain = short.into_iter().find(|&(_, short)| short > 0).map(|(before, short)| Clash::Energy(before, short));
+        certain.or_else(|| {
+            let short = self.odds_short(choices, way);
+            (short > 0).then_some(Clash::Energy(self.horizon, short))
+        })
     }
 
-    /// What a way draws before a tick, mWh.
+    /// What is missing for as much certainty as is asked for; 0 or less when there is enough.
+    #[inline]
+    fn odds_short(&self, choices: &Choices, way: &Way) -> i64 {
+        self.odds.as_ref().map_or(0, |odds| odds.short(choices, way))
+    }
+
+    /// What a way draws before a tick.
     fn drawn(&self, choices: &Choices, way: &Way, before: Tick) -> i64 {
         if before >= self.horizon {
             return way.energy;
@@ -232,6 +276,9 @@ impl<'p> Book<'p> {
             let before = self.energy[place].before;
             self.energy[place].energy += i64::from(sign) * self.drawn(choices, way, before);
         }
+        if let Some(odds) = &mut self.odds {
+            odds.change(choices, way, sign);
+        }
         let (headroom, tight, draw_max) = (&mut self.headroom, &mut self.tight, self.draw_max);
         choices.draws(way, self.station, self.horizon, |from, to, draw| {
             for (tick, room) in headroom[from..to].iter_mut().enumerate() {
@@ -241,7 +288,7 @@ impl<'p> Book<'p> {
         });
     }
 
-    /// Energy that all ways in the book and the station itself draw before a tick, mWh.
+    /// Energy that all ways in the book and the station itself draw before a tick.
     #[must_use]
     pub fn drawn_before(&self, before: Tick) -> i64 {
         self.headroom[..before as usize].iter().map(|room| self.station.p_max - room).sum()
@@ -261,7 +308,7 @@ impl<'p> Book<'p> {
         counted.chain(self.headroom.iter().copied()).chain(self.energy.iter().map(|limit| limit.energy)).collect()
     }
 
-    /// How much there is of bay ticks, lift ticks, spares and energy (mWh); at least 1 of each.
+    /// How much there is of bay ticks, lift ticks, spares and energy; at least 1 of each.
     pub(crate) fn plenty(&self) -> [f64; 4] {
         let sum = |counters: &Counters| counters.left.iter().map(|&left| f64::from(left.max(0))).sum::<f64>();
         let spares = self.spares.left.last().copied().unwrap_or(0);
@@ -273,6 +320,13 @@ impl<'p> Book<'p> {
     #[must_use]
     pub fn limits(&self) -> &[Limit] {
         &self.energy
+    }
+
+    /// What the packs hold beyond what is promised, and its standard deviation, once everything that is in
+    /// the book has ended: `(units, units)`. None where everything is known for certain.
+    #[must_use]
+    pub fn margin(&self) -> Option<(i64, f64)> {
+        self.odds.as_ref().map(Odds::margin)
     }
 
     /// The station.

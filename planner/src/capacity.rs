@@ -68,7 +68,7 @@ pub fn capacity(problem: &Problem) -> Capacity {
 
 /// What one service of a robot takes at each station where it can have one.
 fn needs(problem: &Problem, robot: usize) -> Vec<Need> {
-    let battery = &problem.battery;
+    let battery = problem.battery(robot);
     let Some(&target) = battery.targets.get(problem.capacity_target) else { return Vec::new() };
     let robot = &problem.robots[robot];
     let here = robot.travel.iter().filter_map(|travel| {
@@ -78,7 +78,7 @@ fn needs(problem: &Problem, robot: usize) -> Vec<Need> {
             return None;
         }
         let handling = i64::from(station.load_ticks) * station.load_draw + i64::from(station.unload_ticks) * station.unload_draw;
-        Some(Need { station: travel.station, energy: handling + charge_need(battery, energy, target) })
+        Some(Need { station: travel.station, energy: handling + charge_need(battery, station.charger, energy, target) })
     });
     here.collect()
 }

@@ -42,16 +42,14 @@ impl<'w, 'p> Draft<'w, 'p> {
     #[must_use]
     pub fn new(ways: &'w Ways<'p>) -> Self {
         let problem = ways.problem();
-        let floor = problem.battery.floor;
         let mut score = Score::default();
-        for robot in &problem.robots {
-            score.stranded += i64::from(robot.strands(problem));
-            score.cost += robot.missed_unserved(floor);
+        for (index, robot) in problem.robots.iter().enumerate() {
+            score.stranded += i64::from(problem.strands(index));
+            score.cost += robot.missed_unserved(problem.battery(index).floor);
         }
         let books = problem.stations.iter().map(|station| Book::new(problem, station)).collect();
         let mut lost_at = vec![NONE; problem.robots.len()];
-        let lost: Vec<u32> =
-            (0..problem.robots.len()).filter(|&robot| problem.robots[robot].strands(problem)).map(|robot| robot as u32).collect();
+        let lost: Vec<u32> = (0..problem.robots.len()).filter(|&robot| problem.strands(robot)).map(|robot| robot as u32).collect();
         lost.iter().zip(0..).for_each(|(&robot, place)| lost_at[robot as usize] = place);
         Self { ways, books, chosen: vec![NONE; problem.robots.len()], score, lost, lost_at, log: Vec::new() }
     }

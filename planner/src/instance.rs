@@ -4,7 +4,7 @@ mod raw;
 
 use std::collections::BTreeMap;
 
-use crate::problem::{Battery, Critical, Ongoing, Pack, Problem, Robot, Segment, Station, Tick, Travel};
+use crate::problem::{Battery, Charger, Critical, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Tick, Travel};
 
 /// Name and version of the format that is read.
 pub const FORMAT: &str = "mds-inst-1";
@@ -13,6 +13,8 @@ pub const FORMAT: &str = "mds-inst-1";
 const HORIZON_MAX: i64 = 20_000;
 /// Greatest energy, mWh.
 const ENERGY_MAX: i64 = 10_000_000_000;
+/// Units of energy of the format in a Wh: mWh.
+const MWH_PER_WH: i64 = 1000;
 /// Greatest worth of all the work of one robot.
 const WORTH_MAX: i64 = 1_000_000_000;
 
@@ -122,7 +124,16 @@ fn checked(raw: raw::Instance) -> Result<Instance, InstanceError> {
     }
     let pack_ids = raw.stations.iter().map(|station| station.packs.iter().map(|pack| pack.id).collect()).collect();
     let tick_s = range("tick_s", raw.tick_s, 1, 86_400)? as u32;
-    let problem = Problem { name: raw.name, tick_s, horizon: horizon as Tick, capacity_target, battery, stations, robots };
+    let problem = Problem {
+        name: raw.name,
+        tick_s,
+        horizon: horizon as Tick,
+        units_per_wh: MWH_PER_WH,
+        capacity_target,
+        batteries: vec![battery],
+        stations,
+        robots,
+    };
     Ok(Instance { problem, robot_ids, station_ids, pack_ids })
 }
 
@@ -151,7 +162,7 @@ fn battery(raw: &raw::Battery) -> Result<Battery, InstanceError> {
     }
     range("number of battery.targets", raw.targets.len() as i64, 0, 250)?;
     let swap_energy = range("battery.swap_energy", raw.swap_energy, 0, capacity)?;
-    Ok(Battery { capacity, floor, min_gain, targets: raw.targets.clone(), swap_energy, curve })
+    Ok(Battery { capacity, floor, min_gain, targets: raw.targets.clone(), chargers: vec![Charger { swap_energy, curve }] })
 }
 
 fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
@@ -180,11 +191,13 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
             return contradiction(at("ongoing"), "a charge is under way, but there is no bay");
         }
         let bay = range(name("bay"), session.bay, 0, raw.bays - 1)? as u32;
-        if ongoing.iter().any(|other| other.bay == bay) {
+        if ongoing.iter().any(|other| other.bay == Some(bay)) {
             return contradiction(name("bay"), format!("bay {bay} holds two charges at once; each may hold one"));
         }
         ongoing.push(Ongoing {
-            bay,
+            bay: Some(bay),
+            from: 0,
+            load_ticks: 0,
             until: range(name("until"), session.until, 0, i64::from(Tick::MAX))? as Tick,
             draw: range(name("draw"), session.draw, 0, ENERGY_MAX)?,
             unload_ticks: range(name("unload_ticks"), session.unload_ticks, 0, horizon.max(HORIZON_MAX))? as Tick,
@@ -192,6 +205,7 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
     }
     Ok(Station {
         name: raw.id.to_string(),
+        charger: 0,
         bays: range(at("bays"), raw.bays, 0, 10_000)? as u32,
         lift_slots: range(at("lift_slots"), raw.lift_slots, 0, 10_000)?,
         swap_slots: range(at("swap_slots"), raw.swap_slots, 0, 10_000)?,
@@ -205,8 +219,10 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
         swap_ticks: ticks("swap_ticks", raw.swap_ticks)?,
         swap_draw: energy("swap_draw", raw.swap_draw)?,
         spares,
+        left_packs: LeftPacks::AsPlanned,
         packs,
         ongoing,
+        chance: None,
     })
 }
 
@@ -230,14 +246,19 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         // Farther than the horizon is out of reach.
         let ticks = range(at(&format!("travel time to station {id}")), ticks, 0, i64::from(Tick::MAX))?;
         if ticks < horizon {
-            travel.push(Travel { station, ticks: ticks as Tick });
+            travel.push(Travel { station, ticks: ticks as Tick, variance: 0.0 });
         }
     }
     Ok(Robot {
         name: raw.id.to_string(),
+        battery: 0,
+        not_before: 0,
+        wanted: None,
+        held: false,
         energy: range(at("energy"), raw.energy, 0, ENERGY_MAX)?,
         drain,
         drain_hi: range(at("drain_hi"), raw.drain_hi, drain.max(1), ENERGY_MAX / HORIZON_MAX)?,
+        drain_served: raw.drain_hi,
         mission_end,
         weight,
         critical: raw.critical.map(|(from, to)| Critical { from, to, weight: critical_weight }),

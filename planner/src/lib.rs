@@ -14,6 +14,7 @@
 //!     |
 //!   plan.rs        sessions, packs, what is proven, reasons.rs for who is left out
 //!   capacity.rs    how many robots the packs can serve
+//!   explain.rs     why a robot is serviced as it is, and what else there was
 //!     |
 //!   solution.rs    writes mds-sol-1
 //! ```
@@ -37,6 +38,7 @@ pub mod book;
 pub mod capacity;
 pub mod construct;
 pub mod draft;
+pub mod explain;
 mod guide;
 pub mod instance;
 pub mod optimise;
@@ -44,7 +46,7 @@ pub mod plan;
 pub mod policy;
 mod prices;
 pub mod problem;
-mod reasons;
+pub mod reasons;
 pub mod replan;
 mod search;
 pub mod solution;
@@ -52,12 +54,13 @@ pub mod supply;
 pub mod way;
 
 pub use capacity::{Capacity, capacity};
+pub use explain::{Explained, Explainer};
 pub use instance::{Instance, InstanceError};
 pub use optimise::{Budget, Moves};
 pub use plan::{Levels, Plan, Session, Unserved};
 pub use policy::{Policy, policies, policy};
 pub use problem::Problem;
-pub use replan::{Replanned, replan};
+pub use replan::{Replanned, renew, replan};
 pub use way::{Mode, Ways};
 
 /// Why there is no plan.

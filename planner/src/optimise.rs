@@ -17,7 +17,7 @@ use rand_pcg::Pcg64Mcg;
 use crate::construct::{self, ORDERS, greedy, ranked};
 use crate::draft::{Draft, NONE};
 use crate::guide::Guide;
-use crate::plan::Plan;
+use crate::plan::{Levels, Plan};
 use crate::prices::{Level, Prices};
 use crate::search::Search;
 use crate::way::Ways;
@@ -61,11 +61,29 @@ const PROVEN_ROBOTS_MAX: usize = 64;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
+/// The name of the policy.
+pub const NAME: &str = "optimise";
+
 /// The best plan that the budget allows. The same seed and number of moves give the same plan.
 #[must_use]
 pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {
+    let (draft, bounds) = best(ways, None, seed, budget);
+    Plan::new(&draft, bounds.stranded, bounds.cost, bounds.energy)
+}
+
+/// The best draft, no worse than one that is known, and what is proven about it.
+pub(crate) fn best<'w, 'p>(
+    ways: &'w Ways<'p>,
+    known: Option<Draft<'w, 'p>>,
+    seed: u64,
+    budget: &mut dyn Budget,
+) -> (Draft<'w, 'p>, Levels) {
     let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), budget, moves: 0 };
-    let mut search = Search::new(run.at_once());
+    let at_once = run.at_once();
+    let mut search = Search::new(match known {
+        Some(known) if known.score <= at_once.score => known,
+        _ => at_once,
+    });
     search.settle();
     let least = least_stranded(ways);
     let mut prices = Prices::new(ways, Level::Cost { stranded_max: search.best_score.stranded });
@@ -79,7 +97,8 @@ pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {
     let least = if prices.improved() { proven_least(ways, least, draft.score.stranded) } else { least };
     prices.cap_stranded(draft.score.stranded);
     let energy_bound = if prices.improved() { prices.energy_bound(draft.score.cost) } else { 0 };
-    Plan::new(&draft, least, prices.bound(), energy_bound)
+    let bounds = Levels { stranded: least, cost: prices.bound(), energy: energy_bound, packs: 0 };
+    (draft, bounds)
 }
 
 /// A bound on how few can be stranded: those whom no service can reach in time.

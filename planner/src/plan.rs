@@ -2,7 +2,7 @@
 
 use crate::draft::{Draft, NONE};
 use crate::problem::Tick;
-use crate::reasons;
+use crate::reasons::{self, Obstacle};
 use crate::way::Mode;
 
 /// A plan for every robot of a problem: a session, or the reasons why not.
@@ -66,6 +66,10 @@ pub struct Unserved {
     pub robot: usize,
     /// Whether it runs empty.
     pub stranded: bool,
+    /// Whether packs could pay for a service, and only a place to have it in is missing.
+    pub wants_place: bool,
+    /// What stands in the way at each station in reach.
+    pub obstacles: Vec<Obstacle>,
     /// Why, in words.
     pub reasons: Vec<String>,
 }
@@ -100,10 +104,10 @@ impl Plan {
             bound.packs += least as i64;
         }
         let unserved = (0..problem.robots.len()).filter(|&robot| draft.chosen[robot] == NONE);
-        let unserved = unserved.map(|robot| Unserved {
-            robot,
-            stranded: problem.robots[robot].strands(problem),
-            reasons: reasons::why_not(draft, robot),
+        let unserved = unserved.map(|robot| {
+            let obstacles = reasons::obstacles(draft, robot);
+            let reasons = reasons::why_not(draft, robot, &obstacles);
+            Unserved { robot, stranded: problem.strands(robot), wants_place: reasons::wants_place(draft, robot), obstacles, reasons }
         });
         Self { sessions, unserved: unserved.collect(), pack_order, objective, bound }
     }
@@ -128,7 +132,9 @@ fn assign_bays(draft: &Draft<'_, '_>, sessions: &mut [Session]) {
     let mut free: Vec<Vec<Tick>> = stations.iter().map(|station| vec![0; station.bays as usize]).collect();
     for (station, free) in stations.iter().zip(&mut free) {
         for ongoing in &station.ongoing {
-            free[ongoing.bay as usize] = ongoing.until;
+            if let Some(bay) = ongoing.bay {
+                free[bay as usize] = free[bay as usize].max(ongoing.until);
+            }
         }
     }
     for session in sessions.iter_mut().filter(|session| matches!(session.mode, Mode::Charge(_))) {

@@ -40,10 +40,12 @@ pub fn policy(name: &str) -> Option<&'static dyn Policy> {
     POLICIES.iter().copied().find(|policy| policy.name() == name)
 }
 
-/// Robots by a key, smallest first, each takes the cheapest way that is still free. One pass.
+/// Robots by a key, smallest first, each takes the cheapest way that is still free. One pass; who was
+/// promised a service before comes first, so that a newcomer cannot take what was promised.
 fn in_order(ways: &Ways<'_>, budget: &mut dyn Budget, key: impl Fn(usize) -> i64) -> Plan {
     let mut order: Vec<usize> = (0..ways.problem().robots.len()).collect();
-    order.sort_by_key(|&robot| (key(robot), robot));
+    let held = |robot: usize| ways.problem().robots[robot].held;
+    order.sort_by_key(|&robot| (!held(robot), key(robot), robot));
     let mut draft = Draft::new(ways);
     greedy(&mut draft, &order, 0.0);
     with_bound(ways, &draft, budget)

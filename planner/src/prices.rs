@@ -354,8 +354,10 @@ impl<'w, 'p> Prices<'w, 'p> {
         let gap = (aim as f64 - value).max(0.002 * aim.abs() as f64).max(0.05);
         let step = self.pull * gap / square;
         let scales = std::iter::repeat_n(1.0, rows).chain([STRANDED_SCALE]);
+        // A direction that has nearly died away makes steps of any length.
+        let price_max = self.layout.price_max(UNIT);
         for ((price, direction), scale) in self.now.iter_mut().zip(&self.direction).zip(scales) {
-            *price = (*price + step * scale * direction).max(0.0);
+            *price = (*price + step * scale * direction).clamp(0.0, price_max);
         }
     }
 }

@@ -1,7 +1,9 @@
 //! One planning problem: what is known at tick 0, immutable.
 //!
-//! Time is counted in ticks; tick t is the interval [t, t+1). Energy is in mWh, draws and gains in
-//! mWh per tick. All numbers are whole, so that a plan can be judged without rounding.
+//! Time is counted in ticks; tick t is the interval [t, t+1). Energy is in whole units of which
+//! [`Problem::units_per_wh`] make a Wh (1,000 in `mds-inst-1`: mWh), draws and gains in units per
+//! tick. All numbers are whole, so that a plan can be judged without rounding. Only the
+//! [`Chance`] that packs hold what was promised is a matter of normal distributions.
 
 /// Ticks since the planning began.
 pub type Tick = u32;
@@ -13,30 +15,39 @@ pub struct Problem {
     pub name: String,
     /// Length of a tick, s.
     pub tick_s: u32,
+    /// Units of energy in a Wh.
+    pub units_per_wh: i64,
     /// Services lie in the ticks `0..horizon`.
     pub horizon: Tick,
     /// Index of the level in [`Battery::targets`] to which the question of capacity charges.
     pub capacity_target: usize,
-    /// The robots' packs.
-    pub battery: Battery,
+    /// Kinds of robots' packs.
+    pub batteries: Vec<Battery>,
     /// Where robots are serviced.
     pub stations: Vec<Station>,
     /// Who may be serviced.
     pub robots: Vec<Robot>,
 }
 
-/// A robot's pack, and how it takes charge.
+/// A kind of robots' packs, and how it takes charge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Battery {
-    /// What it holds, mWh.
+    /// What it holds.
     pub capacity: i64,
-    /// What a robot must never go below, mWh.
+    /// What a robot must never go below.
     pub floor: i64,
-    /// What a service must add at least, mWh.
+    /// What a service must add at least.
     pub min_gain: i64,
-    /// Levels at which a charge may end, mWh, ascending.
+    /// Levels at which a charge may end, ascending.
     pub targets: Vec<i64>,
-    /// What a charged spare holds, mWh.
+    /// How stations charge it; [`Station::charger`] is an index of this.
+    pub chargers: Vec<Charger>,
+}
+
+/// How a station charges a kind of pack.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Charger {
+    /// What a charged spare of the station holds.
     pub swap_energy: i64,
     /// The taper: the first segment above the stored energy holds.
     pub curve: Vec<Segment>,
@@ -45,13 +56,13 @@ pub struct Battery {
 /// A stretch of the charge curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Segment {
-    /// Holds while less than this is stored, mWh.
+    /// Holds while less than this is stored.
     pub below: i64,
-    /// What is stored in a tick, mWh.
+    /// What is stored in a tick.
     pub gain: i64,
-    /// What the station's packs give for it in a tick while the robot is powered, mWh.
+    /// What the station's packs give for it in a tick while the robot is powered.
     pub draw: i64,
-    /// The same for a pack alone, mWh.
+    /// The same for a pack alone.
     pub draw_bare: i64,
 }
 
@@ -60,36 +71,91 @@ pub struct Segment {
 pub struct Station {
     /// What people call it.
     pub name: String,
+    /// How it charges: index of [`Battery::chargers`].
+    pub charger: usize,
     /// Places to charge.
     pub bays: u32,
     /// Lift movements at once.
     pub lift_slots: i64,
     /// Exchanges of packs at once.
     pub swap_slots: i64,
-    /// What it draws for itself, mWh per tick.
+    /// What it draws for itself, per tick.
     pub hotel: i64,
-    /// What it may draw in all, mWh per tick.
+    /// What it may draw in all, per tick.
     pub p_max: i64,
-    /// What is lost when a pack takes over, mWh.
+    /// What is lost when a pack takes over.
     pub switch_cost: i64,
     /// Time that the lift takes to bring a robot in, ticks.
     pub load_ticks: Tick,
-    /// Draw meanwhile, mWh per tick.
+    /// Draw meanwhile, per tick.
     pub load_draw: i64,
     /// Time that the lift takes to let a robot out, ticks.
     pub unload_ticks: Tick,
-    /// Draw meanwhile, mWh per tick.
+    /// Draw meanwhile, per tick.
     pub unload_draw: i64,
     /// Time that an exchange takes, ticks.
     pub swap_ticks: Tick,
-    /// Draw meanwhile, mWh per tick.
+    /// Draw meanwhile, per tick.
     pub swap_draw: i64,
     /// Ticks from which each charged spare can be handed out.
     pub spares: Vec<Tick>,
+    /// What becomes of packs that robots leave.
+    pub left_packs: LeftPacks,
     /// Packs that feed it, one at a time.
     pub packs: Vec<Pack>,
-    /// Charges that had begun at tick 0.
+    /// Services that had begun at tick 0.
     pub ongoing: Vec<Ongoing>,
+    /// How certain it must be that the packs hold what is promised; none when everything is known
+    /// for certain, and then the station must be fed to the horizon.
+    pub chance: Option<Chance>,
+}
+
+/// What becomes of a pack that a robot leaves in an exchange.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LeftPacks {
+    /// It is charged and becomes a spare, or not, as the plan says.
+    AsPlanned,
+    /// It is put aside.
+    PutAside,
+    /// It is charged and becomes a spare.
+    Charged,
+}
+
+/// How certain it must be that a station's packs hold what is promised.
+///
+/// The packs must hold what services take, and what the station takes by itself until the last of
+/// them has ended; then it may go dark. What the packs hold and what everything takes is normally
+/// distributed:
+///
+/// `held - taken >= quantile x sqrt(own variances + |base + ticks x hotel + energy x service|²)`
+///
+/// with the deviations by shared parameters as vectors, of which only the products matter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chance {
+    /// Quantile of the standard normal distribution that a new promise needs (1.645 for 95 %).
+    pub quantile: f64,
+    /// The same for robots whose promise is only held to ([`Robot::held`]).
+    pub quantile_held: f64,
+    /// What the station draws by itself until its last service has ended, per tick.
+    pub hotel: i64,
+    /// What services that have begun still take.
+    pub begun: i64,
+    /// Variance of what the packs hold and of services that have begun, units².
+    pub variance: f64,
+    /// Products of the deviations by shared parameters of what has begun (0), of the station itself in a
+    /// tick (1) and of a unit of service (2), units².
+    pub shared: [[f64; 3]; 3],
+}
+
+impl Chance {
+    /// The standard deviation of packs less load.
+    #[must_use]
+    pub fn sigma(&self, ticks: Tick, energy: i64, own_variance: f64) -> f64 {
+        let parts = [1.0, f64::from(ticks), energy as f64];
+        let products = (0..3).flat_map(|a| (0..3).map(move |b| (a, b)));
+        let shared: f64 = products.map(|(a, b)| self.shared[a][b] * parts[a] * parts[b]).sum();
+        (self.variance + own_variance + shared).max(0.0).sqrt()
+    }
 }
 
 /// A pack of a station.
@@ -97,31 +163,35 @@ pub struct Station {
 pub struct Pack {
     /// What people call it.
     pub name: String,
-    /// What it holds, mWh.
+    /// What it holds.
     pub remaining: i64,
-    /// What must stay in it, mWh.
+    /// What must stay in it.
     pub reserve: i64,
     /// Tick from which it can be used: later while it is at the depot.
     pub available_from: i64,
 }
 
 impl Pack {
-    /// What it can give, mWh; below zero when it holds less than its reserve.
+    /// What it can give; below zero when it holds less than its reserve.
     #[must_use]
     pub fn usable(&self) -> i64 {
         self.remaining - self.reserve
     }
 }
 
-/// A charge that had begun at tick 0: it is kept.
+/// A service that had begun at tick 0: it is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ongoing {
-    /// Its bay.
-    pub bay: u32,
-    /// The tick in which the bay is free again.
+    /// Its bay; none for an exchange.
+    pub bay: Option<u32>,
+    /// The tick in which it begins, 0 when it has; a bay is held for it until then.
+    pub from: Tick,
+    /// The tick in which the place is free again.
     pub until: Tick,
-    /// Draw until then, mWh per tick.
+    /// Draw until then, per tick.
     pub draw: i64,
+    /// The lift is taken in its first ticks, this many.
+    pub load_ticks: Tick,
     /// The lift is taken in the last ticks, this many.
     pub unload_ticks: Tick,
 }
@@ -131,18 +201,29 @@ pub struct Ongoing {
 pub struct Robot {
     /// What people call it.
     pub name: String,
-    /// What is stored in its pack, mWh.
+    /// Index of its kind of pack.
+    pub battery: usize,
+    /// What is stored in its pack.
     pub energy: i64,
-    /// Expected consumption outside services, mWh per tick.
+    /// Expected consumption outside services, per tick.
     pub drain: i64,
-    /// The same with the caution that promises need, mWh per tick; at least `drain` and 1.
+    /// The same with the caution that promises need, per tick; at least `drain` and 1.
     pub drain_hi: i64,
+    /// The same after a service: what is uncertain of the charge of now no longer counts.
+    pub drain_served: i64,
     /// The tick in which its work ends; may lie beyond the horizon.
     pub mission_end: i64,
     /// Worth of a tick of work.
     pub weight: i64,
     /// Work that is worth more.
     pub critical: Option<Critical>,
+    /// No service begins before this tick.
+    pub not_before: Tick,
+    /// The tick in which a service is wanted, if that matters: every tick between then and its beginning counts
+    /// as missed, be it earlier or later.
+    pub wanted: Option<Tick>,
+    /// Whether an earlier plan promised it a service: then less certainty is asked for.
+    pub held: bool,
     /// Stations in reach.
     pub travel: Vec<Travel>,
 }
@@ -159,12 +240,14 @@ pub struct Critical {
 }
 
 /// A station in reach.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Travel {
     /// Index of the station.
     pub station: usize,
     /// Time to get there, and back, ticks.
     pub ticks: Tick,
+    /// Variance of what a charge there takes that is this robot's own, units².
+    pub variance: f64,
 }
 
 impl Robot {
@@ -172,12 +255,6 @@ impl Robot {
     #[must_use]
     pub fn endurance(&self, floor: i64) -> i64 {
         ((self.energy - floor).div_euclid(self.drain_hi)).max(0)
-    }
-
-    /// Whether it runs empty before its work or the horizon ends when nobody services it.
-    #[must_use]
-    pub fn strands(&self, problem: &Problem) -> bool {
-        self.endurance(problem.battery.floor) < self.mission_end.min(i64::from(problem.horizon))
     }
 
     /// Worth of the work that is missed when it works only in these ticks, given as disjoint `(from, to)`.
@@ -192,20 +269,46 @@ impl Robot {
         self.weight * (end - within(0, end)) + critical
     }
 
-    /// Worth of the work that is missed without a service.
+    /// Worth of the work that is missed without a service: all after the tick in which one is wanted, as if it
+    /// were late for ever.
     #[must_use]
     pub fn missed_unserved(&self, floor: i64) -> i64 {
-        self.missed([(0, self.endurance(floor)), (0, 0)])
+        self.missed([(0, self.endurance(floor).min(self.wanted.map_or(i64::MAX, i64::from))), (0, 0)])
     }
 }
 
 impl Problem {
-    /// What a station draws by itself and for the charges that had begun, mWh in each tick.
+    /// A robot's kind of pack.
+    #[must_use]
+    pub fn battery(&self, robot: usize) -> &Battery {
+        &self.batteries[self.robots[robot].battery]
+    }
+
+    /// Ticks until a robot is empty by the cautious estimate, if it goes on working.
+    #[must_use]
+    pub fn endurance(&self, robot: usize) -> i64 {
+        self.robots[robot].endurance(self.battery(robot).floor)
+    }
+
+    /// Whether a robot runs empty before its work or the horizon ends when nobody services it.
+    #[must_use]
+    pub fn strands(&self, robot: usize) -> bool {
+        self.endurance(robot) < self.robots[robot].mission_end.min(i64::from(self.horizon))
+    }
+
+    /// Energy in Wh.
+    #[must_use]
+    pub fn wh(&self, energy: i64) -> f64 {
+        energy as f64 / self.units_per_wh as f64
+    }
+
+    /// What a station draws by itself and for what had begun, in each tick.
     #[must_use]
     pub fn base_load(&self, station: &Station) -> Vec<i64> {
         let mut load = vec![station.hotel; self.horizon as usize];
         for ongoing in &station.ongoing {
-            for tick in &mut load[..ongoing.until.min(self.horizon) as usize] {
+            let until = ongoing.until.min(self.horizon) as usize;
+            for tick in &mut load[(ongoing.from as usize).min(until)..until] {
                 *tick += ongoing.draw;
             }
         }

@@ -1,15 +1,81 @@
-//! Why a robot has no service, in words that name what would have to change.
+//! Why a robot has no service: what stands in the way at each station, and the same in words.
+
+use std::fmt;
 
 use crate::book::Clash;
 use crate::draft::Draft;
-use crate::problem::{Problem, Robot, Travel};
+use crate::problem::{Problem, Tick, Travel};
 
 /// Ways at a station that a reason looks at.
 const LOOKED_AT: usize = 64;
 
-/// The reasons, one for each station in reach if there is any.
+/// What stands in the way of servicing a robot at a station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Obstacle {
+    /// Index of the station.
+    pub station: usize,
+    /// What.
+    pub why: Why,
+}
+
+/// What stands in the way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Why {
+    /// The robot may be empty before it is there.
+    TooFar {
+        /// Ticks to the station.
+        away: Tick,
+        /// Ticks until the robot may be empty.
+        endurance: i64,
+    },
+    /// It has neither bay nor spare.
+    NoPlace,
+    /// No service that adds enough ends within the horizon.
+    TooLate {
+        /// What it must add.
+        min_gain: i64,
+        /// The end of the horizon.
+        horizon: Tick,
+    },
+    /// A service there would cost more work than it gives.
+    Pointless,
+    /// It could be serviced, and is not because that is worth less than what else is planned.
+    Free {
+        /// From when.
+        start: Tick,
+        /// What that would cost.
+        cost: i32,
+        /// What no service costs.
+        unserved: i32,
+    },
+    /// Something is taken, or energy is short, whichever of its ways is looked at.
+    Taken {
+        /// When the service that comes closest would begin.
+        start: Tick,
+        /// How many ways were looked at.
+        ways: usize,
+        /// What is missing for it.
+        clash: Clash,
+    },
+}
+
+/// What stands in the way of a robot at every station in reach.
 #[must_use]
-pub fn why_not(draft: &Draft<'_, '_>, robot: usize) -> Vec<String> {
+pub fn obstacles(draft: &Draft<'_, '_>, robot: usize) -> Vec<Obstacle> {
+    let who = &draft.problem().robots[robot];
+    who.travel.iter().map(|travel| Obstacle { station: travel.station, why: at_station(draft, robot, travel) }).collect()
+}
+
+/// Whether packs could pay for a service of the robot, and only a place to have it in is missing.
+#[must_use]
+pub fn wants_place(draft: &Draft<'_, '_>, robot: usize) -> bool {
+    let choices = draft.ways.of(robot);
+    choices.ways.iter().any(|way| draft.books[usize::from(way.station)].feeds(choices, way))
+}
+
+/// The reasons in words, one for each station in reach if there is any.
+#[must_use]
+pub fn why_not(draft: &Draft<'_, '_>, robot: usize, obstacles: &[Obstacle]) -> Vec<String> {
     let problem = draft.problem();
     let (who, choices) = (&problem.robots[robot], draft.ways.of(robot));
     if !choices.strands && choices.unserved_cost == 0 {
@@ -21,50 +87,46 @@ pub fn why_not(draft: &Draft<'_, '_>, robot: usize) -> Vec<String> {
     if choices.ways.is_empty() && !choices.strands {
         return vec!["a service would cost more work than it gives".to_owned()];
     }
-    who.travel
-        .iter()
-        .map(|travel| format!("station {}: {}", problem.stations[travel.station].name, at_station(draft, robot, travel)))
-        .collect()
+    obstacles.iter().map(|obstacle| format!("station {}: {}", problem.stations[obstacle.station].name, obstacle.why)).collect()
 }
 
-fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> String {
+fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
     let (problem, choices) = (draft.problem(), draft.ways.of(robot));
-    let who = &problem.robots[robot];
     let book = &draft.books[travel.station];
     let mut ways = choices.ways.iter().filter(|way| usize::from(way.station) == travel.station).take(LOOKED_AT).peekable();
     if ways.peek().is_none() {
-        return no_way(problem, who, travel);
+        return no_way(problem, robot, travel);
     }
     // The way that comes closest: the least severe lack of its cheapest ways tells most.
     let mut count = 0;
-    let mut nearest: Option<(Clash, u16)> = None;
+    let mut nearest: Option<(Clash, Tick)> = None;
     for way in ways {
         count += 1;
-        match book.clash(choices, way) {
-            None => {
-                return format!("could be serviced from tick {} at a cost of {} against {}", way.start, way.cost, choices.unserved_cost);
-            }
-            Some(clash) if nearest.is_none_or(|(least, _)| severity(clash) < severity(least)) => nearest = Some((clash, way.start)),
+        let start = Tick::from(way.start);
+        // A place is no use to who cannot be paid for there.
+        match book.lack(choices, way).or_else(|| book.clash(choices, way)) {
+            None => return Why::Free { start, cost: way.cost, unserved: choices.unserved_cost },
+            Some(clash) if nearest.is_none_or(|(least, _)| severity(clash) < severity(least)) => nearest = Some((clash, start)),
             Some(_) => {}
         }
     }
     let (clash, start) = nearest.expect("at least one way");
-    format!("none of its {count} best ways is free; from tick {start}, {}", told(clash))
+    Why::Taken { start, ways: count, clash }
 }
 
-fn no_way(problem: &Problem, who: &Robot, travel: &Travel) -> String {
+fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     let station = &problem.stations[travel.station];
-    let endurance = who.endurance(problem.battery.floor);
-    if i64::from(travel.ticks) > endurance || who.energy - who.drain_hi * i64::from(travel.ticks) < problem.battery.floor {
-        return format!("it is {} ticks away, and the robot may be empty in {endurance}", travel.ticks);
+    let (who, battery, endurance) = (&problem.robots[robot], problem.battery(robot), problem.endurance(robot));
+    if i64::from(travel.ticks) > endurance || who.energy - who.drain_hi * i64::from(travel.ticks) < battery.floor {
+        return Why::TooFar { away: travel.ticks, endurance };
     }
     if station.bays == 0 && station.spares.is_empty() {
-        return "it has neither bay nor spare".to_owned();
+        return Why::NoPlace;
     }
-    if who.strands(problem) {
-        return format!("no service of at least {} mWh ends by tick {}", problem.battery.min_gain, problem.horizon);
+    if problem.strands(robot) {
+        return Why::TooLate { min_gain: battery.min_gain, horizon: problem.horizon };
     }
-    "a service there would cost more work than it gives".to_owned()
+    Why::Pointless
 }
 
 /// What a lack amounts to: waiting for a place is less than energy that nobody has.
@@ -79,15 +141,28 @@ fn severity(clash: Clash) -> (u8, i64) {
     }
 }
 
-/// A lack in words.
-#[must_use]
-pub fn told(clash: Clash) -> String {
-    match clash {
-        Clash::Bay(tick) => format!("all bays are taken in tick {tick}"),
-        Clash::Lift(tick) => format!("the lift is taken in tick {tick}"),
-        Clash::Slot(tick) => format!("the place for exchanges is taken in tick {tick}"),
-        Clash::Spare(tick) => format!("no charged spare is left in tick {tick}"),
-        Clash::Power(tick, short) => format!("the station may not draw {short} mWh more in tick {tick}"),
-        Clash::Energy(before, short) => format!("the packs are {short} mWh short before tick {before}"),
+impl fmt::Display for Why {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Why::TooFar { away, endurance } => write!(f, "it is {away} ticks away, and the robot may be empty in {endurance}"),
+            Why::NoPlace => write!(f, "it has neither bay nor spare"),
+            Why::TooLate { min_gain, horizon } => write!(f, "no service of at least {min_gain} mWh ends by tick {horizon}"),
+            Why::Pointless => write!(f, "a service there would cost more work than it gives"),
+            Why::Free { start, cost, unserved } => write!(f, "could be serviced from tick {start} at a cost of {cost} against {unserved}"),
+            Why::Taken { start, ways, clash } => write!(f, "none of its {ways} best ways is free; from tick {start}, {clash}"),
+        }
+    }
+}
+
+impl fmt::Display for Clash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Clash::Bay(tick) => write!(f, "all bays are taken in tick {tick}"),
+            Clash::Lift(tick) => write!(f, "the lift is taken in tick {tick}"),
+            Clash::Slot(tick) => write!(f, "the place for exchanges is taken in tick {tick}"),
+            Clash::Spare(tick) => write!(f, "no charged spare is left in tick {tick}"),
+            Clash::Power(tick, short) => write!(f, "the station may not draw {short} mWh more in tick {tick}"),
+            Clash::Energy(before, short) => write!(f, "the packs are {short} mWh short before tick {before}"),
+        }
     }
 }

@@ -7,9 +7,11 @@
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
+use crate::NoPlan;
+use crate::construct::greedy;
 use crate::draft::{Draft, NONE};
 use crate::guide::Guide;
-use crate::optimise::Budget;
+use crate::optimise::{self, Budget, Moves};
 use crate::plan::{Plan, Session};
 use crate::prices::{Level, Prices};
 use crate::problem::Problem;
@@ -20,6 +22,10 @@ use crate::way::{Commitment, Ways};
 const NEIGHBOURS_MAX: usize = 32;
 /// Moves between two looks at the budget.
 const MOVES_AT_ONCE: u64 = 25;
+/// Greatest loyalty.
+const LOYALTY_MAX: u32 = 1_000_000;
+/// Rounds of prices that bound a whole plan.
+const BOUND_ROUNDS: u64 = 4;
 
 /// A mended plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,11 +44,8 @@ pub struct Replanned {
 /// business of this: they belong into the problem as ongoing charges.
 #[must_use]
 pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty: u32, seed: u64, budget: &mut dyn Budget) -> Replanned {
-    let mut committed: Vec<Option<Commitment>> = vec![None; problem.robots.len()];
-    for session in before {
-        committed[session.robot] = Some(Commitment { station: session.station, start: session.start, mode: session.mode });
-    }
-    let loyalty = loyalty.min(1_000_000) as i32;
+    let committed = commitments(problem, before);
+    let loyalty = loyalty.min(LOYALTY_MAX) as i32;
     let mut free = vec![false; problem.robots.len()];
     changed.iter().for_each(|&robot| free[robot] = true);
 
@@ -86,12 +89,74 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
     finished(problem, &search.draft, &committed)
 }
 
+/// Plans everybody anew by the policy of that name, beginning from the plan whose sessions were
+/// `before`; see [`replan`] for what they and `loyalty` mean. Only `optimise` looks back: what other
+/// policies move is counted all the same. The bound is that of the whole problem, without loyalty.
+///
+/// # Errors
+/// When there is no such policy, or no plan can keep to the rules.
+pub fn renew(
+    problem: &Problem,
+    policy: &str,
+    before: &[Session],
+    loyalty: u32,
+    seed: u64,
+    budget: &mut dyn Budget,
+) -> Result<Replanned, NoPlan> {
+    let committed = commitments(problem, before);
+    let looks_back = policy == optimise::NAME && !before.is_empty();
+    if !looks_back {
+        let plan = crate::plan(problem, policy, seed, budget)?;
+        let now = commitments(problem, &plan.sessions);
+        let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != now[robot]).collect();
+        return Ok(Replanned { plan, moved });
+    }
+    let free = vec![true; problem.robots.len()];
+    let ways = Ways::for_replanning(problem, &committed, &free, loyalty.min(LOYALTY_MAX) as i32);
+    let mut known = Draft::new(&ways);
+    let mut in_order: Vec<&Session> = before.iter().collect();
+    in_order.sort_by_key(|session| (!problem.robots[session.robot].held, session.start, session.robot));
+    for session in in_order {
+        let choices = ways.of(session.robot);
+        if let Some(way) = choices.find(session.station, session.start, session.mode)
+            && known.chosen[session.robot] == NONE
+            && known.books[session.station].fits(choices, &choices.ways[way])
+        {
+            known.serve(session.robot, way as u32);
+        }
+    }
+    // Whoever was promised a service and can no longer have just that one comes before who was not.
+    let mut everyone: Vec<usize> = (0..problem.robots.len()).collect();
+    everyone.sort_by_key(|&robot| (!problem.robots[robot].held, problem.endurance(robot), robot));
+    greedy(&mut known, &everyone, 0.0);
+    let kept = known.chosen.clone();
+    let (mut draft, _) = optimise::best(&ways, Some(known), seed, budget);
+    // A promise is not broken for the sake of others.
+    let broken = |chosen: &[u32]| (0..chosen.len()).filter(|&robot| problem.robots[robot].held && chosen[robot] == NONE).count();
+    if broken(&draft.chosen) > broken(&kept) {
+        draft.become_choice(&kept);
+    }
+    let mut mended = finished(problem, &draft, &committed);
+    let honest = Ways::new(problem);
+    mended.plan.bound.stranded = optimise::least_stranded(&honest);
+    mended.plan.bound.cost = bound(&honest, &mended.plan, &mut Moves(BOUND_ROUNDS * 4 * problem.robots.len() as u64));
+    Ok(mended)
+}
+
+fn commitments(problem: &Problem, sessions: &[Session]) -> Vec<Option<Commitment>> {
+    let mut committed: Vec<Option<Commitment>> = vec![None; problem.robots.len()];
+    for session in sessions {
+        committed[session.robot] = Some(Commitment { station: session.station, start: session.start, mode: session.mode });
+    }
+    committed
+}
+
 /// Frees those who share a station with robots that are planned anew, the nearest in time first,
 /// and those who have nothing to lose.
 fn neighbours(problem: &Problem, draft: &Draft<'_, '_>, anew: &[usize], free: &mut [bool]) {
     let mut near: Vec<(i64, usize)> = Vec::new();
     for &robot in anew {
-        let due = problem.robots[robot].endurance(problem.battery.floor);
+        let due = problem.endurance(robot);
         for travel in &problem.robots[robot].travel {
             for &other in &draft.books[travel.station].robots {
                 let other = other as usize;
@@ -119,7 +184,9 @@ fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commit
         })
         .collect();
     let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != honest[robot]).collect();
-    let ways = Ways::for_replanning(problem, &honest, &vec![false; honest.len()], 0);
+    // Who is left out is told why, and for that all ways count.
+    let left_out: Vec<bool> = honest.iter().map(Option::is_none).collect();
+    let ways = Ways::for_replanning(problem, &honest, &left_out, 0);
     let mut draft = Draft::new(&ways);
     for robot in (0..honest.len()).filter(|&robot| honest[robot].is_some()) {
         draft.serve(robot, 0);

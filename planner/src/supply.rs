@@ -94,10 +94,11 @@ pub fn fewest_packs(station: &Station, horizon: Tick, drawn: impl Fn(Tick) -> i6
 }
 
 /// Why no plan at all is possible: what the stations hold by themselves already asks too much.
-/// One sentence for every station that fails.
+/// One sentence for every station that fails. A station that may go dark never does.
 #[must_use]
 pub fn impossible(problem: &Problem) -> Vec<String> {
-    problem.stations.iter().filter_map(|station| impossible_station(problem, station)).collect()
+    let fed = problem.stations.iter().filter(|station| station.chance.is_none());
+    fed.filter_map(|station| impossible_station(problem, station)).collect()
 }
 
 fn impossible_station(problem: &Problem, station: &Station) -> Option<String> {

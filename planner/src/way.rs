@@ -5,10 +5,13 @@
 use std::cell::OnceCell;
 
 use crate::book::Book;
-use crate::problem::{Battery, Problem, Robot, Station, Tick};
+use crate::problem::{Battery, Charger, LeftPacks, Problem, Station, Tick};
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
 pub const NEVER: u16 = u16::MAX;
+
+/// The same, while it is charged beyond the horizon.
+const LATE: u16 = u16::MAX - 1;
 
 /// How a robot is serviced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,7 +25,7 @@ pub enum Mode {
 }
 
 /// One way to service a robot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Way {
     /// Worth of the work that the robot misses.
     pub cost: i32,
@@ -38,6 +41,8 @@ pub struct Way {
     pub ready: u16,
     /// Where its runs of charging lie.
     runs: u32,
+    /// Variance of its energy that is its own, units².
+    pub variance: f32,
     /// Energy from the station's packs within the horizon, mWh.
     pub energy: i64,
 }
@@ -63,7 +68,7 @@ struct Run {
 }
 
 /// The ways of one robot, the cheapest first.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Choices {
     /// By cost, then energy.
     pub ways: Vec<Way>,
@@ -72,6 +77,8 @@ pub struct Choices {
     pub strands: bool,
     /// Worth of the work that it misses without a service.
     pub unserved_cost: i32,
+    /// Whether an earlier plan promised it a service.
+    pub held: bool,
 }
 
 /// The ways of all robots, made when first asked for: a change of one robot touches few others.
@@ -99,7 +106,7 @@ impl<'p> Ways<'p> {
         for (robot, commitment) in committed.iter().enumerate() {
             if free[robot] {
                 if let Some(commitment) = commitment {
-                    let mut all = choices(problem, &problem.robots[robot], None);
+                    let mut all = choices(problem, robot, None);
                     let kept = |way: &Way| commitment.is(way);
                     all.ways.iter_mut().filter(|way| !kept(way)).for_each(|way| way.cost += loyalty);
                     all.unserved_cost += loyalty;
@@ -109,7 +116,7 @@ impl<'p> Ways<'p> {
                 continue;
             }
             let only = commitment.map_or(Only::Nothing, Only::This);
-            made.choices[robot].set(choices(problem, &problem.robots[robot], Some(only))).expect("set once");
+            made.choices[robot].set(choices(problem, robot, Some(only))).expect("set once");
         }
         made
     }
@@ -117,7 +124,7 @@ impl<'p> Ways<'p> {
     /// The ways of one robot, by index.
     #[must_use]
     pub fn of(&self, robot: usize) -> &Choices {
-        self.choices[robot].get_or_init(|| choices(self.problem, &self.problem.robots[robot], None))
+        self.choices[robot].get_or_init(|| choices(self.problem, robot, None))
     }
 
     /// The same ways of the robots that would run empty, with what they take of their station in
@@ -214,16 +221,16 @@ struct Charge {
 }
 
 /// Charges from `energy` through all `targets` (ascending), by whole runs instead of ticks.
-fn charge(battery: &Battery, energy: i64, targets: &[i64], bare: bool) -> Charge {
+fn charge(battery: &Battery, charger: &Charger, energy: i64, targets: &[i64], bare: bool) -> Charge {
     let (mut energy, mut ticks) = (energy, 0);
-    let mut charge = Charge { reached: Vec::with_capacity(targets.len()), runs: Vec::with_capacity(battery.curve.len()) };
+    let mut charge = Charge { reached: Vec::with_capacity(targets.len()), runs: Vec::with_capacity(charger.curve.len()) };
     let mut at = 0;
     for &target in targets {
         while energy < target {
-            while energy >= battery.curve[at].below {
+            while energy >= charger.curve[at].below {
                 at += 1;
             }
-            let segment = &battery.curve[at];
+            let segment = &charger.curve[at];
             let stop = segment.below.min(target);
             let steps = (stop - energy + segment.gain - 1) / segment.gain;
             energy = (energy + steps * segment.gain).min(battery.capacity);
@@ -241,8 +248,8 @@ fn charge(battery: &Battery, energy: i64, targets: &[i64], bare: bool) -> Charge
 
 /// What the station's packs give to charge from `energy` to `target`, mWh.
 #[must_use]
-pub fn charge_need(battery: &Battery, energy: i64, target: i64) -> i64 {
-    charge(battery, energy, &[target], false).runs.iter().map(|run| i64::from(run.ticks) * run.draw).sum()
+pub fn charge_need(battery: &Battery, charger: usize, energy: i64, target: i64) -> i64 {
+    charge(battery, &battery.chargers[charger], energy, &[target], false).runs.iter().map(|run| i64::from(run.ticks) * run.draw).sum()
 }
 
 fn taken(runs: &[Run], ticks: Tick) -> i64 {
@@ -280,15 +287,39 @@ enum Only {
     This(Commitment),
 }
 
+/// A start at a charger: what charging takes from there.
+struct From {
+    charger: usize,
+    charged: Charge,
+    charged_runs: u32,
+    bare: Option<Charge>,
+    bare_runs: u32,
+}
+
+impl From {
+    fn new(battery: &Battery, charger: usize, energy: i64, targets: &[i64], swaps: bool, runs: &mut Vec<Run>) -> Self {
+        let at = &battery.chargers[charger];
+        let charged = charge(battery, at, energy, targets, false);
+        let charged_runs = runs.len() as u32;
+        runs.extend_from_slice(&charged.runs);
+        let swap = swaps && at.swap_energy - energy >= battery.min_gain;
+        let bare = swap.then(|| charge(battery, at, energy, &[at.swap_energy], true));
+        let bare_runs = runs.len() as u32;
+        runs.extend(bare.iter().flat_map(|bare| &bare.runs));
+        Self { charger, charged, charged_runs, bare, bare_runs }
+    }
+}
+
 /// All ways to service a robot that could be part of a best plan, or only one of them.
-fn choices(problem: &Problem, robot: &Robot, only: Option<Only>) -> Choices {
-    let (battery, horizon) = (&problem.battery, problem.horizon);
-    let (strands, unserved) = (robot.strands(problem), robot.missed_unserved(battery.floor));
-    let mut made = Choices { ways: Vec::new(), runs: Vec::new(), strands, unserved_cost: unserved as i32 };
+fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
+    let (battery, horizon) = (problem.battery(robot), problem.horizon);
+    let (strands, robot) = (problem.strands(robot), &problem.robots[robot]);
+    let unserved = robot.missed_unserved(battery.floor);
+    let mut made = Choices { ways: Vec::new(), runs: Vec::new(), strands, unserved_cost: unserved as i32, held: robot.held };
     if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
         return made;
     }
-    let mut first = robot.travel.iter().map(|travel| travel.ticks).min().unwrap_or(0);
+    let mut first = robot.travel.iter().map(|travel| travel.ticks).min().unwrap_or(0).max(robot.not_before);
     let mut last = robot.endurance(battery.floor).min(i64::from(horizon) - 1);
     if let Some(Only::This(commitment)) = only {
         (first, last) = (first.max(commitment.start), last.min(i64::from(commitment.start)));
@@ -300,46 +331,59 @@ fn choices(problem: &Problem, robot: &Robot, only: Option<Only>) -> Choices {
         }
         let energy = robot.energy - robot.drain * i64::from(start);
         let wanted = battery.targets.partition_point(|target| target - energy < battery.min_gain);
-        let charged = charge(battery, energy, &battery.targets[wanted..], false);
-        let charged_runs = made.runs.len() as u32;
-        made.runs.extend_from_slice(&charged.runs);
-        let swap = swaps && battery.swap_energy - energy >= battery.min_gain;
-        let bare =
-            if swap { charge(battery, energy, &[battery.swap_energy], true) } else { Charge { reached: vec![(0, 0)], runs: Vec::new() } };
-        let bare_runs = made.runs.len() as u32;
-        made.runs.extend_from_slice(&bare.runs);
+        let mut at: Vec<From> = Vec::new();
         for travel in robot.travel.iter().filter(|travel| travel.ticks <= start) {
             let station = &problem.stations[travel.station];
+            let place = at.iter().position(|from| from.charger == station.charger).unwrap_or_else(|| {
+                at.push(From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut made.runs));
+                at.len() - 1
+            });
+            let from = &at[place];
             let away = i64::from(travel.ticks);
+            let in_time = robot.wanted.map_or(start, |wanted| wanted.max(travel.ticks));
+            let works_until = i64::from(start.min(in_time)) - away;
+            let amiss = robot.weight * i64::from(start.abs_diff(in_time));
             let cost = |end: Tick, stored: i64| {
-                let (from, to) = (i64::from(end) + away, i64::from(end) + (stored - battery.floor).div_euclid(robot.drain_hi));
-                robot.missed([(0, i64::from(start) - away), (from, to)])
+                let (from, to) = (i64::from(end) + away, i64::from(end) + (stored - battery.floor).div_euclid(robot.drain_served));
+                amiss + robot.missed([(0, works_until), (from, to)])
             };
             let mut add = |mode, end: Tick, stored, ready, runs, energy| {
                 let cost = cost(end, stored);
                 // Who can do without is not serviced to no gain: that holds at every level.
                 if end <= horizon && (strands || cost < unserved) {
-                    let (start, end) = (start as u16, end as u16);
-                    made.ways.push(Way { cost: cost as i32, mode, station: travel.station as u16, start, end, ready, runs, energy });
+                    let (start, end, variance) = (start as u16, end as u16, travel.variance as f32);
+                    made.ways.push(Way {
+                        cost: cost as i32,
+                        mode,
+                        station: travel.station as u16,
+                        start,
+                        end,
+                        ready,
+                        runs,
+                        variance,
+                        energy,
+                    });
                 }
             };
             let handling = i64::from(station.load_ticks) * station.load_draw + i64::from(station.unload_ticks) * station.unload_draw;
             if station.bays > 0 {
-                for (level, &(ticks, stored)) in charged.reached.iter().enumerate() {
+                for (level, &(ticks, stored)) in from.charged.reached.iter().enumerate() {
                     let end = start + station.load_ticks + ticks + station.unload_ticks;
                     let mode = Mode::Charge((wanted + level) as u8);
-                    add(mode, end, stored, NEVER, charged_runs, handling + taken(&charged.runs, ticks));
+                    add(mode, end, stored, NEVER, from.charged_runs, handling + taken(&from.charged.runs, ticks));
                 }
             }
-            if swap && !station.spares.is_empty() {
-                let end = start + station.swap_ticks;
-                let energy = i64::from(station.swap_ticks) * station.swap_draw;
-                add(Mode::Swap, end, battery.swap_energy, NEVER, bare_runs, energy);
-                let ready = end + bare.reached[0].0;
-                // A spare that is charged too late helps nobody.
-                if ready < horizon {
-                    add(Mode::SwapAndRecharge, end, battery.swap_energy, ready as u16, bare_runs, energy + taken(&bare.runs, ready - end));
-                }
+            let Some(bare) = from.bare.as_ref().filter(|_| !station.spares.is_empty()) else { continue };
+            let (end, stored) = (start + station.swap_ticks, battery.chargers[station.charger].swap_energy);
+            let energy = i64::from(station.swap_ticks) * station.swap_draw;
+            if station.left_packs != LeftPacks::Charged {
+                add(Mode::Swap, end, stored, NEVER, from.bare_runs, energy);
+            }
+            let ready = end + bare.reached[0].0;
+            // A spare that is charged too late helps nobody, but may be charged all the same.
+            if station.left_packs == LeftPacks::Charged || (station.left_packs == LeftPacks::AsPlanned && ready < horizon) {
+                let ready_at = if ready < horizon { ready as u16 } else { LATE };
+                add(Mode::SwapAndRecharge, end, stored, ready_at, from.bare_runs, energy + taken(&bare.runs, ready - end));
             }
         }
     }

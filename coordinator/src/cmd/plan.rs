@@ -95,7 +95,7 @@ fn show(instance: &Instance, plan: &Plan, capacity: &Capacity) {
     for session in &plan.sessions {
         let how = match session.mode {
             Mode::Charge(level) => {
-                let battery = &instance.problem.battery;
+                let battery = instance.problem.battery(session.robot);
                 format!("charge to {:.0} %", 100.0 * battery.targets[usize::from(level)] as f64 / battery.capacity as f64)
             }
             Mode::Swap => "exchange".to_owned(),

@@ -1,16 +1,18 @@
 //! `coordinator schedule`: asks the running coordinator over Zenoh, or reads its store when none
 //! runs.
 
+mod chart;
+mod tell;
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::Subcommand;
-use comfy_table::{Cell, CellAlignment};
 use node::NetworkConfig;
-use proto::{Capacity, Event, Explanation, Key, Message, Mode, RobotId, Schedule, SiteId};
+use proto::{Capacity, Explanation, Key, Message, RobotId, Schedule, SiteId};
 
-use super::{Format, table, text};
+use super::Format;
 use crate::config::Config;
 use crate::service;
 use crate::store::{Reader, Store};
@@ -37,7 +39,14 @@ pub struct Args {
 #[derive(Subcommand)]
 enum What {
     /// Who docks where and when, and who does not.
-    Show,
+    Show {
+        /// Draws who is where when, in the terminal.
+        #[arg(long)]
+        gantt: bool,
+        /// Draws the same into an SVG file.
+        #[arg(long, value_name = "FILE")]
+        svg: Option<PathBuf>,
+    },
     /// How many robots each pack can still service.
     Capacity,
     /// Why a robot is serviced as it is.
@@ -68,20 +77,23 @@ struct Place {
 /// When neither a coordinator answers nor a store can be read, or the robot is not known.
 pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let place = place(args)?;
-    match args.what.as_ref().unwrap_or(&What::Show) {
-        What::Show => {
+    match args.what.as_ref().unwrap_or(&What::Show { gantt: false, svg: None }) {
+        What::Show { gantt, svg } => {
             let schedule: Schedule = match live(&place, &Key::Schedule).await? {
                 Some(schedule) => schedule,
                 None => stored(&place).await?.latest_schedule().await?.context("the store holds no plan yet")?,
             };
-            print(args.format, &schedule, show);
+            if let Some(file) = svg {
+                node::files::write_text(file, &chart::svg(&schedule))?;
+            }
+            print(args.format, &schedule, if *gantt { chart::show } else { show });
         }
         What::Capacity => {
             let capacity: Capacity = match live(&place, &Key::Capacity).await? {
                 Some(capacity) => capacity,
                 None => stored(&place).await?.latest_capacity().await?.context("the store holds no capacity yet")?,
             };
-            print(args.format, &capacity, show_capacity);
+            print(args.format, &capacity, tell::show_capacity);
         }
         What::Explain { robot } => {
             let explanation: Explanation = match live(&place, &Key::Explain(robot.clone())).await? {
@@ -91,13 +103,13 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
                     stored(&place).await?.latest_explanation(robot).await?.with_context(unknown)?
                 }
             };
-            print(args.format, &explanation, show_explanation);
+            print(args.format, &explanation, tell::show_explanation);
         }
         What::Watch => watch(&place, args.format).await?,
         What::History { events } => {
             let events = stored(&place).await?.events(*events).await?;
             match args.format {
-                Format::Table => events.iter().for_each(show_event),
+                Format::Table => events.iter().for_each(tell::show_event),
                 Format::Json => say!("{}", serde_json::to_string_pretty(&events)?),
             }
         }
@@ -188,112 +200,11 @@ async fn stored(place: &Place) -> anyhow::Result<Reader> {
     Ok(Store::open_read_only(&place.store).await?)
 }
 
+pub(super) use tell::show;
+
 fn print<M: Message>(format: Format, message: &M, show: impl Fn(&M)) {
     match format {
         Format::Table => show(message),
         Format::Json => say!("{}", proto::encode_pretty(message)),
     }
-}
-
-fn clock(at: proto::Timestamp) -> String {
-    at.to_string().chars().skip(11).take(8).collect()
-}
-
-pub(super) fn show(schedule: &Schedule) {
-    if schedule.plan == 0 {
-        say!("no plan has been made yet: robots and stations that are configured have not all spoken");
-        return;
-    }
-    say!("plan {} of {} by {} ({})", schedule.plan, schedule.at, schedule.policy, schedule.trigger);
-    let mut services = table();
-    services.set_header(["robot", "status", "how", "where", "leave", "start", "end", "pack energy", "from"]);
-    for service in &schedule.services {
-        let how = match &service.mode {
-            Mode::Recharge { to_soc } => format!("recharge to {:.0} %", to_soc * 100.0),
-            Mode::Swap { spare } => format!("exchange for {spare}"),
-        };
-        let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-        services.add_row([
-            service.robot.to_string(),
-            service.status.to_string(),
-            how,
-            format!("{}{bay}", service.station),
-            clock(service.leave),
-            clock(service.start),
-            clock(service.end),
-            format!("{:.1} ± {:.1} Wh", service.pack_energy_wh.value, service.pack_energy_wh.sigma),
-            service.packs.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
-        ]);
-    }
-    if schedule.services.is_empty() {
-        say!("no service is planned");
-    } else {
-        super::say_text(&text(&services));
-    }
-    for unserved in &schedule.unserved {
-        say!("unserved: {}: {}", unserved.robot, unserved.reasons.join("; "));
-    }
-    for doubt in &schedule.doubts {
-        say!("doubted: {}", doubt.text);
-    }
-}
-
-fn show_capacity(capacity: &Capacity) {
-    let confidence = capacity.confidence * 100.0;
-    let mut packs = table();
-    packs.set_header([
-        "station",
-        "pack",
-        "remaining",
-        "usable",
-        "one service",
-        "robots expected",
-        &format!("at {confidence:.0} %"),
-        "short for one more",
-    ]);
-    for pack in &capacity.packs {
-        let wh = |estimate: proto::Estimate| format!("{:.1} ± {:.1} Wh", estimate.value, estimate.sigma);
-        packs.add_row([
-            Cell::new(&pack.station),
-            Cell::new(&pack.pack),
-            Cell::new(wh(pack.remaining_wh)),
-            Cell::new(wh(pack.usable_wh)),
-            Cell::new(wh(pack.service_wh)),
-            Cell::new(pack.robots_expected).set_alignment(CellAlignment::Right),
-            Cell::new(pack.robots_promised).set_alignment(CellAlignment::Right),
-            Cell::new(format!("{:.1} Wh", pack.short_for_next_wh)).set_alignment(CellAlignment::Right),
-        ]);
-    }
-    super::say_text(&text(&packs));
-    say!("{} robots expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
-    if let Some(pack) = capacity.packs.first() {
-        let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
-        say!("where the energy of one service goes (Wh): {}", causes.join(", "));
-    }
-}
-
-fn show_explanation(explanation: &Explanation) {
-    say!("{} at {}", explanation.robot, explanation.at);
-    match &explanation.service {
-        Some(service) => {
-            let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-            say!("  {} at {}{bay}, {} to {}", service.status, service.station, clock(service.start), clock(service.end));
-        }
-        None => say!("  no service"),
-    }
-    for reason in &explanation.reasons {
-        say!("  - {reason}");
-    }
-    for doubt in &explanation.doubts {
-        say!("  ! {}", doubt.text);
-    }
-    for alternative in &explanation.alternatives {
-        let start = alternative.start.map_or_else(|| "not now".to_owned(), |start| format!("could begin {}", clock(start)));
-        let but = if alternative.why_not.is_empty() { String::new() } else { format!(", because {}", alternative.why_not.join("; ")) };
-        say!("  {} at {}: {start}{but}", alternative.mode, alternative.station);
-    }
-}
-
-fn show_event(event: &Event) {
-    say!("{} {:<18} {}", event.at, event.kind.to_string(), event.text);
 }

@@ -32,6 +32,9 @@ pub struct Args {
     /// Only the run of this name.
     #[arg(long, value_name = "NAME")]
     run: Option<String>,
+    /// Policies to compare, such as `threshold,least_slack,optimise`: each run is made with each.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    policy: Vec<String>,
     /// Folder for logs that `lab` reads: one CSV per battery, robot load and station.
     #[arg(long, value_name = "DIR")]
     telemetry: Option<PathBuf>,
@@ -70,7 +73,7 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         believe(&mut scenario, model)?;
     }
     let seed = args.seed.unwrap_or(scenario.seed);
-    let runs = chosen(&scenario, args.run.as_deref())?;
+    let runs = by_policy(chosen(&scenario, args.run.as_deref())?, &args.policy);
     let mut stage = args.serve.then(|| Stage::open(args.port, args.speed)).transpose()?;
     let mut finished = Vec::new();
     for run in runs {
@@ -80,7 +83,7 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     }
     write_files(args, &scenario, seed, &finished)?;
     match args.format {
-        Format::Table => print_tables(&scenario, seed, &finished),
+        Format::Table => print_tables(&scenario, seed, &finished, &args.policy),
         Format::Json => say!("{}", serde_json::to_string_pretty(&as_json(&scenario, seed, &finished))?),
     }
     if let (Some(stage), Some(last)) = (stage, finished.last_mut()) {
@@ -100,6 +103,20 @@ fn chosen(scenario: &Scenario, only: Option<&str>) -> anyhow::Result<Vec<RunEntr
         bail!("--run {name}: there is no such run{hint} The scenario has: {}", names.join(", "));
     }
     Ok(chosen)
+}
+
+/// Every run with every policy, named after it; the runs themselves when no policy is named.
+fn by_policy(runs: Vec<RunEntry>, policies: &[String]) -> Vec<RunEntry> {
+    if policies.is_empty() {
+        return runs;
+    }
+    let alone = runs.len() == 1;
+    let with = |run: &RunEntry, policy: &String| RunEntry {
+        name: if alone { policy.clone() } else { format!("{}, {policy}", run.name) },
+        policy: Some(policy.clone()),
+        ..run.clone()
+    };
+    runs.iter().flat_map(|run| policies.iter().map(|policy| with(run, policy)).collect::<Vec<_>>()).collect()
 }
 
 /// Puts a model in place of the believed one of its name, or of the only one of its system.
@@ -194,7 +211,7 @@ fn write_files(args: &Args, scenario: &Scenario, seed: u64, finished: &[Finished
     Ok(())
 }
 
-fn print_tables(scenario: &Scenario, seed: u64, finished: &[Finished]) {
+fn print_tables(scenario: &Scenario, seed: u64, finished: &[Finished], policy: &[String]) {
     say!("{} (seed {seed})", scenario.name);
     if !scenario.note.is_empty() {
         say!("{}", scenario.note);
@@ -205,7 +222,41 @@ fn print_tables(scenario: &Scenario, seed: u64, finished: &[Finished]) {
         print_timeline(run);
     }
     say!();
+    if !policy.is_empty() {
+        print_policies(finished);
+        say!();
+    }
     print_comparison(finished);
+}
+
+/// What policies are compared by: `(heading, metric)`.
+const COMPARED: &[(&str, &str)] = &[
+    ("robots served", "robots_served"),
+    ("services", "services_done"),
+    ("stranded", "robots_stranded"),
+    ("promises broken", "promises_broken"),
+    ("mission hours", "mission_h"),
+    ("pack Wh per service", "energy_per_service_wh"),
+    ("gap", "plan_gap"),
+    ("moved", "services_moved"),
+];
+
+fn print_policies(finished: &[Finished]) {
+    let mut table = table();
+    table.set_header(std::iter::once("policy").chain(COMPARED.iter().map(|(heading, _)| *heading)));
+    for run in finished {
+        let cell = |metric: &str| {
+            let value = run.outcome.measured.metrics.get(metric).copied().unwrap_or(f64::NAN);
+            let text = match metric {
+                "plan_gap" => format!("{:.1} %", value * 100.0),
+                _ if value.is_nan() => "-".to_owned(),
+                _ => number(value),
+            };
+            Cell::new(text).set_alignment(CellAlignment::Right)
+        };
+        table.add_row(std::iter::once(Cell::new(&run.run.name)).chain(COMPARED.iter().map(|(_, metric)| cell(metric))));
+    }
+    super::say_text(&super::text(&table));
 }
 
 /// Kinds of event that tell the story; the rest is in the trace.

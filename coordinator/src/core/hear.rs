@@ -4,6 +4,7 @@ use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId
 
 use super::{Core, REFUSED_MAX};
 use crate::fleet::newer;
+use crate::service_run::{How, Stage};
 use crate::store::Record;
 use crate::watch::{Change, News};
 
@@ -13,6 +14,10 @@ impl Core {
         if newer((gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
             let first = robot.gauge.is_none();
             robot.gauge = Some(gauge.clone());
+            let phase = robot.phase();
+            let swapped = phase == Some(RobotPhase::Swapping)
+                || self.running.get(&id).is_some_and(|run| matches!(run.how, How::Swap { .. }) && run.stage == Stage::Swapping);
+            self.trust.heard(&id, &gauge, phase, swapped);
             self.record(Record::RobotGauge { robot: id.clone(), gauge });
             if first {
                 self.heard_robot(now, &id);
@@ -87,6 +92,14 @@ impl Core {
         }
         let before = station.state.replace(state.clone());
         station.lost = false;
+        for spare in &state.spares {
+            // A pack that a robot left stands in its place from when that is first heard of.
+            if spare.ready {
+                station.left.remove(&spare.spare);
+            } else {
+                station.left.entry(spare.spare.clone()).or_insert(state.at);
+            }
+        }
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
         let Some(before) = before else {
             let modelled = &self.models.stations[&id].packs;
@@ -165,6 +178,22 @@ impl Core {
             let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
             self.event(now, kind, None, Some(&id), None, format!("{id} {verb}"));
             self.replan(format!("{id} {verb}"));
+        }
+    }
+
+    /// Tells of gauges that began or ceased to be doubted, and plans anew.
+    pub(super) fn doubt_gauges(&mut self, now: Timestamp) {
+        for (robot, fault) in self.trust.news(now) {
+            // Who is lost says nothing, and that is told already.
+            if self.fleet.robots.get(&robot).is_none_or(|belief| belief.lost) {
+                continue;
+            }
+            let (kind, text) = match fault {
+                Some(fault) => (EventKind::GaugeDoubted, format!("the gauge of {robot} {fault}")),
+                None => (EventKind::GaugeTrusted, format!("the gauge of {robot} is believed again")),
+            };
+            self.event(now, kind, Some(&robot), None, None, text.clone());
+            self.replan(text);
         }
     }
 

@@ -11,21 +11,16 @@ use crate::service_run::{How, ServiceRun, Stage, Step};
 impl Core {
     /// Begins the services whose robots must leave now.
     pub(super) fn begin(&mut self, now: Timestamp) {
-        let Some(planned) = self.planned else { return };
-        let due: Vec<Planned> = {
-            let leaves = |planned_service: &&Planned| planned.plus_s(planned_service.slot.leave_s) <= now;
-            self.plan.planned.iter().filter(leaves).cloned().collect()
-        };
+        let due: Vec<Planned> = self.plan.planned.iter().filter(|planned| planned.leave <= now).cloned().collect();
         for service in due {
-            self.plan.planned.retain(|other| other.robot != service.robot);
-            let Planned { robot, slot, why } = service;
-            let station = self.models.stations.keys().nth(slot.station).expect("slots name stations of the problem").clone();
-            let how = match (slot.bay, slot.spare) {
-                (Some(bay), _) => How::Recharge { bay, to_soc: slot.to_soc.unwrap_or(1.0) },
+            let Planned { robot, station, bay, spare, to_soc, start, end, need, packs, why, .. } = service;
+            let how = match (bay, spare) {
+                (Some(bay), _) => How::Recharge { bay, to_soc },
                 (None, Some(spare)) => How::Swap { spare },
                 (None, None) => continue,
             };
-            let (left, start, end) = (now, planned.plus_s(slot.start_s), planned.plus_s(slot.end_s));
+            self.plan.planned.retain(|other| other.robot != robot);
+            let left = now;
             let run = ServiceRun {
                 robot: robot.clone(),
                 station: station.clone(),
@@ -33,8 +28,8 @@ impl Core {
                 left,
                 start,
                 end,
-                need: slot.need,
-                packs: slot.packs,
+                need,
+                packs,
                 why,
                 stage: Stage::Travelling,
                 asked: None,

@@ -9,7 +9,7 @@ use serde::Deserialize;
 /// What can be expected, with its meaning. A name that ends in a dot goes before a pack's name.
 pub const METRICS: &[(&str, &str)] = &[
     ("services_promised", "services in the first plan"),
-    ("robots_promised", "robots per pack at the first plan, all packs, at the policy's confidence"),
+    ("robots_promised", "robots that all packs of each station can service at the first plan, at the policy's confidence"),
     ("robots_served", "robots whose service was completed"),
     ("promises_broken", "robots that were promised a service and did not get it"),
     ("robots_stranded", "robots that ran empty outside a bay"),
@@ -19,6 +19,10 @@ pub const METRICS: &[(&str, &str)] = &[
     ("pack_switches", "times that the selector changed the active pack"),
     ("swaps", "robots whose pack was exchanged"),
     ("models_doubted", "times that a model ceased to explain what was measured"),
+    ("services_done", "services that were completed; a robot may have several"),
+    ("services_moved", "promised services that a later plan moved or took away, over all plans"),
+    ("plan_gap", "how far the plans' missed work was proven to be from the least at most, as a share of it, on average"),
+    ("energy_per_service_wh", "energy drawn from all station packs, for each service, Wh"),
     ("depot_exchanges", "station packs that were exchanged at a depot"),
     ("drive_energy_wh", "energy that stations took to drive, Wh"),
     ("path_selection_saves_wh", "energy that station packs are or would be spared by robots that select their power path, Wh"),

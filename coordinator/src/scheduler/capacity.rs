@@ -1,100 +1,166 @@
-//! How many robots each pack's remaining energy can still service: the thesis' question.
+//! How many robots the remaining energy can still service, which, in which order and how certainly: the
+//! thesis' question, for each pack alone and for each station.
+//!
+//! Robots are taken in the order in which they will want a service, with what each then needs; after
+//! them come services like the first. The packs hold enough for the first k of them with probability
+//!
+//! `Phi((usable - need_k) / sqrt(sigma_usable² + sigma_need_k²))`
+//!
+//! where `need_k` has the doubt that services share (a converter's efficiency) and what each has of its
+//! own (a gauge's error) added up as [`Need`] does.
 
 use std::collections::BTreeMap;
 
-use energy::Estimate;
 use energy::units::S_PER_H;
-use proto::{Capacity, PackCapacity, PackId, StationId, Timestamp};
-
-use super::feasible::margin;
-use crate::forecast::Recharge;
-use energy::Need;
+use energy::{Estimate, Need};
+use proto::{Capacity, PackCapacity, PackId, Promise, RobotId, StationCapacity, StationId, Timestamp};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 /// More services than this are not counted.
-const ROBOTS_MAX: u32 = 10_000;
+const SERVICES_MAX: usize = 10_000;
+/// Services with less probability than this are not told one by one.
+const TOLD_MIN: f64 = 0.005;
+/// Neither are services without a robot of their own that come after so many.
+const TOLD_MAX: usize = 12;
 
-/// What one pack has and what one service of it takes.
+/// What a station is asked.
 #[derive(Debug, Clone)]
-pub struct PackQuestion {
-    /// Where.
+pub struct Question {
+    /// Which.
     pub station: StationId,
-    /// Which pack.
-    pub pack: PackId,
-    /// What its gauge says it holds, Wh.
-    pub remaining_wh: Estimate,
-    /// What it gives at the station's working power, Wh.
-    pub usable_wh: Estimate,
-    /// The service that is counted.
-    pub service: Recharge,
+    /// Its packs: what the gauge says that it holds, and what it gives at the station's working power, Wh.
+    pub packs: Vec<(PackId, Estimate, Estimate)>,
+    /// Robots in the order in which they will want a service, and what each takes then.
+    pub robots: Vec<(RobotId, Need)>,
+    /// A service from where one is wanted to where it is done.
+    pub service: Need,
+    /// The same by cause, Wh.
+    pub breakdown_wh: BTreeMap<String, f64>,
     /// Time of one service with handling, s.
     pub service_s: f64,
     /// Services at once.
     pub bays: u32,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
-    /// The same by cause.
+    /// The same by cause, Wh.
     pub overhead_breakdown: BTreeMap<String, f64>,
 }
 
-/// Answers for every pack, at this confidence.
+/// What one amount of energy is enough for.
+struct Count {
+    promises: Vec<Promise>,
+    expected: u32,
+    promised: u32,
+    short_wh: f64,
+}
+
+/// Answers for every pack and station, at this confidence.
 #[must_use]
-pub fn capacity(at: Timestamp, questions: &[PackQuestion], confidence: f64) -> Capacity {
-    let packs: Vec<PackCapacity> = questions.iter().map(|question| answer(question, confidence)).collect();
+pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capacity {
+    let packs = questions.iter().flat_map(|question| question.packs.iter().map(move |pack| of_pack(question, pack, confidence))).collect();
+    let stations: Vec<StationCapacity> = questions.iter().map(|question| of_station(question, confidence)).collect();
     Capacity {
         at,
-        robots_expected: packs.iter().map(|pack| pack.robots_expected).sum(),
-        robots_promised: packs.iter().map(|pack| pack.robots_promised).sum(),
+        robots_expected: stations.iter().map(|station| station.robots_expected).sum(),
+        robots_promised: stations.iter().map(|station| station.robots_promised).sum(),
         packs,
+        stations,
         confidence,
     }
 }
 
-/// Energy for `robots` services, in rounds of as many as there are bays.
-fn need(question: &PackQuestion, robots: u32) -> Need {
-    let rounds = robots.div_ceil(question.bays.max(1));
-    let hours = f64::from(rounds) * question.service_s / S_PER_H;
-    question.service.need.times(robots).plus(&question.overhead_per_h.scaled(hours))
-}
-
-fn answer(question: &PackQuestion, confidence: f64) -> PackCapacity {
-    let enough = |robots: u32, confidence: f64| {
-        question.bays > 0 && margin(question.usable_wh, need(question, robots).estimate(), confidence).0 >= confidence
-    };
-    let count = |confidence: f64| (1..=ROBOTS_MAX).take_while(|&robots| enough(robots, confidence)).last().unwrap_or(0);
-    let (expected, promised) = (count(0.5), count(confidence));
-    let (_, short_wh) = margin(question.usable_wh, need(question, promised + 1).estimate(), confidence);
+fn of_pack(question: &Question, (pack, remaining_wh, usable_wh): &(PackId, Estimate, Estimate), confidence: f64) -> PackCapacity {
+    let count = question.count(*usable_wh, confidence);
     let per_service_h = question.service_s / S_PER_H / f64::from(question.bays.max(1));
-    let mut breakdown_wh = question.service.breakdown_wh.clone();
+    let mut breakdown_wh = question.breakdown_wh.clone();
     for (cause, w) in &question.overhead_breakdown {
         *breakdown_wh.entry(cause.clone()).or_insert(0.0) += w * per_service_h;
     }
-    let service_wh = question.service.need.plus(&question.overhead_per_h.scaled(per_service_h)).estimate();
+    let service_wh = question.service.plus(&question.overhead_per_h.scaled(per_service_h)).estimate();
     PackCapacity {
         station: question.station.clone(),
-        pack: question.pack.clone(),
-        remaining_wh: node::wire(question.remaining_wh),
-        usable_wh: node::wire(question.usable_wh),
+        pack: pack.clone(),
+        remaining_wh: node::wire(*remaining_wh),
+        usable_wh: node::wire(*usable_wh),
         service_wh: node::wire(service_wh),
         breakdown_wh,
-        robots_expected: expected,
-        robots_promised: promised,
+        robots_expected: count.expected,
+        robots_promised: count.promised,
         confidence,
-        short_for_next_wh: short_wh,
+        short_for_next_wh: count.short_wh,
+        promises: count.promises,
     }
+}
+
+/// All packs of the station together: a service may begin on one and end on the next.
+fn of_station(question: &Question, confidence: f64) -> StationCapacity {
+    let together = question.packs.iter().fold(Need::default(), |sum, (_, _, usable_wh)| sum.plus(&Need::own(*usable_wh))).estimate();
+    let count = question.count(together, confidence);
+    StationCapacity {
+        station: question.station.clone(),
+        usable_wh: node::wire(together),
+        robots_expected: count.expected,
+        robots_promised: count.promised,
+        short_for_next_wh: count.short_wh,
+        promises: count.promises,
+    }
+}
+
+impl Question {
+    fn count(&self, usable_wh: Estimate, confidence: f64) -> Count {
+        let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
+        let (mut services, mut short_wh) = (Need::default(), None);
+        for number in 1..=SERVICES_MAX {
+            let robot = self.robots.get(number - 1);
+            services = services.plus(robot.map_or(&self.service, |(_, need)| need));
+            let need = services.plus(&self.overhead(number as u32)).estimate();
+            let (mut probability, short) = margin(usable_wh, need, confidence);
+            if self.bays == 0 {
+                probability = 0.0;
+            }
+            expected += u32::from(probability >= 0.5);
+            promised += u32::from(probability >= confidence);
+            if probability < confidence {
+                short_wh.get_or_insert(short);
+            }
+            if probability >= TOLD_MIN && (robot.is_some() || number <= TOLD_MAX) {
+                promises.push(Promise { robot: robot.map(|(robot, _)| robot.clone()), probability, need_wh: node::wire(need) });
+            }
+            if probability < TOLD_MIN {
+                break;
+            }
+        }
+        Count { promises, expected, promised, short_wh: short_wh.unwrap_or(0.0) }
+    }
+
+    /// What the station takes by itself meanwhile: services come in rounds of as many as there are bays.
+    fn overhead(&self, services: u32) -> Need {
+        let rounds = services.div_ceil(self.bays.max(1));
+        self.overhead_per_h.scaled(f64::from(rounds) * self.service_s / S_PER_H)
+    }
+}
+
+/// Probability that `usable` exceeds `need` (both normal), and what is short at `confidence`, Wh.
+#[must_use]
+pub fn margin(usable: Estimate, need: Estimate, confidence: f64) -> (f64, f64) {
+    let sigma = usable.sigma.hypot(need.sigma).max(1e-9);
+    let normal = Normal::standard();
+    let spare_wh = usable.value - need.value;
+    (normal.cdf(spare_wh / sigma), (normal.inverse_cdf(confidence) * sigma - spare_wh).max(0.0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn question(usable_wh: f64, bays: u32) -> PackQuestion {
-        let service = Recharge { charge_s: 3600.0, need: Need { mean_wh: 20.0, ..Need::default() }, breakdown_wh: BTreeMap::new() };
-        PackQuestion {
+    fn question(usable_wh: &[f64], bays: u32) -> Question {
+        let pack = |(n, wh): (usize, &f64)| (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh), Estimate::exact(*wh));
+        Question {
             station: StationId::new("s").unwrap(),
-            pack: PackId::new("p").unwrap(),
-            remaining_wh: Estimate::exact(usable_wh),
-            usable_wh: Estimate::exact(usable_wh),
-            service,
+            packs: usable_wh.iter().enumerate().map(pack).collect(),
+            robots: Vec::new(),
+            service: Need { mean_wh: 20.0, ..Need::default() },
+            breakdown_wh: BTreeMap::new(),
             service_s: 3600.0,
             bays,
             overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
@@ -102,12 +168,24 @@ mod tests {
         }
     }
 
+    fn first(question: &Question) -> PackCapacity {
+        capacity(Timestamp::from_unix_ms(0), std::slice::from_ref(question), 0.95).packs.remove(0)
+    }
+
+    #[test]
+    fn a_margin_of_one_sigma_holds_with_84_percent() {
+        let (probability, short_wh) = margin(Estimate::new(50.0, 3.0), Estimate::new(45.0, 4.0), 0.95);
+        assert!((probability - 0.8413).abs() < 1e-4);
+        // 1.645 sigma are needed, one is there: 0.645 x 5 Wh short.
+        assert!((short_wh - 0.6449 * 5.0).abs() < 1e-3);
+    }
+
     #[test]
     fn three_at_once_share_the_hotel_and_one_by_one_does_not() {
         // 3 x 20 + 6 = 66; one by one 3 x 26 = 78.
-        assert_eq!(answer(&question(70.0, 3), 0.95).robots_promised, 3);
-        assert_eq!(answer(&question(70.0, 1), 0.95).robots_promised, 2);
-        let answer = answer(&question(70.0, 3), 0.95);
+        assert_eq!(first(&question(&[70.0], 3)).robots_promised, 3);
+        assert_eq!(first(&question(&[70.0], 1)).robots_promised, 2);
+        let answer = first(&question(&[70.0], 3));
         // A fourth needs a second round: 4 x 20 + 2 x 6 = 92.
         assert!((answer.short_for_next_wh - 22.0).abs() < 1e-6);
         let sum: f64 = answer.breakdown_wh.values().sum();
@@ -115,8 +193,27 @@ mod tests {
     }
 
     #[test]
+    fn what_two_packs_lack_alone_they_have_together() {
+        // One by one: two services and two hours are 52 Wh; 40 + 40 Wh are three services together.
+        let answer = capacity(Timestamp::from_unix_ms(0), &[question(&[40.0, 40.0], 1)], 0.95);
+        assert_eq!(answer.packs.iter().map(|pack| pack.robots_promised).collect::<Vec<_>>(), [1, 1]);
+        assert_eq!((answer.stations[0].robots_promised, answer.robots_promised), (3, 3));
+    }
+
+    #[test]
+    fn robots_come_first_and_each_with_its_own_need() {
+        let mut asked = question(&[60.0], 3);
+        let robot = |name: &str, wh: f64| (RobotId::new(name).unwrap(), Need { mean_wh: wh, ..Need::default() });
+        asked.robots = vec![robot("a", 10.0), robot("b", 24.0)];
+        // 10 + 24 + 20 + 6 = 60.
+        let told: Vec<(Option<String>, f64)> =
+            first(&asked).promises.iter().map(|promise| (promise.robot.as_ref().map(ToString::to_string), promise.need_wh.value)).collect();
+        assert_eq!(told, [(Some("a".to_owned()), 16.0), (Some("b".to_owned()), 40.0), (None, 60.0)]);
+    }
+
+    #[test]
     fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
-        assert_eq!(answer(&question(0.0, 3), 0.95).robots_expected, 0);
-        assert_eq!(answer(&question(70.0, 0), 0.95).robots_expected, 0);
+        assert_eq!(first(&question(&[0.0], 3)).robots_expected, 0);
+        assert_eq!(first(&question(&[70.0], 0)).robots_expected, 0);
     }
 }

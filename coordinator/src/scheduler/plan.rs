@@ -1,8 +1,14 @@
-//! A plan: every robot serviced or with the reasons why not.
+//! A plan in the fleet's terms: every robot serviced, or with the reasons why not.
 
-use proto::RobotId;
+use energy::Need;
+use energy::units::S_PER_H;
+use planner::{Levels, Mode, Session};
+use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
+use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::feasible::Slot;
+use super::problem::{SpareView, StationView};
+use super::translate::Task;
+use super::words;
 
 /// A plan.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -11,6 +17,10 @@ pub struct Plan {
     pub planned: Vec<Planned>,
     /// Robots without one.
     pub rejected: Vec<Rejected>,
+    /// Robots that the plan before had promised another service, or one at all.
+    pub moved: Vec<RobotId>,
+    /// What it amounts to.
+    pub quality: Quality,
 }
 
 /// A planned service.
@@ -18,9 +28,29 @@ pub struct Plan {
 pub struct Planned {
     /// The robot.
     pub robot: RobotId,
-    /// Where and when.
-    pub slot: Slot,
-    /// Why so, and what else was possible.
+    /// Where.
+    pub station: StationId,
+    /// How, as the planner calls it.
+    pub mode: Mode,
+    /// The bay, for a recharge.
+    pub bay: Option<BayId>,
+    /// The spare, for an exchange.
+    pub spare: Option<SpareId>,
+    /// Level at which a recharge is done.
+    pub to_soc: f64,
+    /// When the robot leaves its work.
+    pub leave: Timestamp,
+    /// When the service begins.
+    pub start: Timestamp,
+    /// When the robot is let go.
+    pub end: Timestamp,
+    /// Energy from the station's packs.
+    pub need: Need,
+    /// Packs that pay, in order.
+    pub packs: Vec<PackId>,
+    /// Probability that the packs hold enough for all services up to this one.
+    pub probability: f64,
+    /// Why so.
     pub why: Vec<String>,
 }
 
@@ -29,6 +59,160 @@ pub struct Planned {
 pub struct Rejected {
     /// The robot.
     pub robot: RobotId,
-    /// Why: one reason per way of servicing it.
+    /// Whether it runs empty.
+    pub stranded: bool,
+    /// Why: one reason per station in reach, if there is any.
     pub reasons: Vec<String>,
+}
+
+/// What a plan amounts to, and what is proven about it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Quality {
+    /// Robots that run empty.
+    pub stranded: i64,
+    /// No plan strands fewer.
+    pub stranded_bound: i64,
+    /// Work that is missed, weighted, s.
+    pub missed_s: f64,
+    /// No plan that strands as few misses less, s.
+    pub missed_bound_s: f64,
+}
+
+impl Plan {
+    /// The planner's plan in the fleet's terms.
+    #[must_use]
+    pub fn new(task: &Task, found: &planner::Replanned, to_soc: f64, confidence: f64) -> Self {
+        let plan = &found.plan;
+        let moved = found.moved.iter().map(|&robot| task.view.robots[robot].robot.clone()).collect();
+        let mut planned: Vec<Planned> = Vec::new();
+        for (index, station) in task.view.stations.iter().enumerate() {
+            let mut here: Vec<&Session> = plan.sessions.iter().filter(|session| session.station == index).collect();
+            here.sort_by_key(|session| (session.start, session.robot));
+            let mut ledger = Ledger::new(task, station, index);
+            planned.extend(here.into_iter().map(|session| ledger.planned(session, to_soc)));
+        }
+        planned.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
+        let rejected = plan.unserved.iter().map(|unserved| Rejected {
+            robot: task.view.robots[unserved.robot].robot.clone(),
+            stranded: unserved.stranded,
+            reasons: words::why_not(task, plan, unserved, confidence),
+        });
+        Self { rejected: rejected.collect(), planned, moved, quality: Quality::new(task, plan.objective, plan.bound) }
+    }
+}
+
+impl Quality {
+    fn new(task: &Task, objective: Levels, bound: Levels) -> Self {
+        Self {
+            stranded: objective.stranded,
+            stranded_bound: bound.stranded,
+            missed_s: task.work_s(objective.cost),
+            missed_bound_s: task.work_s(bound.cost),
+        }
+    }
+
+    /// How far the missed work may be from the least, as a share of it; 0 is proven best.
+    #[must_use]
+    pub fn gap(&self) -> f64 {
+        (self.missed_s - self.missed_bound_s).max(0.0) / self.missed_bound_s.max(1.0)
+    }
+}
+
+/// What a station gives, service by service, in order of start.
+struct Ledger<'a> {
+    task: &'a Task,
+    station: &'a StationView,
+    index: usize,
+    spares: Vec<SpareView>,
+    /// Everything that is promised so far.
+    need: Need,
+    /// When the last of it ends, s from now.
+    until_s: f64,
+}
+
+impl<'a> Ledger<'a> {
+    fn new(task: &'a Task, station: &'a StationView, index: usize) -> Self {
+        let mut spares = station.spares.clone();
+        spares.sort_by(|a, b| b.soc.total_cmp(&a.soc).then_with(|| a.spare.cmp(&b.spare)));
+        Self { task, station, index, spares, need: station.committed.clone(), until_s: station.committed_until_s }
+    }
+
+    fn planned(&mut self, session: &Session, to_soc: f64) -> Planned {
+        let (task, now) = (self.task, self.task.view.now);
+        let robot = &task.view.robots[session.robot];
+        let [start, end] = [session.start, session.end].map(|tick| task.grid.time(tick));
+        let travel_s = robot.travel.iter().find(|(station, _, _)| *station == self.index).map_or(0.0, |(_, travel_s, _)| *travel_s);
+        let need = task.need(session.robot, self.index, session.start, session.mode);
+        let (start_s, end_s) = (start.seconds_since(now), end.seconds_since(now));
+        let before_wh = self.need.mean_wh + self.overhead(self.until_s.max(start_s)).mean_wh;
+        self.need = self.need.plus(&need);
+        self.until_s = self.until_s.max(end_s);
+        let total = self.need.plus(&self.overhead(self.until_s));
+        let packs = self.paying(before_wh, total.mean_wh);
+        let probability = covered(self.station, &total);
+        let spare = if session.mode == Mode::Swap || session.mode == Mode::SwapAndRecharge { self.spare(session) } else { None };
+        let mut planned = Planned {
+            robot: robot.robot.clone(),
+            station: self.station.station.clone(),
+            mode: session.mode,
+            bay: session.bay.and_then(|bay| self.station.bays.get(bay as usize).cloned()),
+            spare,
+            to_soc,
+            leave: start.plus_s(-travel_s).max(now),
+            start,
+            end,
+            need,
+            packs,
+            probability,
+            why: Vec::new(),
+        };
+        planned.why = words::why(task, session, &planned);
+        planned
+    }
+
+    fn overhead(&self, until_s: f64) -> Need {
+        self.station.overhead_per_h.scaled(until_s / S_PER_H)
+    }
+
+    /// The fullest spare that is there by then. Where packs are charged again, it comes back as the pack
+    /// that the robot leaves.
+    fn spare(&mut self, session: &Session) -> Option<SpareId> {
+        let start_s = self.task.grid.time(session.start).seconds_since(self.task.view.now);
+        let half_tick_s = f64::from(self.task.grid.tick_s);
+        let place = self.spares.iter().position(|spare| spare.ready_s <= start_s + half_tick_s)?;
+        let spare = self.spares.remove(place);
+        if self.station.charges_spares {
+            self.spares.push(SpareView { ready_s: start_s + self.recharged_s(session), ..spare.clone() });
+        }
+        Some(spare.spare)
+    }
+
+    /// Until the pack that the robot leaves is charged, s from the beginning of the exchange.
+    fn recharged_s(&self, session: &Session) -> f64 {
+        let (view, who) = (&self.task.view.robots[session.robot], &self.task.problem.robots[session.robot]);
+        let soc = (who.energy - who.drain * i64::from(session.start)) as f64 / self.task.problem.battery(session.robot).capacity as f64;
+        let table = view.travel.iter().find(|(station, _, _)| *station == self.index);
+        self.station.handling.swap_s + table.map_or(0.0, |(_, _, table)| table.at(soc).charge_s)
+    }
+
+    /// Packs over which what is taken between two totals falls when all are drained in order.
+    fn paying(&self, from_wh: f64, to_wh: f64) -> Vec<PackId> {
+        let mut start_wh = 0.0;
+        let mut paying = Vec::new();
+        for pack in &self.station.packs {
+            let end_wh = start_wh + pack.usable_wh.value;
+            if from_wh < end_wh && to_wh > start_wh {
+                paying.push(pack.pack.clone());
+            }
+            start_wh = end_wh;
+        }
+        paying
+    }
+}
+
+/// Probability that the station's packs cover a need.
+fn covered(station: &StationView, need: &Need) -> f64 {
+    let usable = station.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
+    let need = need.estimate();
+    Normal::standard().cdf((usable.value - need.value) / usable.sigma.hypot(need.sigma).max(1e-9))
 }

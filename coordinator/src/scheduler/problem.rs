@@ -1,16 +1,18 @@
-//! One planning problem. Times are seconds from `now`.
+//! What is believed at one moment, for planning. Times are seconds from `now`.
 
-use energy::Estimate;
-use proto::{BayId, PackId, RobotId, SpareId, StationId};
+use std::sync::Arc;
 
-use crate::forecast::{Handling, Recharge};
-use energy::Need;
+use energy::{Estimate, Model, Need};
+use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
+
+use super::charging::Table;
+use crate::forecast::Handling;
 
 /// Everything a plan is made from.
 #[derive(Debug, Clone)]
-pub struct Problem {
-    /// Probability with which a promised service must find its energy.
-    pub confidence: f64,
+pub struct View {
+    /// The moment.
+    pub now: Timestamp,
     /// Robots that may need a service, in order of id.
     pub robots: Vec<RobotView>,
     /// Stations, in order of id.
@@ -22,52 +24,31 @@ pub struct Problem {
 pub struct RobotView {
     /// Which.
     pub robot: RobotId,
+    /// Its battery.
+    pub battery: Arc<Model>,
+    /// Temperature of its battery, °C.
+    pub temperature_degc: f64,
     /// Its state of charge.
     pub soc: Estimate,
-    /// Time until it is empty if it goes on working, s, pessimistic at the problem's confidence.
+    /// Time until it is empty if it goes on working, s, pessimistic at the confidence that is asked for;
+    /// infinite when it needs nothing.
     pub empty_s: f64,
-    /// Time before which a service is not wanted, s: it has charge enough.
+    /// Time from which a service is wanted, s: until then it has charge enough.
     pub wanted_s: f64,
     /// Charge that it loses while it works, SoC per s.
     pub drain_soc_per_s: f64,
-    /// Worth of its work.
+    /// The same with the caution that promises need.
+    pub drain_hi_soc_per_s: f64,
+    /// Worth of a second of its work; 1 is usual.
     pub weight: f64,
+    /// When its work ends, s, if that is known.
+    pub until_s: Option<f64>,
     /// Whether the last plan promised it a service.
-    pub promised: bool,
-    /// Ways to service it.
-    pub options: Vec<OptionView>,
-}
-
-/// One way to service a robot.
-#[derive(Debug, Clone)]
-pub struct OptionView {
-    /// Index of the station.
-    pub station: usize,
-    /// Time to get there, s.
-    pub travel_s: f64,
-    /// How.
-    pub way: Way,
-}
-
-/// Recharge or exchange.
-#[derive(Debug, Clone)]
-pub enum Way {
-    /// In a bay.
-    Recharge {
-        /// Level at which it is done.
-        to_soc: f64,
-        /// What it takes if the robot is serviced as soon as it is wanted.
-        recharge: Recharge,
-        /// What each second of waiting adds to the time on the charger, s.
-        charge_s_per_s: f64,
-        /// What each second of waiting adds to the energy, as a share of it.
-        need_share_per_s: f64,
-    },
-    /// Pack for pack.
-    Swap {
-        /// What the station's packs give for it.
-        need: Need,
-    },
+    pub held: bool,
+    /// Stations in reach: index, time to get there (s), and what charging takes there.
+    pub travel: Vec<(usize, f64, Arc<Table>)>,
+    /// Stations that it could reach and that take no part, with the reason.
+    pub closed: Vec<(StationId, String)>,
 }
 
 /// A station.
@@ -79,14 +60,14 @@ pub struct StationView {
     pub out_of_order: Option<String>,
     /// How long it takes to handle a robot.
     pub handling: Handling,
-    /// Its bays.
-    pub bays: Vec<BayView>,
-    /// Lift movements that are already promised, as (from, to), s.
-    pub lift_busy: Vec<(f64, f64)>,
-    /// When the place for exchanges is free, s.
-    pub swap_free_s: f64,
-    /// Its spares.
+    /// Bays that work and are free or held by a service that has begun.
+    pub bays: Vec<BayId>,
+    /// Services that have begun.
+    pub begun: Vec<Begun>,
+    /// Its spares, charged ones first.
     pub spares: Vec<SpareView>,
+    /// Whether packs that robots leave are charged and become spares.
+    pub charges_spares: bool,
     /// Its packs, in the order in which they are to be drained.
     pub packs: Vec<PackView>,
     /// What services that have begun still take.
@@ -95,15 +76,21 @@ pub struct StationView {
     pub committed_until_s: f64,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
+    /// Change of what a Wh of service takes by one standard deviation of each shared parameter.
+    pub shared_per_wh: Vec<f64>,
 }
 
-/// A bay.
+/// A service that has begun.
 #[derive(Debug, Clone)]
-pub struct BayView {
-    /// Which.
-    pub bay: BayId,
-    /// When it is free, s; none while it is out of order.
-    pub free_s: Option<f64>,
+pub struct Begun {
+    /// The bay that is held for it; none for an exchange.
+    pub bay: Option<BayId>,
+    /// When it takes the lift or the place for exchanges, s; 0 when it has.
+    pub from_s: f64,
+    /// Whether the lift has still to bring the robot in.
+    pub to_load: bool,
+    /// When the place is free again, s.
+    pub until_s: f64,
 }
 
 /// A spare pack for robots.
@@ -111,8 +98,10 @@ pub struct BayView {
 pub struct SpareView {
     /// Which.
     pub spare: SpareId,
-    /// Its state of charge.
-    pub soc: Estimate,
+    /// Its state of charge when it can be handed out.
+    pub soc: f64,
+    /// When that is, s.
+    pub ready_s: f64,
 }
 
 /// A pack of a station.

@@ -19,6 +19,10 @@ pub struct Measured {
     depleted: u32,
     swaps: u32,
     doubted: u32,
+    services: u32,
+    moved: usize,
+    /// Sum of the plans' gaps, and how many there were.
+    gaps: (f64, u32),
     /// True state of charge of every pack when the last service so far was done.
     socs_after_services: Vec<(String, f64)>,
 }
@@ -28,6 +32,7 @@ impl Measured {
         match (event.kind, &event.robot) {
             (EventKind::ServiceDone, Some(robot)) => {
                 self.served.insert(robot.clone());
+                self.services += 1;
                 self.socs_after_services = socs();
             }
             (EventKind::PromiseBroken, Some(robot)) => drop(self.broken.insert(robot.clone())),
@@ -35,6 +40,17 @@ impl Measured {
             (EventKind::PackDepleted, _) => self.depleted += 1,
             (EventKind::ModelDoubted, _) => self.doubted += 1,
             _ => {}
+        }
+    }
+
+    pub(super) fn plan(&mut self, plan: &Schedule) {
+        if let Some(quality) = &plan.quality {
+            self.moved += quality.moved.len();
+            let gap = (quality.missed_s - quality.missed_bound_s).max(0.0) / quality.missed_bound_s.max(1.0);
+            self.gaps = (self.gaps.0 + gap, self.gaps.1 + 1);
+        }
+        if self.first_plan.is_none() {
+            self.first_plan = Some(plan.clone());
         }
     }
 
@@ -57,8 +73,13 @@ impl Measured {
             ("pack_switches", f64::from(self.switches)),
             ("swaps", f64::from(self.swaps)),
             ("models_doubted", f64::from(self.doubted)),
+            ("services_done", f64::from(self.services)),
+            ("services_moved", self.moved as f64),
+            ("plan_gap", self.gaps.0 / f64::from(self.gaps.1.max(1))),
         ];
         self.metrics.extend(counted.iter().chain(totals).map(|&(name, value)| (name.to_owned(), value + 0.0)));
+        let energy_wh = self.metrics.get("pack_energy_wh").copied().unwrap_or(0.0);
+        self.metrics.insert("energy_per_service_wh".to_owned(), energy_wh / f64::from(self.services.max(1)));
         let after = std::mem::take(&mut self.socs_after_services);
         let after = if after.is_empty() { socs.clone() } else { after };
         self.metrics.extend(after.into_iter().map(|(pack, soc)| (format!("soc_after_services.{pack}"), soc)));

@@ -281,7 +281,7 @@ impl World {
                 events.push(event.clone());
             }
             Record::Plan(schedule) => {
-                measured.first_plan.get_or_insert_with(|| schedule.clone());
+                measured.plan(schedule);
                 plan = Some(schedule.clone());
             }
             Record::Capacity(capacity) if measured.first_capacity.is_none() => measured.first_capacity = Some(capacity.clone()),

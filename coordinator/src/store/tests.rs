@@ -122,11 +122,12 @@ fn schedule(plan: u64) -> Schedule {
         services: Vec::new(),
         unserved,
         doubts: Vec::new(),
+        quality: None,
     }
 }
 
 fn capacity(robots_promised: u32) -> Capacity {
-    Capacity { at: at(7), packs: Vec::new(), robots_expected: 9, robots_promised, confidence: 0.95 }
+    Capacity { at: at(7), packs: Vec::new(), stations: Vec::new(), robots_expected: 9, robots_promised, confidence: 0.95 }
 }
 
 fn explanation(robot: &str, reason: &str) -> Explanation {
@@ -137,6 +138,8 @@ fn explanation(robot: &str, reason: &str) -> Explanation {
         reasons: vec![reason.to_owned()],
         alternatives: Vec::new(),
         doubts: Vec::new(),
+        earlier: Vec::new(),
+        changed: Vec::new(),
     }
 }
 

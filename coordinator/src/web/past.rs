@@ -179,6 +179,7 @@ mod tests {
             start: at(10),
             end: at(90),
             pack_energy_wh: Estimate::new(20.0, 1.0),
+            probability: None,
             status: ServiceStatus::Charging,
             why: Vec::new(),
         };

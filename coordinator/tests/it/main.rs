@@ -1,5 +1,6 @@
 //! The simulator and its command, from outside.
 
+mod calibration;
 mod commands;
 mod faults;
 mod fuzz;

@@ -38,7 +38,9 @@ const STORIES: &[Story] = &[
         believed: "models/mds-station-no-own-load.toml",
         run: "own load unknown",
         logs: &["mds-1"],
-        names: &["robot_own_load"],
+        // The same watts before the charger or after it: a station's log cannot tell (each names the
+        // other, and the measurement between, in `confused_with`).
+        names: &["robot_own_load", "path_selection"],
         short: true,
     },
     Story {
@@ -161,15 +163,18 @@ fn what_the_lab_finds_in_a_broken_promise_keeps_the_next_one() {
             format!("promised {promised}, served {served}, broken {broken}, stranded {stranded}")
         };
         println!(
-            "{}: before: {}; lab: {:?} {:?} {:?}; after: {}",
+            "{}: before: {}; lab: {:?} {:?}, as likely {:?} {:?}; after: {}",
             story.scenario,
             numbers(&before),
             found.verdict,
             found.selected,
+            found.equivalent,
             found.parameters,
             numbers(&after)
         );
-        let named = found.selected.iter().any(|effect| story.names.contains(effect));
+        // Where these logs cannot tell, the answer is the set, with what would.
+        let named = found.selected.iter().chain(&found.equivalent).any(|effect| story.names.contains(effect));
+        let named = named && found.equivalent.is_empty() == found.experiment.is_empty();
         if before["promises_broken"] == 0.0 || after["promises_broken"] > 0.0 || after["robots_served"] == 0.0 || !named {
             failures.push(story.scenario);
         }

@@ -7,7 +7,7 @@ use energy::document::hint;
 use energy::{EffectSpec, Model, catalogue};
 use lab::compare::compare;
 use lab::infer::candidate::candidates;
-use lab::infer::discover::refusals;
+use lab::infer::judge::refusals;
 use lab::infer::score::Scoring;
 use lab::infer::state::State;
 use lab::infer::trial::{Trial, held_out};
@@ -94,7 +94,7 @@ fn trial(case: &Case<'_>, base: &State, spec: &'static EffectSpec) -> anyhow::Re
         return Err(anyhow!("{} cannot be fitted to these logs{reason}", spec.id));
     };
     match Scoring::new(base).score(candidate) {
-        Some(score) => Ok(Trial::run(base, candidate, &score, case.held.as_ref())),
+        Some(score) => Ok(Trial::run(base, candidate, &score, f64::INFINITY, case.held.as_ref())),
         None => bail!("{} changes nothing in these logs, so they cannot say how large it is", spec.id),
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use energy::Model;
 use indicatif::{ProgressBar, ProgressStyle};
 use lab::ModelSource;
@@ -55,13 +55,21 @@ impl<'a> Case<'a> {
             anyhow::Ok(Arc::new(Evidence::new(&source.model, prepared)))
         };
         let (seen, held) = (evidence(&train)?, if holdout.is_empty() { None } else { Some(evidence(&holdout)?) });
+        // Where every number can be fitted exactly, nothing is ever seen to be missing.
+        let rows: usize = seen.segments.iter().map(|segment| segment.rows.len()).sum();
+        let unknowns = Frame::new(Arc::clone(&source.model), Arc::clone(&seen)).unknowns();
+        ensure!(
+            rows > unknowns,
+            "{}: {rows} rows count, and {unknowns} numbers are free or only roughly known (free parameters, [uncertainty], sensors' \
+             offsets and gains): too few to say what is missing. Give a longer log, or look at `lab compare`",
+            seen.logs.iter().map(|log| log.name.as_str()).collect::<Vec<_>>().join(", ")
+        );
         Ok(Case { inputs, train, holdout, evidence: seen, held, source })
     }
 
     /// The model as given, its free parameters and all that is roughly known at their best.
     pub(super) fn fitted(&self) -> State {
-        let frame = Arc::new(Frame::new(Arc::clone(&self.source.model), Arc::clone(&self.evidence)));
-        State::search(Arc::clone(&frame), &frame.start())
+        State::of_model(Arc::clone(&self.source.model), Arc::clone(&self.evidence))
     }
 
     /// The model as given, as a written one: what a comparison begins with.

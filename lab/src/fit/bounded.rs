@@ -6,6 +6,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::step::{damped_step, promised};
+
 /// A problem: residuals and their derivatives.
 pub trait LeastSquares {
     /// Residuals at the parameters.
@@ -96,7 +98,7 @@ pub fn minimise_to(
         settled |= steepest <= COSINE_TOLERANCE;
         let mut next = None;
         while !settled && iteration < iterations_max && damping < DAMPING_MAX {
-            let step = solve(&normal, &gradient, &scale, damping, &moving, &at, bounds);
+            let step = damped_step(&normal, &gradient, &scale, damping, &moving, &at, bounds);
             if enough > 0.0 && promised(&normal, &gradient, &step) < enough {
                 break;
             }
@@ -119,13 +121,8 @@ pub fn minimise_to(
     }
 }
 
-/// Fall of the sum of squares that the derivatives promise for a step.
-fn promised(normal: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>) -> f64 {
-    -(2.0 * gradient.dot(step) + step.dot(&(normal * step)))
-}
-
 /// The bound that a parameter rests on and against which the cost falls.
-fn held(x: f64, (min, max): (f64, f64), gradient: f64) -> Option<Side> {
+pub(crate) fn held(x: f64, (min, max): (f64, f64), gradient: f64) -> Option<Side> {
     match () {
         () if x <= min && gradient > 0.0 => Some(Side::Min),
         () if x >= max && gradient < 0.0 => Some(Side::Max),
@@ -136,49 +133,6 @@ fn held(x: f64, (min, max): (f64, f64), gradient: f64) -> Option<Side> {
 fn cosine(gradient: f64, column_squared: f64, cost: f64) -> f64 {
     let product = (column_squared * cost).sqrt();
     if product > 0.0 { gradient.abs() / product } else { 0.0 }
-}
-
-/// The step of all parameters. One that would leave its range goes to the bound, and the others
-/// are asked again what is best beside that: cut off alone, a step of parameters that belong
-/// together leads nowhere.
-fn solve(
-    normal: &DMatrix<f64>,
-    gradient: &DVector<f64>,
-    scale: &[f64],
-    damping: f64,
-    moving: &[usize],
-    at: &[f64],
-    bounds: &[(f64, f64)],
-) -> DVector<f64> {
-    let mut step = DVector::zeros(at.len());
-    let mut inside = moving.to_vec();
-    loop {
-        let mut system = DMatrix::from_fn(inside.len(), inside.len(), |i, j| normal[(inside[i], inside[j])]);
-        for (i, &index) in inside.iter().enumerate() {
-            // A parameter that nothing depends on stays where it is.
-            system[(i, i)] += if scale[index] > 0.0 { damping * scale[index] } else { 1.0 };
-        }
-        // What those at their bounds have moved already shifts the slope of the others.
-        let pulled = normal * &step;
-        let right = DVector::from_fn(inside.len(), |i, _| -gradient[inside[i]] - pulled[inside[i]]);
-        let Some(cholesky) = system.cholesky() else { return DVector::zeros(at.len()) };
-        let solution = cholesky.solve(&right);
-        let beyond = |&(i, index): &(usize, &usize)| {
-            let index = *index;
-            let x = at[index] + solution[i];
-            x < bounds[index].0 || x > bounds[index].1
-        };
-        let out: Vec<usize> = inside.iter().enumerate().filter(beyond).map(|(i, _)| i).collect();
-        if out.is_empty() {
-            inside.iter().zip(solution.iter()).for_each(|(&index, &change)| step[index] = change);
-            return step;
-        }
-        for &i in &out {
-            let index = inside[i];
-            step[index] = (at[index] + solution[i]).clamp(bounds[index].0, bounds[index].1) - at[index];
-        }
-        inside = inside.iter().enumerate().filter(|(i, _)| !out.contains(i)).map(|(_, &index)| index).collect();
-    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use energy::{Channel, EffectSpec};
 use serde::Serialize;
 
 use super::candidate::Untested;
-use super::discover::{Outcome, Refusal, Search, Step, explained};
+use super::discover::{Outcome, Search, Step};
+use super::judge::{Refusal, explained};
 use super::state::State;
 use super::trial::Trial;
 

@@ -2,15 +2,14 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model, System, catalogue};
+use energy::{Channel, Model};
 
 use super::candidate::{Candidate, Untested, candidates};
 use super::evidence::Evidence;
-use super::frame::Frame;
+use super::judge::{ABSORBED, Refusal, explained, refusals, squares, threshold};
 use super::score::{Score, Scoring};
 use super::state::State;
 use super::trial::{Trial, held_out};
-use crate::report::quantity::unit_of;
 
 /// What is known after one look at every absent effect.
 #[derive(Debug, Clone)]
@@ -31,20 +30,6 @@ pub struct Step {
     pub outcome: Outcome,
 }
 
-/// Why a refitted effect is not accepted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Refusal {
-    /// The evidence is too weak for the number of effects tried.
-    Evidence,
-    /// It is smaller than a decision would notice.
-    TooSmall,
-    /// It hardly lowers the error of the logs that it was fitted to.
-    Training,
-    /// It does not help on the held-out logs.
-    Holdout,
-}
-
 /// The conclusion of one look.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
@@ -56,18 +41,22 @@ pub enum Outcome {
     Unknown,
 }
 
-/// Fall of the information criterion that an effect must bring, were it the only one tried.
-const DELTA_BIC: f64 = 10.0;
 /// Effects within this of the best one's information criterion are as likely.
 const ALIKE: f64 = 10.0;
-/// Effects that are refitted: the best by what a linear refit promises, and by the score against
-/// slow noise.
+/// Effects that are refitted: the best by what a linear refit promises, by the score against slow
+/// noise, and by what they explain where no slow noise excuses it.
 const REFITTED: usize = 4;
-const REFITTED_TOO: usize = 1;
-/// Share of the squared error beyond the floor that an effect must take away: 5 % of the RMS.
-const FALL: f64 = 0.1;
-/// RMS over floor up to which a channel is explained.
-const EXPLAINED: f64 = 1.05;
+const BY_STATISTIC: usize = 1;
+const BY_EXPLAINED: usize = 2;
+/// Of those that a refit of the base absorbs nearly whole, and of those that look like the best.
+const ABSORBED_MAX: usize = 4;
+const LIKE_THE_BEST: usize = 3;
+/// Share of what the best explains that such an effect must explain to be refitted.
+const SHARE: f64 = 0.1;
+/// Share by which an effect may do less well than another with more numbers.
+const AS_WELL: f64 = 0.01;
+/// Confounding from which on an effect looks like the best.
+const LOOKS_ALIKE: f64 = 0.9;
 
 impl Step {
     /// Looks at every effect that the base model lacks.
@@ -77,25 +66,41 @@ impl Step {
         let scoring = Scoring::new(&base);
         let mut scored: Vec<(Score, &Candidate)> = able.iter().filter_map(|one| scoring.score(one).map(|score| (score, one))).collect();
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
-        let mut by_statistic: Vec<usize> = (0..scored.len()).collect();
-        by_statistic.sort_by(|&a, &b| scored[b].0.statistic.total_cmp(&scored[a].0.statistic));
-        let best_gain = scored.first().map_or(0.0, |(score, _)| score.gain);
-        let worth_a_refit = |&place: &usize| {
-            let score = &scored[place].0;
-            let near = place < REFITTED && score.gain > 0.3 * best_gain || score.gain > best_gain - 2.0 * ALIKE;
-            let next = by_statistic.iter().take(REFITTED_TOO).any(|&other| other == place);
-            (near || next) && score.gain.max(score.statistic) > 0.5 * threshold(able.len())
+        let (places, rest): (Vec<usize>, Vec<usize>) = {
+            let wanted = worth_a_refit(&base, &scored, able.len());
+            (0..scored.len()).partition(|place| wanted.contains(place))
         };
-        let mut trials: Vec<Trial> =
-            (0..scored.len()).filter(worth_a_refit).map(|place| Trial::run(&base, scored[place].1, &scored[place].0, holdout)).collect();
+        let mut trials: Vec<Trial> = Vec::new();
+        let refit = |place: usize, trials: &mut Vec<Trial>| {
+            let (score, candidate) = &scored[place];
+            let rival = trials.iter().map(|trial| trial.state.cost).fold(f64::INFINITY, f64::min) + 3.0 * ALIKE;
+            trials.push(Trial::run(&base, candidate, score, rival, holdout));
+        };
+        places.into_iter().for_each(|place| refit(place, &mut trials));
         trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&base, evidence));
-        let refusals: Vec<Vec<Refusal>> = trials.iter().map(|trial| refusals(&base, trial, &base_holdout, holdout, able.len())).collect();
-        // The accepted ones come first.
-        let mut order: Vec<usize> = (0..trials.len()).collect();
-        order.sort_by_key(|&place| !refusals[place].is_empty());
-        let trials: Vec<Trial> = order.iter().map(|&place| trials[place].clone()).collect();
-        let refusals: Vec<Vec<Refusal>> = order.iter().map(|&place| refusals[place].clone()).collect();
+        // What looks like the best must be heard as well.
+        if let Some(best) = trials.first().filter(|best| best.delta_bic > threshold(able.len())) {
+            let best = scored.iter().map(|(score, _)| score).find(|score| score.spec.id == best.spec.id);
+            let alike = |&place: &usize| best.is_some_and(|best| best.confounded(&scored[place].0) > LOOKS_ALIKE);
+            let alike: Vec<usize> = rest.into_iter().filter(alike).take(LIKE_THE_BEST).collect();
+            alike.into_iter().for_each(|place| refit(place, &mut trials));
+            trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+        }
+        let mut judged: Vec<(Trial, Vec<Refusal>)> = trials
+            .into_iter()
+            .map(|trial| {
+                let refusals = refusals(&base, &trial, &base_holdout, holdout, able.len());
+                (trial, refusals)
+            })
+            .collect();
+        // The accepted ones come first, and of those that do as well the simplest.
+        judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
+        let accepted = judged.iter().take_while(|(_, refusals)| refusals.is_empty()).count();
+        if let Some(simplest) = simplest(&judged[..accepted], holdout) {
+            judged[..=simplest].rotate_right(1);
+        }
+        let (trials, refusals): (Vec<Trial>, Vec<Vec<Refusal>>) = judged.into_iter().unzip();
         let accepted = refusals.iter().take_while(|refusals| refusals.is_empty()).count();
         let outcome = match accepted {
             0 if explained(&base) => Outcome::Complete,
@@ -103,7 +108,7 @@ impl Step {
             _ => {
                 let alike = |&place: &usize| {
                     let likely = trials[0].delta_bic - trials[place].delta_bic < ALIKE;
-                    likely && !same_form(trials[0].spec, trials[place].spec)
+                    likely && !trials[0].is_also(&trials[place]) && !trials[place].is_also(&trials[0])
                 };
                 Outcome::Missing((1..accepted).filter(alike).collect())
             }
@@ -113,63 +118,45 @@ impl Step {
     }
 }
 
-/// The evidence that one of so many effects must bring.
-fn threshold(tried: usize) -> f64 {
-    DELTA_BIC + 2.0 * (tried.max(1) as f64).ln()
+/// The effect that does as well as the first, and with fewer numbers: by a criterion less than a
+/// hundredth below the first's, with an error on held-out logs that is no larger. A table of
+/// numbers finds something to do in the last rows before empty, where a tiny error of charge is one
+/// of millivolts.
+fn simplest(judged: &[(Trial, Vec<Refusal>)], holdout: Option<&Arc<Evidence>>) -> Option<usize> {
+    let (first, _) = judged.first()?;
+    let held = |trial: &Trial| holdout.map_or(1.0, |evidence| squares(evidence, &trial.holdout));
+    let does_as_well = |&place: &usize| {
+        let trial = &judged[place].0;
+        let near = trial.delta_bic > (1.0 - AS_WELL) * first.delta_bic;
+        near && held(trial) <= (1.0 + AS_WELL) * held(first) && trial.spec.parameters.len() < first.spec.parameters.len()
+    };
+    (1..judged.len()).filter(does_as_well).min_by_key(|&place| judged[place].0.spec.parameters.len())
 }
 
-/// Why a refitted effect, one of so many that were tried, is not accepted; empty when it is.
-#[must_use]
-pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout: Option<&Arc<Evidence>>, tried: usize) -> Vec<Refusal> {
-    let mut all = Vec::new();
-    if trial.delta_bic < threshold(tried) {
-        all.push(Refusal::Evidence);
+/// Places of the scores, best gain first, whose effects are refitted for real.
+fn worth_a_refit(base: &State, scored: &[(Score, &Candidate)], tried: usize) -> Vec<usize> {
+    let by = |of: fn(&Score) -> f64, count: usize| {
+        let mut places: Vec<usize> = (0..scored.len()).collect();
+        places.sort_by(|&a, &b| of(&scored[b].0).total_cmp(&of(&scored[a].0)));
+        places.truncate(count);
+        places
+    };
+    let best_gain = scored.first().map_or(0.0, |(score, _)| score.gain);
+    let most = scored.iter().map(|(score, _)| score.explained).fold(0.0, f64::max);
+    let near = (0..scored.len()).filter(|&place| {
+        let gain = scored[place].0.gain;
+        place < REFITTED && gain > 0.3 * best_gain || gain > best_gain - 2.0 * ALIKE
+    });
+    let weighty = |&place: &usize| scored[place].0.gain.max(scored[place].0.statistic) > 0.5 * threshold(tried);
+    let mut places: Vec<usize> = near.chain(by(|score| score.statistic, BY_STATISTIC)).filter(weighty).collect();
+    if !explained(base) {
+        let explains = |&place: &usize| scored[place].0.explained > 10.0 * threshold(tried);
+        places.extend(by(|score| score.explained, BY_EXPLAINED).into_iter().filter(explains));
+        // The base model may have bent itself to absorb an effect.
+        let absorbed = |&place: &usize| scored[place].0.uniqueness < ABSORBED && scored[place].0.explained > SHARE * most;
+        places.extend(by(|score| score.explained, scored.len()).into_iter().filter(explains).filter(absorbed).take(ABSORBED_MAX));
     }
-    if trial.change < trial.spec.matters {
-        all.push(Refusal::TooSmall);
-    }
-    if !falls(&base.frame.evidence, &base.rms(), &trial.state.rms()) {
-        all.push(Refusal::Training);
-    }
-    if holdout.is_some_and(|evidence| !falls(evidence, before, &trial.holdout)) {
-        all.push(Refusal::Holdout);
-    }
-    all
-}
-
-/// Whether the squared error, in floors, falls by a share of what lies beyond the floors.
-fn falls(evidence: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]) -> bool {
-    let rows = |channel| evidence.segments.iter().filter(|segment| segment.channel == channel).map(|s| s.rows.len()).sum::<usize>() as f64;
-    let squares =
-        |rms: &[(Channel, f64)]| rms.iter().map(|&(channel, rms)| rows(channel) * (rms / evidence.floor(channel)).powi(2)).sum::<f64>();
-    let floor: f64 = before.iter().map(|&(channel, _)| rows(channel)).sum();
-    let (before, after) = (squares(before), squares(after));
-    before - after > (FALL * (before - floor)).max(0.0)
-}
-
-/// Whether one effect is another, or that with more freedom: it moves the same channel by
-/// parameters of the same names.
-fn same_form(a: &EffectSpec, b: &EffectSpec) -> bool {
-    let within = |a: &EffectSpec, b: &EffectSpec| a.parameters.iter().all(|p| b.parameters.iter().any(|q| q.name == p.name));
-    a.channel == b.channel && (within(a, b) || within(b, a))
-}
-
-/// Whether what is left of every channel is the sensors' noise, or less beyond it than the
-/// smallest effect on such a channel that matters.
-#[must_use]
-pub fn explained(state: &State) -> bool {
-    state.rms().iter().all(|&(channel, rms)| {
-        let floor = state.frame.evidence.floor(channel);
-        let beyond = (rms * rms - floor * floor).max(0.0).sqrt();
-        rms <= EXPLAINED * floor || beyond < matters(state.frame.model.system, channel)
-    })
-}
-
-/// Half of the smallest effect that matters on channels of this one's unit.
-fn matters(system: System, channel: Channel) -> f64 {
-    let specs = catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == system);
-    let alike = specs.filter(|spec| unit_of(spec.channel.name()) == unit_of(channel.name()));
-    0.5 * alike.map(|spec| spec.matters).fold(f64::INFINITY, f64::min)
+    places
 }
 
 /// The whole search.
@@ -187,8 +174,7 @@ const EFFECTS_MAX: usize = 8;
 /// Adds effects until the model is complete or none is accepted.
 #[must_use]
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
-    let frame = Arc::new(Frame::new(model, evidence));
-    let mut state = State::search(Arc::clone(&frame), &frame.start());
+    let mut state = State::of_model(model, evidence);
     let mut steps = Vec::new();
     loop {
         let step = Step::look(state, holdout);

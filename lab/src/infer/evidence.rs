@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Model, System};
 
+use super::course::{Course, HOLDS};
 use crate::prepare::Prepared;
 use crate::residual::noise_between;
 
@@ -29,18 +30,22 @@ pub struct Segment {
 }
 
 impl Segment {
+    /// The judged rows between which the slope at a row is taken, towards the next row (`side` > 0) or
+    /// the one before (< 0), with the time between them, s; none across means and gaps, whose times
+    /// say too little.
+    pub(super) fn neighbours(&self, row: usize, side: f64) -> Option<(usize, usize, f64)> {
+        let (low, high) = if side > 0.0 { (row, row + 1) } else { (row.checked_sub(1)?, row) };
+        let whole = high < self.counts.len() && self.counts[low] == 1.0 && self.counts[high] == 1.0;
+        whole.then(|| (low, high, self.time_s[high] - self.time_s[low]))
+    }
+
     /// Slope of a value per judged row towards the next row (`side` > 0), the one before (< 0) or
-    /// between both, per s; 0 across means and gaps, whose times say too little.
+    /// between both, per s; 0 where no neighbour tells.
     pub(super) fn slope(&self, values: &[f64], row: usize, side: f64) -> f64 {
-        let towards = |other: usize| {
-            let whole = other < values.len() && self.counts[row] == 1.0 && self.counts[other] == 1.0;
-            whole.then(|| (values[other] - values[row]) / (self.time_s[other] - self.time_s[row]))
-        };
-        match (towards(row + 1), row.checked_sub(1).and_then(towards)) {
-            (Some(next), _) if side > 0.0 => next,
-            (_, Some(before)) if side < 0.0 => before,
-            (Some(next), Some(before)) if side == 0.0 => (next + before) / 2.0,
-            _ => 0.0,
+        let towards = |side: f64| self.neighbours(row, side).map(|(low, high, dt_s)| (values[high] - values[low]) / dt_s);
+        match () {
+            () if side != 0.0 => towards(side).unwrap_or(0.0),
+            () => towards(1.0).zip(towards(-1.0)).map_or(0.0, |(next, before)| (next + before) / 2.0),
         }
     }
 
@@ -61,6 +66,8 @@ pub struct Evidence {
     /// White noise of one row by channel: the known floor or, where a model states none, the noise
     /// that the measurements themselves show from row to row.
     pub floors: Vec<(Channel, f64)>,
+    /// How a model walks each log to show what is judged.
+    pub(super) courses: Vec<Course>,
     /// The same evidence row by row, where `segments` hold means of rows.
     pub whole: Option<Arc<Evidence>>,
 }
@@ -110,7 +117,8 @@ impl Evidence {
                 floors.push((segment.channel, white));
             }
         }
-        Evidence { logs: Arc::new(logs), segments, floors, whole: None }
+        let courses = logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
+        Evidence { logs: Arc::new(logs), segments, floors, courses, whole: None }
     }
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
@@ -119,10 +127,12 @@ impl Evidence {
     #[must_use]
     pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
         let whole = Evidence::row_by_row(model, logs);
-        let jumps: Vec<Vec<bool>> = whole.logs.iter().map(jumps).collect();
+        let jumps: Vec<Vec<bool>> = whole.logs.iter().map(|log| jumps(log, model)).collect();
         let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
         place(&mut segments);
-        Evidence { logs: Arc::clone(&whole.logs), segments, floors: whole.floors.clone(), whole: Some(Arc::new(whole)) }
+        let logs = whole.logs.iter().enumerate();
+        let courses = logs.map(|(index, log)| Course::in_means(index, log, &segments, |channel| model.sensor(channel))).collect();
+        Evidence { logs: Arc::clone(&whole.logs), segments, floors: whole.floors.clone(), courses, whole: Some(Arc::new(whole)) }
     }
 
     /// Judged rows.
@@ -146,13 +156,14 @@ fn place(segments: &mut [Segment]) {
     }
 }
 
-/// Rows at which an input jumps.
-fn jumps(log: &Prepared) -> Vec<bool> {
+/// Rows at which an input jumps: by a share of its range, and by more than its sensor's noise.
+fn jumps(log: &Prepared, model: &Model) -> Vec<bool> {
     let mut jumps = vec![false; log.time_s.len()];
-    for (_, values) in &log.inputs {
+    for (channel, values) in &log.inputs {
         let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
+        let least = (JUMP * (high - low)).max(HOLDS * model.sensor(*channel).floor());
         for row in 1..values.len() {
-            jumps[row] |= (values[row] - values[row - 1]).abs() > JUMP * (high - low);
+            jumps[row] |= (values[row] - values[row - 1]).abs() > least;
         }
     }
     jumps

@@ -6,11 +6,9 @@
 
 use std::sync::Arc;
 
-use energy::real::{Dual, LANES, derivative, variable};
 use energy::{Channel, Channels, Facts, Model, Start, System};
-use nalgebra::DMatrix;
 
-use super::evidence::{Evidence, Segment};
+use super::evidence::Evidence;
 use super::rough::{Known, Rough, knots, rough, weights};
 use super::walk::{drives, walk};
 use crate::prepare::predicted_channels;
@@ -102,76 +100,6 @@ impl Frame {
         (0..count).map(|knot| self.error(x, Rough::Ocv(knot))).collect()
     }
 
-    /// What the model predicts for every row.
-    #[must_use]
-    pub fn predict(&self, x: &[f64]) -> Vec<f64> {
-        let values = self.values(x);
-        let mut all = vec![0.0; self.evidence.rows()];
-        for log in 0..self.evidence.logs.len() {
-            self.walk_log(log, x, values.clone(), &self.model_at(x), |_, value| value, |row, shown, _, share| all[row] += shown * share);
-        }
-        self.delay(x, &mut all);
-        all
-    }
-
-    /// What the model predicts for every row, and its derivatives by some of the unknowns, one
-    /// column each.
-    #[must_use]
-    pub fn linearise(&self, x: &[f64], by: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
-        let mut all = vec![0.0; self.evidence.rows()];
-        let mut columns = DMatrix::zeros(all.len(), by.len());
-        let model = self.model_at(x);
-        for log in 0..self.evidence.logs.len() {
-            let moved: Vec<(usize, usize)> =
-                by.iter().copied().enumerate().filter(|&(_, unknown)| self.moves_model(unknown, log)).collect();
-            for (pass, lanes) in moved.chunks(LANES).enumerate() {
-                let dual = |unknown: Option<usize>, value: f64| {
-                    let lane = unknown.and_then(|unknown| lanes.iter().position(|&(_, known)| known == unknown));
-                    lane.map_or_else(|| Dual::from(value), |lane| variable(value, lane))
-                };
-                let parameters = self.values(x).into_iter().enumerate();
-                let parameters = parameters.map(|(index, value)| dual(self.unknown_of_parameter(index), value)).collect();
-                let error = |what, value| dual(self.unknown_of(what), value);
-                self.walk_log(log, x, parameters, &model, error, |row, shown: Dual, soc, share| {
-                    for (lane, &(column, _)) in lanes.iter().enumerate() {
-                        columns[(row, column)] += derivative(&shown, lane) * share;
-                    }
-                    if pass == 0 {
-                        all[row] += shown.re * share;
-                        self.additive(row, soc.re, shown.re, share, x, by, &mut columns);
-                    }
-                });
-            }
-            if moved.is_empty() {
-                self.walk_log(
-                    log,
-                    x,
-                    self.values(x),
-                    &model,
-                    |_, value| value,
-                    |row, shown, soc, share| {
-                        all[row] += shown * share;
-                        self.additive(row, soc, shown, share, x, by, &mut columns);
-                    },
-                );
-            }
-        }
-        self.delay_columns(x, &all, by, &mut columns);
-        self.delay(x, &mut all);
-        for (column, &unknown) in by.iter().enumerate() {
-            let step = match self.what(unknown) {
-                Some(Rough::Capacity) => CAPACITY_STEP,
-                Some(Rough::TemperatureInitial(_)) => TEMPERATURE_STEP_K,
-                _ => continue,
-            };
-            let mut beside = x.to_vec();
-            beside[unknown] += step;
-            let moved = self.predict(&beside);
-            columns.column_mut(column).iter_mut().zip(moved.iter().zip(&all)).for_each(|(slope, (b, a))| *slope = (b - a) / step);
-        }
-        (all, columns)
-    }
-
     /// RMS that the walk's channel differs by between two models, on the log where it differs most:
     /// `self` at its unknowns, and the same unknowns with some parameters at other values.
     #[must_use]
@@ -183,15 +111,16 @@ impl Frame {
         let of_log = |log: usize| {
             let run = |values: Vec<f64>| {
                 let mut seen = Vec::new();
-                self.walk_channels(
+                self.walk_log(
                     log,
+                    Steps::Rows,
                     x,
                     values,
                     &model,
                     |_, value| value,
                     |row, now: &Channels<f64>| {
                         if row > 0 {
-                            seen.push(now[channel])
+                            seen.push(now[channel]);
                         }
                     },
                 );
@@ -209,13 +138,16 @@ impl Frame {
     pub fn soc(&self, x: &[f64], log: usize) -> Vec<f64> {
         let mut soc = Vec::new();
         if self.model.system == System::Battery {
-            self.walk_channels(
+            self.walk_log(
                 log,
+                Steps::Rows,
                 x,
                 self.values(x),
                 &self.model_at(x),
                 |_, value| value,
-                |_, now: &Channels<f64>| soc.push(now[Channel::Soc]),
+                |_, now: &Channels<f64>| {
+                    soc.push(now[Channel::Soc]);
+                },
             );
         }
         soc
@@ -264,17 +196,18 @@ impl Frame {
         Arc::new(model)
     }
 
-    /// Walks a log and shows its channels; `error` lifts the error of a rough number.
-    fn walk_channels<S: energy::effect::Lane>(
+    /// Walks a log and shows its channels after every step; `error` lifts the error of a rough number.
+    #[expect(clippy::too_many_arguments, reason = "one walk in all its aspects")]
+    fn walk_log<S: energy::effect::Lane>(
         &self,
         log: usize,
+        steps: Steps,
         x: &[f64],
         parameters: Vec<S>,
         model: &Arc<Model>,
         error: impl Fn(Rough, f64) -> S,
         at: impl FnMut(usize, &Channels<S>),
     ) {
-        let prepared = &self.evidence.logs[log];
         let lifted = |what| -> Option<S> {
             let unknown = self.unknown_of(what)?;
             Some(error(what, x[unknown]))
@@ -284,97 +217,15 @@ impl Frame {
             (None, None) => None,
             (offset, gain) => Some((offset.unwrap_or(zero), gain.unwrap_or(zero))),
         };
+        let (prepared, course) = (&self.evidence.logs[log], &self.evidence.courses[log]);
         let mut start: Start<S> = prepared.start.lifted();
         start.soc += lifted(Rough::SocInitial(log)).unwrap_or(zero);
         start.temperature_degc += self.error(x, Rough::TemperatureInitial(log));
-        walk(model, parameters, start, &prepared.time_s, &drives(model, prepared, shift), at);
-    }
-
-    /// Walks a log and shows, for every row that counts, the judged row that it goes into, the
-    /// predicted value, the state of charge and the row's share in the mean.
-    fn walk_log<S: energy::effect::Lane>(
-        &self,
-        log: usize,
-        x: &[f64],
-        parameters: Vec<S>,
-        model: &Arc<Model>,
-        error: impl Fn(Rough, f64) -> S,
-        mut at: impl FnMut(usize, S, S, f64),
-    ) {
-        let segments: Vec<&Segment> = self.evidence.segments.iter().filter(|segment| segment.log == log).collect();
-        let mut next = vec![0; segments.len()];
-        let (ocv, cells) = (self.knot_errors(x), self.cells());
-        let shown: Vec<(f64, f64)> = segments
-            .iter()
-            .map(|segment| (self.error(x, Rough::Offset(segment.channel)), self.error(x, Rough::Gain(segment.channel))))
-            .collect();
-        let source = |channel| {
-            let unpredicted = channel == Channel::TemperatureDegc && !model.predicts_temperature();
-            if unpredicted { Channel::AmbientDegc } else { channel }
+        let (time_s, inputs) = match steps {
+            Steps::Rows => (&prepared.time_s, &prepared.inputs),
+            Steps::Course => (&course.time_s, &course.inputs),
         };
-        let sources: Vec<Channel> = segments.iter().map(|segment| source(segment.channel)).collect();
-        self.walk_channels(log, x, parameters, model, error, |row, now| {
-            for (place, segment) in segments.iter().enumerate() {
-                if segment.rows.get(next[place]) != Some(&row) {
-                    continue;
-                }
-                let mut value = now[sources[place]];
-                if segment.channel == Channel::VoltageV && !ocv.is_empty() {
-                    for (knot, weight) in weights(&self.knots, now[Channel::Soc]) {
-                        value += weight * (ocv[knot] * cells);
-                    }
-                }
-                let (offset, gain) = shown[place];
-                let block = segment.block_of[next[place]];
-                at(segment.begin + block, value * (1.0 + gain) + offset, now[Channel::Soc], segment.counts[block].recip());
-                next[place] += 1;
-            }
-        });
-    }
-
-    /// Derivatives of one row by what is added to the model's prediction.
-    #[expect(clippy::too_many_arguments, reason = "one row in all its aspects")]
-    fn additive(&self, row: usize, soc: f64, shown: f64, share: f64, x: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
-        let place = self.evidence.segments.partition_point(|segment| segment.begin <= row) - 1;
-        let channel = self.evidence.segments[place].channel;
-        let about = if channel == Channel::VoltageV && !self.knots.is_empty() { weights(&self.knots, soc) } else { [(usize::MAX, 0.0); 4] };
-        for (column, &unknown) in by.iter().enumerate() {
-            columns[(row, column)] += share
-                * match self.what(unknown) {
-                    Some(Rough::Offset(own)) if own == channel => 1.0,
-                    Some(Rough::Gain(own)) if own == channel => shown / (1.0 + self.error(x, Rough::Gain(own))),
-                    Some(Rough::Ocv(knot)) => {
-                        about.iter().filter(|(near, _)| *near == knot).map(|(_, weight)| weight).sum::<f64>() * self.cells()
-                    }
-                    _ => 0.0,
-                };
-        }
-    }
-
-    /// Shows every target as it was a little later or, for a negative lag, earlier: on the line
-    /// between judged rows.
-    fn delay(&self, x: &[f64], all: &mut [f64]) {
-        for segment in &self.evidence.segments {
-            let lag_s = self.error(x, Rough::Lag(segment.channel));
-            if lag_s != 0.0 {
-                let own = &mut all[segment.range()];
-                let prompt = own.to_vec();
-                own.iter_mut().enumerate().for_each(|(row, value)| *value += lag_s * segment.slope(&prompt, row, lag_s));
-            }
-        }
-    }
-
-    /// Derivatives of what is shown late, from those of the `prompt` predictions.
-    fn delay_columns(&self, x: &[f64], prompt: &[f64], by: &[usize], columns: &mut DMatrix<f64>) {
-        for (column, &unknown) in by.iter().enumerate() {
-            self.delay(x, columns.column_mut(column).as_mut_slice());
-            let Some(Rough::Lag(channel)) = self.what(unknown) else { continue };
-            for segment in self.evidence.segments.iter().filter(|segment| segment.channel == channel) {
-                for row in 0..segment.counts.len() {
-                    columns[(segment.begin + row, column)] = segment.slope(&prompt[segment.range()], row, x[unknown]);
-                }
-            }
-        }
+        walk(model, parameters, start, time_s, &drives(model, inputs, shift), at);
     }
 
     fn cells(&self) -> f64 {
@@ -385,15 +236,21 @@ impl Frame {
     }
 }
 
+/// The steps of a walk.
+#[derive(Debug, Clone, Copy)]
+enum Steps {
+    /// One for each row of the log.
+    Rows,
+    /// As few as show what is judged.
+    Course,
+}
+
 /// Deviations that a rough number may be off: what would need more is not rough knowledge, it is
 /// an effect.
 const ROUGH_MAX: f64 = 3.0;
 /// Straight lines that stand for the curve between two knots.
 const POINTS_BETWEEN: usize = 4;
-/// Share of the capacity over which its derivative is taken.
-const CAPACITY_STEP: f64 = 1e-4;
-/// Step over which the derivative by a temperature is taken, K.
-const TEMPERATURE_STEP_K: f64 = 1e-3;
 
+mod slopes;
 #[cfg(test)]
 mod tests;

@@ -47,24 +47,6 @@ impl Noise {
         filter
     }
 
-    /// Minus twice the log-likelihood of these residuals at these times, without its constant.
-    fn cost(&self, time_s: &[f64], counts: &[f64], residual: &[f64]) -> f64 {
-        let (mut cost, mut product, mut level) = (0.0, 1.0, 0.0);
-        self.along(time_s, counts, |row, kept, gain, variance| {
-            level *= kept;
-            let innovation = residual[row] - level;
-            level += gain * innovation;
-            cost += innovation * innovation / variance;
-            product *= variance;
-            // Logarithms are dear: one for many rows.
-            if !(1e-200..1e200).contains(&product) {
-                cost += product.ln();
-                product = 1.0;
-            }
-        });
-        cost + product.ln()
-    }
-
     #[inline(always)]
     fn along(&self, time_s: &[f64], counts: &[f64], mut at: impl FnMut(usize, f64, f64, f64)) {
         let (white2, slow2) = (self.white * self.white, self.slow * self.slow);
@@ -97,13 +79,32 @@ impl Filter {
             *value = innovation * scale;
         }
     }
+
+    /// The same for many columns at once, whose values of one row lie behind one another.
+    pub fn apply_to_all(&self, values: &mut [f64], columns: usize) {
+        let mut level = vec![0.0; columns];
+        for (row, ((&kept, &gain), &scale)) in values.chunks_exact_mut(columns).zip(self.kept.iter().zip(&self.gain).zip(&self.scale)) {
+            for (value, level) in row.iter_mut().zip(&mut level) {
+                *level *= kept;
+                let innovation = *value - *level;
+                *level += gain * innovation;
+                *value = innovation * scale;
+            }
+        }
+    }
 }
 
 /// Persistences that are tried, as multiples of the mean step.
 const TAU_STEPS: [f64; 7] = [1.5, 5.0, 15.0, 50.0, 150.0, 500.0, 2000.0];
-
-/// Factors between the points of that grid.
-const BESIDE: [f64; 2] = [0.55, 1.8];
+/// Sizes that are tried, as shares of what the residuals have beyond the white part.
+const SIZES: [f64; LANES] = [0.25, 0.55, 1.0, 1.9];
+/// Factors by which size and persistence move, one after the other, to go on from there.
+const FACTORS: [f64; 3] = [1.6, 1.25, 1.1];
+/// Moves with one factor at most.
+const MOVES: usize = 12;
+/// Slow noise is looked for between these shares of the white part and of the residuals.
+const LEAST: f64 = 0.02;
+const LARGEST: f64 = 3.0;
 /// Largest persistence, as a share of the mean length of a log. What lasts longer is an error of
 /// the model: a disturbance that could last as long as the log would excuse any wrong level.
 const LONGEST: f64 = 0.1;
@@ -114,70 +115,140 @@ pub type Rows<'a> = (&'a [f64], &'a [f64], &'a [f64]);
 /// The most likely noise of residuals, given the white part of one reading.
 #[must_use]
 pub fn estimate(white: f64, logs: &[Rows<'_>]) -> Noise {
-    let cost = |noise: Noise| logs.iter().map(|(time_s, counts, residual)| noise.cost(time_s, counts, residual)).sum::<f64>();
-    let (mut rows, mut squares, mut length_s) = (0.0, 0.0, 0.0);
+    let (mut rows, mut squares, mut length_s, mut own) = (0.0, 0.0, 0.0, 0.0);
     for (time_s, counts, residual) in logs.iter().filter(|(time_s, ..)| time_s.len() > 1) {
         rows += residual.len() as f64;
         squares += residual.iter().zip(*counts).map(|(r, count)| r * r * count).sum::<f64>();
+        own += residual.iter().zip(*counts).map(|(r, count)| r * r - white * white / count).sum::<f64>();
         length_s += time_s[time_s.len() - 1] - time_s[0];
     }
     let none = Noise::white(white);
-    if rows == 0.0 {
-        return none;
-    }
-    let (step_s, variance) = (length_s / rows, squares / rows);
-    let longest_s = LONGEST * length_s / logs.len() as f64;
-    let mut best = (cost(none), none);
     // Nothing slow can hide in residuals that lie clearly below the sensor's own noise.
-    if variance < 0.5 * white * white {
+    if rows == 0.0 || squares / rows < 0.5 * white * white {
         return none;
     }
-    let largest = (3.0 * variance.sqrt()).max(white);
-    let sized = |tau_s: f64| {
-        least(0.02 * white, largest, |slow| {
-            let noise = Noise { white, slow, tau_s };
-            (cost(noise), noise)
-        })
-    };
-    let mut keep = |found: (f64, Noise)| {
-        if found.0 < best.0 {
-            best = found;
+    let step_s = length_s / rows;
+    let longest_s = (LONGEST * length_s / logs.len() as f64).max(TAU_STEPS[1] * step_s);
+    let (least, largest) = (LEAST * white, (LARGEST * (squares / rows).sqrt()).max(white));
+    let within = |slow: f64, tau_s: f64| Noise { white, slow: slow.clamp(least, largest), tau_s: tau_s.min(longest_s) };
+    let likely = Likely::new(white, logs);
+    let mut best = (likely.costs([none; LANES])[0], none);
+    let mut keep = |noises: [Noise; LANES]| {
+        let costs = likely.costs(noises);
+        let before = best.0;
+        for (cost, noise) in costs.into_iter().zip(noises) {
+            if cost < best.0 {
+                best = (cost, noise);
+            }
         }
-        best.1
+        (best.1, best.0 < before)
     };
-    let longest_s = longest_s.max(TAU_STEPS[1] * step_s);
+    let beyond = (own / rows).max(0.01 * white * white).sqrt();
+    let mut found = none;
     for tau_s in TAU_STEPS.map(|steps| steps * step_s).into_iter().filter(|&tau_s| tau_s <= longest_s) {
-        keep(sized(tau_s));
+        found = keep(SIZES.map(|share| within(share * beyond, tau_s))).0;
     }
-    // Between the points of the grid.
-    let coarse = keep((f64::INFINITY, none));
-    if coarse.slow > 0.0 {
-        for factor in BESIDE {
-            keep(sized((coarse.tau_s * factor).min(longest_s)));
+    if found.slow == 0.0 {
+        return none;
+    }
+    for factor in FACTORS {
+        for _ in 0..MOVES {
+            let Noise { slow, tau_s, .. } = found;
+            let around = [(slow * factor, tau_s), (slow / factor, tau_s), (slow, tau_s * factor), (slow, tau_s / factor)];
+            let (better, moved) = keep(around.map(|(slow, tau_s)| within(slow, tau_s)));
+            found = better;
+            if !moved {
+                break;
+            }
         }
     }
-    best.1
+    found
 }
 
-/// The least cost over sizes between `low` and `high`, by golden section on their logarithm.
-fn least(low: f64, high: f64, at: impl Fn(f64) -> (f64, Noise)) -> (f64, Noise) {
-    let ratio = (5f64.sqrt() - 1.0) / 2.0;
-    let at = |log: f64| at(log.exp());
-    let (mut low, mut high) = (low.ln(), high.ln());
-    let (mut a, mut b) = (at(high - ratio * (high - low)), at(low + ratio * (high - low)));
-    while high - low > 0.1 {
-        if a.0 < b.0 {
-            high = low + ratio * (high - low);
-            b = a;
-            a = at(high - ratio * (high - low));
-        } else {
-            low = high - ratio * (high - low);
-            a = b;
-            b = at(low + ratio * (high - low));
-        }
-    }
-    if a.0 < b.0 { a } else { b }
+/// How many kinds of noise are weighed at a time: each waits for its last row, all of them together
+/// keep a processor busy.
+const LANES: usize = 4;
+
+/// Residuals, ready to be asked how likely they are.
+struct Likely<'a> {
+    white2: f64,
+    logs: &'a [Rows<'a>],
+    /// Steps between rows that occur, s, and which of them comes before each row of each log.
+    steps_s: Vec<f64>,
+    step_of: Vec<Vec<usize>>,
 }
+
+impl<'a> Likely<'a> {
+    fn new(white: f64, logs: &'a [Rows<'a>]) -> Self {
+        let mut steps_s: Vec<f64> = Vec::new();
+        let mut place = |dt_s: f64, last: usize| {
+            let alike = |&known: &f64| (known - dt_s).abs() <= 1e-9 * dt_s.abs();
+            if steps_s.get(last).is_some_and(alike) {
+                return last;
+            }
+            let recent = steps_s.len().saturating_sub(STEPS_MAX);
+            steps_s[recent..].iter().position(alike).map_or_else(
+                || {
+                    steps_s.push(dt_s);
+                    steps_s.len() - 1
+                },
+                |known| recent + known,
+            )
+        };
+        let step_of = logs.iter().map(|(time_s, ..)| {
+            let mut last = 0;
+            let step = |row: usize| {
+                last = place(if row == 0 { 0.0 } else { time_s[row] - time_s[row - 1] }, last);
+                last
+            };
+            (0..time_s.len()).map(step).collect()
+        });
+        let step_of = step_of.collect();
+        Likely { white2: white * white, logs, steps_s, step_of }
+    }
+
+    /// Minus twice the log-likelihoods with these kinds of noise, without their constant.
+    fn costs(&self, noises: [Noise; LANES]) -> [f64; LANES] {
+        let slow2 = noises.map(|noise| noise.slow * noise.slow);
+        let decays: Vec<[f64; LANES]> = self.steps_s.iter().map(|dt_s| noises.map(|noise| (-dt_s / noise.tau_s).exp())).collect();
+        let mut costs = [0.0; LANES];
+        for ((_, counts, residual), steps) in self.logs.iter().zip(&self.step_of) {
+            let (mut product, mut level, mut variance) = ([1.0; LANES], [0.0; LANES], slow2);
+            for ((&step, &count), &value) in steps.iter().zip(*counts).zip(*residual) {
+                let (kept, white2) = (&decays[step], self.white2 / count);
+                let mut worn = false;
+                for lane in 0..LANES {
+                    let keeps = kept[lane];
+                    let before = slow2[lane] + keeps * keeps * (variance[lane] - slow2[lane]);
+                    let total = before + white2;
+                    let inverse = total.recip();
+                    let gain = before * inverse;
+                    let expected = level[lane] * keeps;
+                    let innovation = value - expected;
+                    level[lane] = expected + gain * innovation;
+                    variance[lane] = white2 * gain;
+                    costs[lane] += innovation * innovation * inverse;
+                    product[lane] *= total;
+                    worn |= !(1e-200..1e200).contains(&product[lane]);
+                }
+                // Logarithms are dear: one for many rows.
+                if worn {
+                    for lane in 0..LANES {
+                        costs[lane] += product[lane].ln();
+                        product[lane] = 1.0;
+                    }
+                }
+            }
+            for lane in 0..LANES {
+                costs[lane] += product[lane].ln();
+            }
+        }
+        costs
+    }
+}
+
+/// Different steps between rows among which one is looked for again.
+const STEPS_MAX: usize = 64;
 
 #[cfg(test)]
 mod tests {
@@ -217,8 +288,23 @@ mod tests {
         filter.apply(&mut found);
         assert!(found.iter().zip(expected.iter()).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} {expected}");
         assert!((filter.log_variance - cholesky.determinant().ln()).abs() < 1e-12);
-        let cost = NOISE.cost(&time_s, &[1.0; 6], values.as_slice());
+        let logs = [(&time_s[..], &[1.0; 6][..], values.as_slice())];
+        let cost = Likely::new(1.0, &logs).costs([NOISE; LANES])[LANES - 1];
         assert!((cost - cholesky.determinant().ln() - expected.norm_squared()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn many_columns_become_what_each_becomes_alone() {
+        let time_s = [0.0, 1.0, 3.0, 10.0];
+        let filter = NOISE.filter(&time_s, &[1.0, 2.0, 1.0, 4.0]);
+        let columns = [[1.0, -2.0, 0.5, 3.0], [0.0, 1.0, 4.0, -1.0]];
+        let mut together: Vec<f64> = (0..4).flat_map(|row| columns.map(|column| column[row])).collect();
+        filter.apply_to_all(&mut together, 2);
+        for (place, column) in columns.into_iter().enumerate() {
+            let mut alone = column;
+            filter.apply(&mut alone);
+            assert!((0..4).all(|row| (alone[row] - together[2 * row + place]).abs() < 1e-15));
+        }
     }
 
     #[test]

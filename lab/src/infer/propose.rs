@@ -13,13 +13,15 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use energy::{Channel, Model};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 
 use self::dictionary::{COEFFICIENTS, Term, dictionary};
-use super::discover::explained;
 use super::evidence::Evidence;
 use super::frame::Frame;
-use super::state::{State, Whitened, filters, likelihood, noises};
+use super::judge::explained;
+use super::lens::{Absorber, Lens, product, square, whiten_all};
+use super::score::left_cost;
+use super::state::State;
 use super::trial::held_out;
 
 /// Most terms of a proposal.
@@ -125,43 +127,21 @@ fn next_name(model: &Model) -> String {
 /// A state through the sensors' own noise, without what a refit could absorb.
 struct Look<'a> {
     state: &'a State,
-    white: State,
-    normal: Option<Cholesky<f64, Dyn>>,
-    left: DVector<f64>,
+    lens: Lens,
+    base: Absorber,
 }
 
 impl<'a> Look<'a> {
     fn new(state: &'a State) -> Look<'a> {
-        let mut white = State::at(Arc::clone(&state.frame), state.x.clone(), State::white(&state.frame));
-        // What rests on a bound can absorb no more.
-        for (index, (x, (min, max))) in state.x.iter().zip(state.frame.bounds()).enumerate() {
-            if *x <= min || *x >= max {
-                white.design.column_mut(index).fill(0.0);
-            }
-        }
-        let mut normal = white.design.tr_mul(&white.design);
-        let largest = if normal.is_empty() { 0.0 } else { normal.diagonal().max() };
-        for index in 0..normal.nrows() {
-            normal[(index, index)] += 1e-11 * normal[(index, index)] + 1e-15 * largest + f64::MIN_POSITIVE;
-        }
-        let normal = if normal.is_empty() { None } else { normal.cholesky() };
-        let mut look = Look { state, left: white.whitened.clone(), white, normal };
-        look.left = look.project(&look.white.whitened);
-        look
-    }
-
-    fn project(&self, column: &DVector<f64>) -> DVector<f64> {
-        match &self.normal {
-            Some(normal) => column - &self.white.design * normal.solve(&self.white.design.tr_mul(column)),
-            None => column.clone(),
-        }
+        let lens = state.lens(&State::white(&state.frame));
+        Look { state, base: Absorber::new(&lens, state.held()), lens }
     }
 
     /// The period at which the residual has most power, if it has several times the usual one:
     /// at least three periods long, over all logs with one phase since their start.
     fn period(&self) -> Option<f64> {
         let evidence = &self.state.frame.evidence;
-        let rows = self.left.as_slice();
+        let rows = self.base.left.as_slice();
         let longest = evidence.segments.iter().max_by(|a, b| span_s(&a.time_s).total_cmp(&span_s(&b.time_s)))?;
         let (span_s, count) = (span_s(&longest.time_s), longest.time_s.len());
         let step_s = span_s / count.max(2) as f64;
@@ -193,7 +173,7 @@ impl<'a> Look<'a> {
 
     /// The term that leaves the best model, refitted; none when no term says anything.
     fn best<'t>(&self, terms: &'t [Term]) -> Option<(State, &'t Term)> {
-        let mut scored: Vec<(f64, Vec<f64>, DVector<f64>, &Term)> = Vec::new();
+        let mut scored: Vec<(f64, Vec<f64>, Left, &Term)> = Vec::new();
         // As many in one walk as one dual number has derivatives to spare.
         for chunk in terms.chunks(4) {
             let names: Vec<String> = (0..chunk.len()).map(|index| format!("term_{index}")).collect();
@@ -220,7 +200,7 @@ impl<'a> Look<'a> {
         });
         scored.truncate(WEIGHED);
         let rows = self.state.frame.evidence.rows() as f64;
-        let weigh = |left: &DVector<f64>, term: &Term| self.cost(left) + rows.ln() * term.parts.len() as f64;
+        let weigh = |left: &Left, term: &Term| self.cost(left) + rows.ln() * term.parts.len() as f64;
         let mut weighed: Vec<(f64, Vec<f64>, &Term)> =
             scored.into_iter().map(|(_, sizes, left, term)| (weigh(&left, term), sizes, term)).collect();
         weighed.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -228,52 +208,47 @@ impl<'a> Look<'a> {
         let name = next_name(&self.state.frame.model);
         let refitted = weighed.into_iter().filter_map(|(_, sizes, term)| {
             let (frame, x) = extended(self.state, fitted(self.state).with_expression(&term.definition(name.clone(), &sizes)).ok()?);
-            Some((State::search(Arc::new(frame), &x), term))
+            Some((State::search(Arc::new(frame), &x, f64::NEG_INFINITY), term))
         });
         refitted
             .filter(|(state, _)| state.bic().is_finite() && !loose(state).contains(&name))
             .min_by(|(a, _), (b, _)| a.bic().total_cmp(&b.bic()))
     }
 
-    /// Fall of the squared residual by these columns, their sizes, and what they leave.
-    fn gain(&self, columns: DMatrix<f64>) -> Option<(f64, Vec<f64>, DVector<f64>)> {
-        if columns.iter().any(|value| !value.is_finite()) {
+    /// Fall of the squared residual by these rows of derivatives, their sizes, and what they leave
+    /// with the change of the base's unknowns beside them.
+    fn gain(&self, slopes: DMatrix<f64>) -> Option<(f64, Vec<f64>, Left)> {
+        if slopes.iter().any(|value| !value.is_finite()) {
             return None;
         }
-        let rows = columns.nrows();
-        let filters = self.white.filters();
-        let whitened = Whitened { frame: &self.state.frame, filters: &filters };
-        let mut seen = columns.insert_rows(rows, self.left.len() - rows, 0.0);
-        for mut column in seen.column_iter_mut() {
-            whitened.whiten(&mut column.as_mut_slice()[..rows]);
-        }
-        let raw: Vec<f64> = seen.column_iter().map(|column| column.norm_squared()).collect();
-        for mut column in seen.column_iter_mut() {
-            let projected = self.project(&column.clone_owned());
-            column.copy_from(&projected);
-        }
+        let Look { lens, base, .. } = self;
+        let seen = whiten_all(&self.state.frame, &lens.filters, slopes);
+        let (whole, cross) = (square(&seen), product(&lens.design, &seen));
+        let absorbed = base.absorbed(cross.clone());
+        let unique = &whole - absorbed.tr_mul(&absorbed);
         // What the base absorbs to the last digits is not there.
-        if seen.column_iter().zip(&raw).any(|(column, raw)| column.norm_squared() <= 1e-6 * raw) {
+        if (0..whole.nrows()).any(|row| unique[(row, row)] <= 1e-6 * whole[(row, row)]) {
             return None;
         }
-        let sizes = seen.tr_mul(&seen).cholesky()?.solve(&seen.tr_mul(&self.left));
-        let left = &self.left - &seen * &sizes;
-        Some((self.left.norm_squared() - left.norm_squared(), sizes.as_slice().to_vec(), left))
+        let right = &seen * &base.left;
+        let sizes = unique.cholesky()?.solve(&right);
+        let change = &base.change - base.solve(&cross * &sizes);
+        let left = &lens.whitened - seen.tr_mul(&sizes) - lens.design.tr_mul(&change);
+        Some((right.dot(&sizes), sizes.as_slice().to_vec(), Left { rows: left, change }))
     }
 
-    /// Twice the negative log-likelihood of residuals in units of the sensors' noise, with the most
-    /// likely slow noise beside it.
-    fn cost(&self, left: &DVector<f64>) -> f64 {
-        let (frame, evidence) = (&self.state.frame, &self.state.frame.evidence);
-        let rows = evidence.rows();
-        let mut residual = left.as_slice()[..rows].to_vec();
-        for segment in &evidence.segments {
-            let floor = evidence.floor(segment.channel);
-            residual[segment.range()].iter_mut().zip(&segment.counts).for_each(|(r, count)| *r *= floor / count.sqrt());
-        }
-        let noise = noises(frame, &residual);
-        likelihood(frame, &residual, &filters(frame, &noise)) + left.as_slice()[rows..].iter().map(|e| e * e).sum::<f64>()
+    /// Twice the negative log-likelihood of what is left, with the most likely slow noise beside it.
+    fn cost(&self, left: &Left) -> f64 {
+        left_cost(self.state, &left.rows, &left.change)
     }
+}
+
+/// What a linear refit leaves.
+struct Left {
+    /// In units of the sensors' noise.
+    rows: DVector<f64>,
+    /// Change of the base's unknowns.
+    change: DVector<f64>,
 }
 
 /// Deviations that the size of every proposed term must be away from none.

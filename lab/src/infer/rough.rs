@@ -1,6 +1,6 @@
 //! What a model knows only roughly, and must not be explained by a missing effect.
 
-use energy::{Channel, Facts, Model, Real};
+use energy::{Channel, Facts, Model};
 
 use crate::prepare::Prepared;
 
@@ -105,27 +105,61 @@ pub fn knots(table_soc: &[f64]) -> Vec<f64> {
 /// beyond the ends the last knot alone. A curve through a handful of points is smooth: with
 /// straight lines, tables that err by 3 mV in waves of 25 % SoC would leave half a millivolt.
 #[must_use]
-pub fn weights<S: Real>(knots: &[f64], soc: S) -> [(usize, S); 4] {
-    let last = knots.len() - 1;
-    let (one, none) = (S::from(1.0), S::from(0.0));
-    let end = |knot| [(knot, one), (knot, none), (knot, none), (knot, none)];
-    if soc.re() <= knots[0] {
-        return end(0);
-    }
-    if soc.re() >= knots[last] {
-        return end(last);
-    }
-    let high = knots.partition_point(|&knot| knot <= soc.re());
-    let low = high - 1;
-    let (before, after) = (low.saturating_sub(1), (high + 1).min(last));
-    let width = knots[high] - knots[low];
-    let t = (soc - knots[low]) * width.recip();
+pub fn weights(knots: &[f64], soc: f64) -> [(usize, f64); 4] {
+    let Some(Between { before, low, high, after, width, t }) = between(knots, soc) else {
+        let end = if soc <= knots[0] { 0 } else { knots.len() - 1 };
+        return [(end, 1.0), (end, 0.0), (end, 0.0), (end, 0.0)];
+    };
     let (t2, t3) = (t * t, t * t * t);
     // Hermite's cubic: what the values and the slopes at both ends count.
     let (value_low, value_high) = (t3 * 2.0 - t2 * 3.0 + 1.0, t2 * 3.0 - t3 * 2.0);
     let slope_low = (t3 - t2 * 2.0 + t) * (width / (knots[high] - knots[before]));
     let slope_high = (t3 - t2) * (width / (knots[after] - knots[low]));
     [(before, -slope_low), (low, value_low - slope_high), (high, value_high + slope_low), (after, slope_high)]
+}
+
+/// Value and slope, at a state of charge, of the curve through these values at the knots.
+#[must_use]
+pub(super) fn curve(knots: &[f64], values: &[f64], soc: f64) -> (f64, f64) {
+    let Some(Between { before, low, high, after, width, t }) = between(knots, soc) else {
+        return (values[if soc <= knots[0] { 0 } else { knots.len() - 1 }], 0.0);
+    };
+    let (from, rise) = (values[low], values[high] - values[low]);
+    let slope_low = (values[high] - values[before]) * (width / (knots[high] - knots[before]));
+    let slope_high = (values[after] - values[low]) * (width / (knots[after] - knots[low]));
+    // Hermite's cubic, by powers of t.
+    let (square, cube) = (3.0 * rise - 2.0 * slope_low - slope_high, slope_low + slope_high - 2.0 * rise);
+    (from + t * (slope_low + t * (square + t * cube)), (slope_low + t * (2.0 * square + 3.0 * t * cube)) / width)
+}
+
+/// Where a state of charge lies between two knots, with the next ones.
+struct Between {
+    before: usize,
+    low: usize,
+    high: usize,
+    after: usize,
+    width: f64,
+    /// Share of the way from the lower knot to the higher.
+    t: f64,
+}
+
+/// None beyond the ends.
+fn between(knots: &[f64], soc: f64) -> Option<Between> {
+    let last = knots.len() - 1;
+    if !(soc > knots[0] && soc < knots[last]) {
+        return None;
+    }
+    // Knots lie nearly evenly: from where an even grid would have it, it is a step or two.
+    let mut low = (((soc - knots[0]) / (knots[last] - knots[0]) * last as f64) as usize).min(last - 1);
+    while knots[low] > soc {
+        low -= 1;
+    }
+    while knots[low + 1] <= soc {
+        low += 1;
+    }
+    let high = low + 1;
+    let width = knots[high] - knots[low];
+    Some(Between { before: low.saturating_sub(1), low, high, after: (high + 1).min(last), width, t: (soc - knots[low]) / width })
 }
 
 #[cfg(test)]
@@ -141,6 +175,17 @@ mod tests {
         let (knots, values) = ([0.0, 0.2, 0.5, 1.0], [3.0, -1.0, 1.0, 2.0]);
         let found = [-0.1, 0.0, 0.2, 0.5, 1.0, 1.2].map(|soc| at(&knots, &values, soc));
         assert!(found.iter().zip([3.0, 3.0, -1.0, 1.0, 2.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    }
+
+    #[test]
+    fn the_curve_is_that_of_the_weights_and_its_slope_that_of_the_curve() {
+        let (knots, values) = ([0.0, 0.2, 0.5, 1.0], [3.0, -1.0, 1.0, 2.0]);
+        for soc in [-0.1, 0.05, 0.2, 0.31, 0.77, 0.999, 1.2] {
+            let (value, slope) = curve(&knots, &values, soc);
+            assert!((value - at(&knots, &values, soc)).abs() < 1e-12, "{soc}");
+            let difference = (at(&knots, &values, soc + 1e-6) - at(&knots, &values, soc - 1e-6)) / 2e-6;
+            assert!((slope - difference).abs() < 1e-4, "{soc}: {slope} against {difference}");
+        }
     }
 
     #[test]

@@ -14,12 +14,13 @@
 use std::sync::Arc;
 
 use energy::EffectSpec;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, usual};
 use super::frame::Frame;
-use super::noise::Filter;
-use super::state::{State, Whitened, filters, likelihood, noises};
+use super::lens::{Absorber, Lens, product, square, whiten_all};
+use super::state::{State, filters, likelihood, noises, observed};
+use crate::prepare::predicted_channels;
 
 /// One absent effect at its best shape.
 #[derive(Debug, Clone)]
@@ -41,224 +42,262 @@ pub struct Score {
     /// How much better than the base model the logs could be explained, in units of twice the
     /// log-likelihood, each with the slow noise that it leaves.
     pub gain: f64,
-    /// What it would add to every row after a refit of the base, in units of independent noise.
-    direction: DVector<f64>,
+    /// What it would add to every row, in units of independent noise, and what of that a refit of
+    /// the base would absorb, in units in which it can be subtracted.
+    whole: DVector<f64>,
+    absorbed: DVector<f64>,
 }
 
 impl Score {
     /// How alike two effects look to these logs, 0..1.
     #[must_use]
     pub fn confounded(&self, other: &Score) -> f64 {
-        let product = self.direction.norm() * other.direction.norm();
-        if product > 0.0 { self.direction.dot(&other.direction).abs() / product } else { 0.0 }
+        let product = |a: &Score, b: &Score| a.whole.dot(&b.whole) - a.absorbed.dot(&b.absorbed);
+        let scale = (product(self, self) * product(other, other)).max(0.0).sqrt();
+        if scale > 0.0 { (product(self, other).abs() / scale).min(1.0) } else { 0.0 }
     }
 }
 
 /// A state, ready to be asked for scores.
 pub struct Scoring<'a> {
     state: &'a State,
-    slow: Lens,
-    white: Lens,
+    /// None where no slow noise is left.
+    slow: Option<View>,
+    white: View,
     /// Cost of the base model, refitted as the linear theory would.
     linear_cost: f64,
 }
 
-/// The rows through one kind of noise.
-struct Lens {
-    filters: Vec<Filter>,
-    design: DMatrix<f64>,
-    normal: Option<Cholesky<f64, Dyn>>,
-    whitened: DVector<f64>,
-    /// M r.
-    left: DVector<f64>,
+/// The rows through one kind of noise, and what a refit leaves of them.
+struct View {
+    lens: Lens,
+    base: Absorber,
 }
 
-impl Lens {
-    fn new(state: &State) -> Lens {
-        // What rests on a bound can absorb no more.
-        let mut design = state.design.clone();
-        for (index, (x, (min, max))) in state.x.iter().zip(state.frame.bounds()).enumerate() {
-            if *x <= min || *x >= max {
-                design.column_mut(index).fill(0.0);
-            }
-        }
-        let mut normal = design.tr_mul(&design);
-        let largest = normal.diagonal().max();
-        for index in 0..normal.nrows() {
-            normal[(index, index)] += 1e-11 * normal[(index, index)] + 1e-15 * largest + f64::MIN_POSITIVE;
-        }
-        let mut lens = Lens {
-            filters: state.filters(),
-            design,
-            normal: normal.cholesky(),
-            whitened: state.whitened.clone(),
-            left: state.whitened.clone(),
-        };
-        lens.left = lens.project(&state.whitened);
-        lens
-    }
-
-    /// M times a column.
-    fn project(&self, column: &DVector<f64>) -> DVector<f64> {
-        match &self.normal {
-            Some(normal) => column - &self.design * normal.solve(&self.design.tr_mul(column)),
-            None => column.clone(),
-        }
+impl View {
+    fn new(state: &State, lens: Lens) -> View {
+        View { base: Absorber::new(&lens, state.held()), lens }
     }
 }
 
-/// What one lens says of one onset.
+/// An onset of a candidate: what it adds to the rows, one row of the matrix for each of its own
+/// parameters that have a null.
+struct Onset {
+    at: Vec<f64>,
+    slopes: DMatrix<f64>,
+}
+
+/// What one view says of one onset.
 struct Look {
     statistic: f64,
     freedom: usize,
-    /// Change of each of the onset's own parameters.
+    /// Change of each of the onset's own parameters; of those, as the view has it.
     change: Vec<f64>,
+    free: DVector<f64>,
     uniqueness: f64,
-    direction: DVector<f64>,
-    /// What it would add without a refit.
-    whole: DVector<f64>,
+    /// The onset's rows through the view's noise, and how they pull on the base's unknowns.
+    seen: DMatrix<f64>,
+    cross: DMatrix<f64>,
 }
+
+/// What an effect must explain, in units of twice the log-likelihood, to be asked which slow noise
+/// it leaves.
+const WORTH_ASKING: f64 = 6.0;
+
+/// Usual sizes, as multiples, at which an effect is looked at that does nothing at its onset.
+const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
+
+/// Null, and the reach below and above it, of each own parameter.
+type Sides = [(f64, f64, f64)];
 
 impl<'a> Scoring<'a> {
     /// Of this state.
     #[must_use]
     pub fn new(state: &'a State) -> Self {
-        let white = State::at(Arc::clone(&state.frame), state.x.clone(), State::white(&state.frame));
-        let mut scoring = Scoring { state, slow: Lens::new(state), white: Lens::new(&white), linear_cost: 0.0 };
-        scoring.linear_cost = scoring.cost(&scoring.white.left);
+        let white = View::new(state, state.lens(&State::white(&state.frame)));
+        let slow = state.is_slow().then(|| View::new(state, state.lens(&state.noise)));
+        let mut scoring = Scoring { state, slow, white, linear_cost: 0.0 };
+        scoring.linear_cost = left_cost(state, &scoring.white.base.left, &scoring.white.base.change);
         scoring
     }
 
     /// The best of a candidate's onsets; none when the logs do not excite it.
     #[must_use]
     pub fn score(&self, candidate: &Candidate) -> Option<Score> {
-        let mut best: Option<Score> = None;
-        for onset in &candidate.onsets {
-            let Some(score) = self.onset(candidate, onset) else { continue };
-            if best.as_ref().is_none_or(|best| score.gain > best.gain) {
-                best = Some(score);
-            }
-        }
-        best
-    }
-
-    fn onset(&self, candidate: &Candidate, onset: &[f64]) -> Option<Score> {
-        let parameters = candidate.spec.parameters;
-        let mut values = candidate.model.values();
-        values[candidate.first..candidate.first + onset.len()].copy_from_slice(onset);
-        let model = Arc::new(energy::Model::clone(&candidate.model).with_values(&values));
-        let frame = Frame::new(model, Arc::clone(&self.state.frame.evidence));
-        let mut x = frame.start();
-        let known = self.state.frame.free.len();
-        x[frame.free.len()..].copy_from_slice(&self.state.x[known..]);
-        let own: Vec<usize> = (0..parameters.len()).filter(|&index| parameters[index].null.is_some()).collect();
-        let unknown = |&index: &usize| frame.free.iter().position(|&free| free == candidate.first + index);
-        let by: Vec<usize> = own.iter().filter_map(unknown).collect();
-        let (_, columns) = frame.linearise(&x, &by);
-        if columns.iter().any(|value| !value.is_finite()) {
-            return None;
-        }
+        let own: Vec<usize> =
+            (0..candidate.spec.parameters.len()).filter(|&index| candidate.spec.parameters[index].null.is_some()).collect();
         let side = |&index: &usize| {
-            let parameter = &parameters[index];
+            let parameter = &candidate.spec.parameters[index];
             let null = parameter.null.unwrap_or(parameter.default);
             (null, parameter.min - null, parameter.max - null)
         };
         let sides: Vec<(f64, f64, f64)> = own.iter().map(side).collect();
-        let white = self.look(&self.white, &columns, &sides)?;
-        let slow = self.look(&self.slow, &columns, &sides)?;
-        let mut expected = onset.to_vec();
-        for ((&index, (null, _, _)), change) in own.iter().zip(&sides).zip(&white.change) {
+        let onsets = self.onsets(candidate, &own);
+        let seen = |view: &View, onset: &Onset| view.look(self.state, onset, &sides);
+        let look = |onset: &Onset| {
+            let white = seen(&self.white, onset)?;
+            let statistic = match &self.slow {
+                Some(slow) => seen(slow, onset)?.statistic,
+                None => white.statistic,
+            };
+            Some((white, statistic, onset.at.clone()))
+        };
+        let looks: Vec<(Look, f64, Vec<f64>)> = onsets.iter().filter_map(look).collect();
+        // What slow noise leaves is asked of the shape that explains most, with it and without.
+        let best = |by: fn(&(Look, f64, Vec<f64>)) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
+        let (white, slow) = (best(|look| look.0.statistic)?, best(|look| look.1)?);
+        let places = if white == slow { vec![white] } else { vec![white, slow] };
+        let scores = places.into_iter().map(|place| self.of(candidate, &own, &sides, &looks[place]));
+        scores.max_by(|a, b| a.gain.total_cmp(&b.gain))
+    }
+
+    /// What each of a candidate's onsets adds to the rows. An effect of one size is walked at its
+    /// onset, and what that changes divided by the size; the others with their derivatives. An effect
+    /// that does not begin with its size (a delay far below a step does nothing) is looked at where it
+    /// has usual ones.
+    fn onsets(&self, candidate: &Candidate, own: &[usize]) -> Vec<Onset> {
+        let shows_the_same = predicted_channels(&candidate.model) == predicted_channels(&self.state.frame.model);
+        let (only, parameters) = (if let [only] = own { Some(*only) } else { None }, candidate.spec.parameters);
+        let secant = only.filter(|_| shows_the_same);
+        let mut all = Vec::new();
+        for at in &candidate.onsets {
+            let onset = self.onset(candidate, own, secant, at.clone());
+            let begins = onset.slopes.iter().any(|slope| *slope != 0.0);
+            match secant {
+                Some(only) if !begins => {
+                    let null = parameters[only].null.unwrap_or(0.0);
+                    for times in SIZES {
+                        let mut at = at.clone();
+                        at[only] = (null + times * (usual(&parameters[only]) - null)).clamp(parameters[only].min, parameters[only].max);
+                        all.push(self.onset(candidate, own, secant, at));
+                    }
+                }
+                _ => all.push(onset),
+            }
+        }
+        all.retain(|onset| onset.slopes.iter().all(|slope| slope.is_finite()));
+        all
+    }
+
+    fn onset(&self, candidate: &Candidate, own: &[usize], secant: Option<usize>, at: Vec<f64>) -> Onset {
+        let known = self.state.frame.free.len();
+        let mut values = candidate.model.values();
+        values[candidate.first..candidate.first + at.len()].copy_from_slice(&at);
+        let model = Arc::new(energy::Model::clone(&candidate.model).with_values(&values));
+        let frame = Frame::new(model, Arc::clone(&self.state.frame.evidence));
+        let mut x = frame.start();
+        x[frame.free.len()..].copy_from_slice(&self.state.x[known..]);
+        let slopes = if let Some(only) = secant {
+            let size = at[only] - candidate.spec.parameters[only].null.unwrap_or(0.0);
+            let before = observed(&self.state.frame).zip(&self.state.residual).map(|(observed, residual)| observed - residual);
+            let slopes = frame.predict(&x).into_iter().zip(before).map(|(after, before)| {
+                let change = after - before;
+                // Rounding is no change.
+                if change.abs() < 1e-13 * before.abs() { 0.0 } else { change / size }
+            });
+            DMatrix::from_iterator(1, self.state.residual.len(), slopes)
+        } else {
+            let unknown = |index: &usize| frame.free.iter().position(|&free| free == candidate.first + index);
+            let by: Vec<usize> = own.iter().filter_map(unknown).collect();
+            frame.linearise(&x, &by).1
+        };
+        Onset { at, slopes }
+    }
+
+    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, (white, statistic, at): &(Look, f64, Vec<f64>)) -> Score {
+        let mut expected = at.clone();
+        for ((&index, (null, _, _)), change) in own.iter().zip(sides).zip(&white.change) {
             expected[index] = null + change;
         }
-        let left = &self.white.left - &white.direction;
-        Some(Score {
+        let View { lens, base } = &self.white;
+        let whole = white.seen.tr_mul(&white.free);
+        let pull = &white.cross * &white.free;
+        let change = &base.change - base.solve(pull.clone());
+        let left = &lens.whitened - &whole - lens.design.tr_mul(&change);
+        let bounds = self.state.frame.bounds();
+        let base_x = self.state.x.iter().zip(change.iter()).zip(bounds).map(|((x, change), (min, max))| (x + change).clamp(min, max));
+        // Noise that is asked for again never makes much of what explains next to nothing.
+        let worth = white.statistic.max(*statistic) > WORTH_ASKING;
+        Score {
             spec: candidate.spec,
-            gain: self.linear_cost - self.cost(&left),
-            base_x: self.base_x(&white.whole),
-            statistic: slow.statistic,
+            gain: if worth { self.linear_cost - left_cost(self.state, &left, &change) } else { *statistic },
+            base_x: base_x.collect(),
+            statistic: *statistic,
             explained: white.statistic,
             freedom: white.freedom,
             uniqueness: white.uniqueness,
             expected,
-            direction: white.direction,
-        })
-    }
-
-    /// Twice the negative log-likelihood of residuals in units of the sensors' noise, with the most
-    /// likely slow noise beside it.
-    fn cost(&self, left: &DVector<f64>) -> f64 {
-        let evidence = &self.state.frame.evidence;
-        let rows = evidence.rows();
-        let mut residual = left.as_slice()[..rows].to_vec();
-        for segment in &evidence.segments {
-            let floor = evidence.floor(segment.channel);
-            residual[segment.range()].iter_mut().zip(&segment.counts).for_each(|(r, count)| *r *= floor / count.sqrt());
+            absorbed: base.absorbed(DMatrix::from_column_slice(pull.len(), 1, pull.as_slice())).column(0).into_owned(),
+            whole,
         }
-        let noise = noises(&self.state.frame, &residual);
-        let priors: f64 = left.as_slice()[rows..].iter().map(|error| error * error).sum();
-        likelihood(&self.state.frame, &residual, &filters(&self.state.frame, &noise)) + priors
     }
+}
 
-    /// The base model's unknowns after a linear refit beside an effect that adds `whole`.
-    fn base_x(&self, whole: &DVector<f64>) -> Vec<f64> {
-        let Lens { design, normal, .. } = &self.white;
-        let Some(normal) = normal else { return self.state.x.clone() };
-        let change = normal.solve(&design.tr_mul(&(&self.white.whitened - whole)));
-        let bounds = self.state.frame.bounds();
-        self.state.x.iter().zip(change.iter()).zip(bounds).map(|((x, change), (min, max))| (x + change).clamp(min, max)).collect()
+/// Twice the negative log-likelihood of residuals in units of the sensors' noise, with the most
+/// likely slow noise beside it, after a change of the state's unknowns.
+pub(super) fn left_cost(state: &State, left: &DVector<f64>, change: &DVector<f64>) -> f64 {
+    let (frame, evidence) = (&state.frame, &state.frame.evidence);
+    let mut residual = left.as_slice().to_vec();
+    for segment in &evidence.segments {
+        let floor = evidence.floor(segment.channel);
+        residual[segment.range()].iter_mut().zip(&segment.counts).for_each(|(r, count)| *r *= floor / count.sqrt());
     }
+    let noise = noises(frame, &residual);
+    let free = frame.free.len();
+    let known = frame.known.iter().enumerate();
+    let priors: f64 = known.map(|(place, known)| ((state.x[free + place] + change[free + place]) / known.sigma).powi(2)).sum();
+    likelihood(frame, &residual, &filters(frame, &noise)) + priors
+}
 
-    fn look(&self, lens: &Lens, columns: &DMatrix<f64>, sides: &[(f64, f64, f64)]) -> Option<Look> {
-        let rows = columns.nrows();
-        let whitened = Whitened { frame: &self.state.frame, filters: &lens.filters };
-        let mut seen = columns.clone().insert_rows(rows, lens.design.nrows() - rows, 0.0);
-        for mut column in seen.column_iter_mut() {
-            whitened.whiten(&mut column.as_mut_slice()[..rows]);
-        }
-        let raw: Vec<f64> = seen.column_iter().map(|column| column.norm_squared()).collect();
-        let projected: Vec<DVector<f64>> = seen.column_iter().map(|column| lens.project(&column.into_owned())).collect();
+impl View {
+    fn look(&self, state: &State, onset: &Onset, sides: &Sides) -> Option<Look> {
+        let View { lens, base } = self;
+        let seen = whiten_all(&state.frame, &lens.filters, onset.slopes.clone());
+        let cross = product(&lens.design, &seen);
+        let whole = square(&seen);
+        let absorbed = base.absorbed(cross.clone());
+        let unique = &whole - absorbed.tr_mul(&absorbed);
+        let right = &seen * &base.left;
         // Directions that the base absorbs to the last digits are not there.
-        let mut active: Vec<usize> = (0..raw.len()).filter(|&c| projected[c].norm_squared() > 1e-8 * raw[c]).collect();
+        let count = whole.nrows();
+        let mut active: Vec<usize> = (0..count).filter(|&c| unique[(c, c)] > 1e-8 * whole[(c, c)]).collect();
         loop {
             if active.is_empty() {
                 return None;
             }
-            let (change, freedom) = least(&projected, &lens.left, &active);
+            let (change, freedom) = least(&unique, &right, &active);
             // A size on the wrong side of null is not an effect.
             let wrong = |&place: &usize| {
                 let (_, low, high) = sides[active[place]];
                 (change[place] < 0.0 && low >= 0.0) || (change[place] > 0.0 && high <= 0.0)
             };
             let worst = (0..active.len()).filter(wrong).max_by(|&a, &b| {
-                let size = |place: usize| change[place].abs() * projected[active[place]].norm();
+                let size = |place: usize| change[place].abs() * unique[(active[place], active[place])].sqrt();
                 size(a).total_cmp(&size(b))
             });
             if let Some(place) = worst {
                 active.remove(place);
                 continue;
             }
-            let mut all = vec![0.0; raw.len()];
-            let mut direction = DVector::zeros(lens.left.len());
-            let mut whole = DVector::zeros(lens.left.len());
-            for (&column, &change) in active.iter().zip(&change) {
-                let (_, low, high) = sides[column];
-                all[column] = change.clamp(low, high);
-                direction += &projected[column] * change;
-                whole += seen.column(column) * change;
+            let (mut all, mut free) = (vec![0.0; count], DVector::zeros(count));
+            for (&place, &change) in active.iter().zip(&change) {
+                let (_, low, high) = sides[place];
+                all[place] = change.clamp(low, high);
+                free[place] = change;
             }
-            let statistic = lens.left.dot(&direction);
-            let uniqueness = (direction.norm_squared() / whole.norm_squared().max(f64::MIN_POSITIVE)).sqrt().min(1.0);
-            return Some(Look { statistic, freedom, change: all, uniqueness, direction, whole });
+            let (statistic, left, size) = (right.dot(&free), (&unique * &free).dot(&free), (&whole * &free).dot(&free));
+            let uniqueness = (left.max(0.0) / size.max(f64::MIN_POSITIVE)).sqrt().min(1.0);
+            return Some(Look { statistic, freedom, change: all, free, uniqueness, seen, cross });
         }
     }
 }
 
-/// Least squares of `left` in the active columns, without directions that they hardly have, and
+/// Sizes of the active parameters that explain most, without directions that they hardly have, and
 /// how many directions they do have.
-fn least(columns: &[DVector<f64>], left: &DVector<f64>, active: &[usize]) -> (Vec<f64>, usize) {
-    let scale: Vec<f64> = active.iter().map(|&column| columns[column].norm()).collect();
-    let gram = DMatrix::from_fn(active.len(), active.len(), |i, j| columns[active[i]].dot(&columns[active[j]]) / (scale[i] * scale[j]));
-    let right = DVector::from_fn(active.len(), |i, _| columns[active[i]].dot(left) / scale[i]);
+fn least(unique: &DMatrix<f64>, right: &DVector<f64>, active: &[usize]) -> (Vec<f64>, usize) {
+    let scale: Vec<f64> = active.iter().map(|&place| unique[(place, place)].sqrt()).collect();
+    let gram = DMatrix::from_fn(active.len(), active.len(), |i, j| unique[(active[i], active[j])] / (scale[i] * scale[j]));
+    let right = DVector::from_fn(active.len(), |i, _| right[active[i]] / scale[i]);
     let eigen = gram.symmetric_eigen();
     let mut change = DVector::zeros(active.len());
     let mut freedom = 0;

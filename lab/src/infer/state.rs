@@ -8,15 +8,17 @@
 //!
 //! with H the information about the rough numbers nu and S the diagonal of their sigmas.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use energy::Channel;
-use nalgebra::{DMatrix, DVector};
+use energy::{Channel, Model};
+use nalgebra::DMatrix;
 
+use super::descent::{Asked, Place, descend};
 use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
+use super::lens::Lens;
 use super::noise::{Filter, Noise, Rows, estimate};
-use crate::fit::{LeastSquares, minimise_to};
+use super::rough::Known;
 
 /// A frame at its most likely unknowns.
 #[derive(Debug, Clone)]
@@ -25,93 +27,119 @@ pub struct State {
     pub frame: Arc<Frame>,
     /// The unknowns.
     pub x: Vec<f64>,
-    /// Observed minus predicted, by row.
+    /// Observed minus predicted, by judged row.
     pub residual: Vec<f64>,
     /// Noise by channel.
     pub noise: Vec<(Channel, Noise)>,
     /// Minus twice the logarithm of the evidence, without its constant.
     pub cost: f64,
-    /// Derivatives of the predictions in units of independent noise, one column per unknown;
-    /// below them, one row per rough number.
-    pub design: DMatrix<f64>,
-    /// Residuals in the same rows.
-    pub whitened: DVector<f64>,
+    /// Information about the unknowns, with what is known of the rough numbers.
+    pub normal: DMatrix<f64>,
+    /// Derivatives of the predictions: one row per unknown, one column per judged row.
+    slopes: Arc<DMatrix<f64>>,
     /// Free parameters on which the logs have a say.
     pub freedom: usize,
+    /// RMS by channel over all rows, once somebody has asked.
+    rms: OnceLock<Vec<(Channel, f64)>>,
+    /// See [`State::plain`].
+    plain: OnceLock<Box<State>>,
 }
 
-/// Fall of the cost that is not worth another step: in units of two log-likelihoods, and as a share
-/// of the cost, which is far above its number of rows while the model is far from right.
-const ENOUGH: (f64, f64) = (0.02, 1e-6);
 /// Slow noise, in floors, that needs no second look.
 const SLIGHT: f64 = 0.3;
-/// Rounds of fitting and asking for the noise again.
-const ROUNDS: usize = 3;
-/// Change of the cost by new noise that asks for no further round.
-const SETTLED: f64 = 1.0;
+/// Deviations from which on what a log says of its own start is asked again.
+const ODD: f64 = 2.0;
 
 impl State {
+    /// The model on its evidence, its free parameters and all that is roughly known at their best.
+    #[must_use]
+    pub fn of_model(model: Arc<Model>, evidence: Arc<Evidence>) -> State {
+        let frame = Arc::new(Frame::new(model, evidence));
+        State::search(Arc::clone(&frame), &frame.start(), f64::NEG_INFINITY).or_with_starts_as_told()
+    }
+
     /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
     /// that ends with slow noise, once more from where the sensors' noise alone leads. Slow noise
-    /// excuses what it has to explain: from either side the search may come to rest too early.
+    /// excuses what it has to explain: from either side the search may come to rest too early. A
+    /// cost below `content` needs no second look.
     #[must_use]
-    pub fn search(frame: Arc<Frame>, start: &[f64]) -> State {
+    pub fn search(frame: Arc<Frame>, start: &[f64], content: f64) -> State {
         let begin = State::fit(Arc::clone(&frame), start, &noises(&frame, &residual(&frame, start)));
-        if begin.noise.iter().all(|(channel, noise)| noise.slow < SLIGHT * frame.evidence.floor(*channel)) {
+        if begin.cost < content || !begin.is_slow() {
             return begin;
         }
-        let white = State::white(&frame);
-        let filters = filters(&frame, &white);
-        let problem = Whitened { frame: &frame, filters: &filters };
-        let enough = ENOUGH.0 + ENOUGH.1 * problem.residual(&begin.x).norm_squared();
-        let x = minimise_to(&problem, &begin.x, &frame.bounds(), enough, &mut |_| {}).at;
-        let noise = noises(&frame, &residual(&frame, &x));
-        let again = State::fit(Arc::clone(&frame), &x, &noise);
+        let white = descend(&frame, &begin.x, &State::white(&frame), &all(&frame), Asked::Never);
+        let again = State::fit(Arc::clone(&frame), &white.x, &noises(&frame, &white.residual));
         if again.cost < begin.cost { again } else { begin }
+    }
+
+    /// The better of this state and the fit that begins where the logs' own starts are what the logs
+    /// say, when some ended far from it: a charge beyond full, where the open-circuit voltage is steep,
+    /// can do the work of a missing transient, with a hill between the two.
+    #[must_use]
+    pub(super) fn or_with_starts_as_told(self) -> State {
+        let first = self.frame.free.len();
+        let known = || self.frame.known.iter().zip(first..);
+        let odd = |&(known, place): &(&Known, usize)| known.log().is_some() && self.x[place].abs() > ODD * known.sigma;
+        if !known().any(|one| odd(&one)) {
+            return self;
+        }
+        let mut start = self.x.clone();
+        known().filter(|(known, _)| known.log().is_some()).for_each(|(_, place)| start[place] = 0.0);
+        let other = State::fit(Arc::clone(&self.frame), &start, &self.noise);
+        if other.cost < self.cost { other } else { self }
     }
 
     /// Fits all unknowns, beginning at `start` and with this noise.
     #[must_use]
     pub fn fit(frame: Arc<Frame>, start: &[f64], noise: &[(Channel, Noise)]) -> State {
-        let (mut x, mut noise) = (start.to_vec(), noise.to_vec());
-        let mut cost = f64::INFINITY;
-        for _ in 0..ROUNDS {
-            let filters = filters(&frame, &noise);
-            let problem = Whitened { frame: &frame, filters: &filters };
-            let enough = ENOUGH.0 + ENOUGH.1 * problem.residual(&x).norm_squared();
-            let solution = minimise_to(&problem, &x, &frame.bounds(), enough, &mut |_| {});
-            x = solution.at;
-            let residual = residual(&frame, &x);
-            noise = noises(&frame, &residual);
-            let now: f64 = likelihood(&frame, &residual, &self::filters(&frame, &noise)) + priors(&frame, &x);
-            if cost - now < SETTLED {
-                break;
-            }
-            cost = now;
-        }
-        State::at(frame, x, noise)
+        let place = descend(&frame, start, noise, &all(&frame), Asked::Always);
+        State::of(frame, place)
     }
 
-    /// The state at given unknowns and noise, without a fit.
-    #[must_use]
-    pub fn at(frame: Arc<Frame>, x: Vec<f64>, noise: Vec<(Channel, Noise)>) -> State {
-        let filters = filters(&frame, &noise);
-        let problem = Whitened { frame: &frame, filters: &filters };
-        let by: Vec<usize> = (0..frame.unknowns()).collect();
-        let (predicted, columns) = frame.linearise(&x, &by);
-        let residual: Vec<f64> = observed(&frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect();
-        let design = problem.stack_columns(columns);
-        let whitened = problem.stack(residual.clone(), &x);
-        let normal = design.tr_mul(&design);
+    fn of(frame: Arc<Frame>, Place { x, noise, residual, slopes, lens }: Place) -> State {
         let free = frame.free.len();
         let sigmas: Vec<f64> = frame.known.iter().map(|known| known.sigma).collect();
         // 1 + S H S: the information holds the priors' share, 1/sigma^2, which becomes the 1.
-        let inner = DMatrix::from_fn(sigmas.len(), sigmas.len(), |i, j| normal[(free + i, free + j)] * sigmas[i] * sigmas[j]);
+        let inner = DMatrix::from_fn(sigmas.len(), sigmas.len(), |i, j| lens.normal[(free + i, free + j)] * sigmas[i] * sigmas[j]);
         let integrated = inner.cholesky().map_or(0.0, |cholesky| 2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>());
-        let variances: f64 = filters.iter().map(|filter| filter.log_variance).sum();
-        let cost = variances + whitened.norm_squared() + integrated;
-        let freedom = freedom(&normal, free);
-        State { frame, x, residual, noise, cost, design, whitened, freedom }
+        let (cost, freedom) = (lens.cost + integrated, freedom(&lens.normal, free));
+        State {
+            frame,
+            x,
+            residual,
+            noise,
+            cost,
+            normal: lens.normal,
+            slopes: Arc::new(slopes),
+            freedom,
+            rms: OnceLock::new(),
+            plain: OnceLock::new(),
+        }
+    }
+
+    /// The rows through this state's noise, or another.
+    pub(super) fn lens(&self, noise: &[(Channel, Noise)]) -> Lens {
+        Lens::new(&self.frame, &self.x, &all(&self.frame), &self.slopes, &self.residual, noise)
+    }
+
+    /// The nearest fit that knows the sensors' own noise only.
+    pub(super) fn plain(&self) -> &State {
+        self.plain.get_or_init(|| {
+            let place = descend(&self.frame, &self.x, &State::white(&self.frame), &all(&self.frame), Asked::Never);
+            Box::new(State::of(Arc::clone(&self.frame), place))
+        })
+    }
+
+    /// Whether slow noise is left that is worth a second look.
+    pub(super) fn is_slow(&self) -> bool {
+        self.noise.iter().any(|(channel, noise)| noise.slow >= SLIGHT * self.frame.evidence.floor(*channel))
+    }
+
+    /// Unknowns that rest on a bound.
+    pub(super) fn held(&self) -> Vec<usize> {
+        let bounds = self.frame.bounds();
+        (0..self.x.len()).filter(|&index| self.x[index] <= bounds[index].0 || self.x[index] >= bounds[index].1).collect()
     }
 
     /// Noise that has no slow part yet.
@@ -123,7 +151,7 @@ impl State {
     /// Covariance of all unknowns; a direction of which the rows say nothing has none.
     #[must_use]
     pub fn covariance(&self) -> DMatrix<f64> {
-        let normal = self.design.tr_mul(&self.design);
+        let normal = &self.normal;
         let scale: Vec<f64> = normal.diagonal().iter().map(|d| if *d > 0.0 { d.sqrt() } else { 1.0 }).collect();
         let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| normal[(i, j)] / (scale[i] * scale[j]));
         let eigen = scaled.symmetric_eigen();
@@ -140,13 +168,14 @@ impl State {
     /// RMS of the residuals of each channel over all rows of all logs.
     #[must_use]
     pub fn rms(&self) -> Vec<(Channel, f64)> {
-        match &self.frame.evidence.whole {
+        let of_rows = || match &self.frame.evidence.whole {
             Some(whole) => {
                 let frame = Frame::new(Arc::clone(&self.frame.model), Arc::clone(whole));
                 rms(whole, &residual(&frame, &self.x))
             }
             None => rms(&self.frame.evidence, &self.residual),
-        }
+        };
+        self.rms.get_or_init(of_rows).clone()
     }
 
     /// Bayesian information criterion: lower is better.
@@ -154,12 +183,10 @@ impl State {
     pub fn bic(&self) -> f64 {
         self.cost + self.freedom as f64 * (self.frame.evidence.rows() as f64).ln()
     }
+}
 
-    /// One filter per segment, of this state's noise.
-    #[must_use]
-    pub fn filters(&self) -> Vec<Filter> {
-        filters(&self.frame, &self.noise)
-    }
+fn all(frame: &Frame) -> Vec<usize> {
+    (0..frame.unknowns()).collect()
 }
 
 /// Directions of the free parameters that the rows determine, once what is rough is allowed for.
@@ -181,7 +208,7 @@ fn freedom(normal: &DMatrix<f64>, free: usize) -> usize {
 /// Share of a direction's information that must be left by all others for it to count as free.
 const DETERMINED: f64 = 1e-9;
 
-fn observed(frame: &Frame) -> impl Iterator<Item = f64> + '_ {
+pub(super) fn observed(frame: &Frame) -> impl Iterator<Item = f64> + '_ {
     frame.evidence.segments.iter().flat_map(|segment| segment.observed.iter().copied())
 }
 
@@ -222,55 +249,4 @@ pub(super) fn likelihood(frame: &Frame, residual: &[f64], filters: &[Filter]) ->
         filter.log_variance + own.iter().map(|e| e * e).sum::<f64>()
     };
     frame.evidence.segments.iter().zip(filters).map(of).sum()
-}
-
-fn priors(frame: &Frame, x: &[f64]) -> f64 {
-    frame.known.iter().zip(&x[frame.free.len()..]).map(|(known, error)| (error / known.sigma).powi(2)).sum()
-}
-
-/// The fit in units of independent noise.
-pub(super) struct Whitened<'a> {
-    pub(super) frame: &'a Frame,
-    pub(super) filters: &'a [Filter],
-}
-
-impl Whitened<'_> {
-    /// Residuals as innovations, then the rough numbers in their sigmas (with the sign of a
-    /// residual: nothing was expected, an error is assumed).
-    fn stack(&self, mut residual: Vec<f64>, x: &[f64]) -> DVector<f64> {
-        self.whiten(&mut residual);
-        residual.extend(self.frame.known.iter().zip(&x[self.frame.free.len()..]).map(|(known, error)| -error / known.sigma));
-        DVector::from_vec(residual)
-    }
-
-    /// Turns a value per row into innovations.
-    pub(super) fn whiten(&self, rows: &mut [f64]) {
-        for (segment, filter) in self.frame.evidence.segments.iter().zip(self.filters) {
-            filter.apply(&mut rows[segment.range()]);
-        }
-    }
-
-    /// Derivatives of predictions by every unknown, with the rows of the rough numbers below.
-    fn stack_columns(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
-        let (rows, free) = (columns.nrows(), self.frame.free.len());
-        let mut all = columns.insert_rows(rows, self.frame.known.len(), 0.0);
-        for (index, mut column) in all.column_iter_mut().enumerate() {
-            self.whiten(&mut column.as_mut_slice()[..rows]);
-            if index >= free {
-                column[rows + index - free] = 1.0 / self.frame.known[index - free].sigma;
-            }
-        }
-        all
-    }
-}
-
-impl LeastSquares for Whitened<'_> {
-    fn residual(&self, at: &[f64]) -> DVector<f64> {
-        self.stack(residual(self.frame, at), at)
-    }
-
-    fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
-        let by: Vec<usize> = (0..self.frame.unknowns()).collect();
-        -self.stack_columns(self.frame.linearise(at, &by).1)
-    }
 }

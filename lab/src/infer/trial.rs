@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model};
-use nalgebra::{DMatrix, DVector};
+use energy::{Channel, EffectSpec, Model, Parameter};
 
 use super::candidate::{Candidate, usual};
+use super::descent::{Asked, descend};
 use super::evidence::Evidence;
 use super::frame::Frame;
+use super::judge::ABSORBED;
+use super::noise::Noise;
 use super::score::Score;
-use super::state::{State, Whitened, residual, rms};
-use crate::fit::{LeastSquares, minimise_to};
+use super::state::{State, residual, rms};
 
 /// A refitted candidate.
 #[derive(Debug, Clone)]
@@ -21,6 +22,8 @@ pub struct Trial {
     pub state: State,
     /// Fall of the Bayesian information criterion.
     pub delta_bic: f64,
+    /// Share of the effect that a refit of the base model could not absorb, 0..1.
+    pub uniqueness: f64,
     /// Largest RMS, by log, by which it moves its own channel.
     pub change: f64,
     /// RMS on the held-out logs, by channel; empty without such logs.
@@ -28,39 +31,92 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Refits the base model with the candidate, from where its score expects it and from its
-    /// usual size, and keeps the better.
+    /// Refits the base model with the candidate, from where its score expects it and, if that ends
+    /// with less than the score promises, from its usual size, and keeps the better. Where even what
+    /// is promised would cost more than a `rival`, the first refit is enough.
     #[must_use]
-    pub fn run(base: &State, candidate: &Candidate, score: &Score, holdout: Option<&Arc<Evidence>>) -> Trial {
+    pub fn run(base: &State, candidate: &Candidate, score: &Score, rival: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
         let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
         let usual: Vec<f64> =
             candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
-        // An effect of one number is as good as linear: one start is enough for it.
-        let several = if candidate.spec.parameters.len() > 1 { vec![&score.expected, &usual] } else { vec![&score.expected] };
-        let fits = several.into_iter().map(|own| {
-            let start = start(&frame, base, score, candidate, own);
-            State::search(Arc::clone(&frame), &start)
-        });
-        let state = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("there is one");
-        Trial::of(base, state, candidate.spec, holdout)
+        let from = |x: &[f64], own: &[f64]| start(&frame, base, x, candidate, own);
+        // A second look is worth its time where the linear theory promised more, and that would do.
+        let promised = base.cost - CONTENT * score.gain;
+        let content = if promised < rival { promised } else { f64::INFINITY };
+        let mut state = State::search(Arc::clone(&frame), &from(&score.base_x, &score.expected), content);
+        if state.cost >= content {
+            let other = State::fit(Arc::clone(&frame), &from(&score.base_x, &usual), &state.noise);
+            state = if other.cost < state.cost { other } else { state };
+        }
+        if score.uniqueness < ABSORBED {
+            // The base model may have bent itself to do the effect's work: it is put back first.
+            let other = State::search(Arc::clone(&frame), &from(&base.frame.start(), &usual), content);
+            state = if other.cost < state.cost { other } else { state };
+        }
+        Trial::of(base, state.or_with_starts_as_told(), candidate.spec, score.uniqueness, holdout)
     }
 
-    fn of(base: &State, state: State, spec: &'static EffectSpec, holdout: Option<&Arc<Evidence>>) -> Trial {
+    /// Whether the other effect is this one under another name, or this one with more freedom: with the
+    /// numbers that it has in common with this one, and the rest of its own at an end of their ranges,
+    /// it predicts the same.
+    #[must_use]
+    pub fn is_also(&self, other: &Trial) -> bool {
+        let (own, theirs) = (&self.state.frame, &other.state.frame);
+        let shared = |name: &str| self.spec.parameters.iter().any(|parameter| parameter.name == name);
+        let in_common = other.spec.parameters.iter().filter(|parameter| shared(parameter.name)).count();
+        if self.spec.channel != other.spec.channel || in_common < self.spec.parameters.len() {
+            return false;
+        }
+        let value = |wanted: &Parameter| {
+            let effect = if wanted.effect == other.spec.id { self.spec.id } else { wanted.effect };
+            let same = |&place: &usize| {
+                let known = &own.model.parameters()[own.free[place]];
+                known.effect == effect && known.name == wanted.name
+            };
+            (0..own.free.len()).find(same).map(|place| self.state.x[place])
+        };
+        let rest: Vec<usize> =
+            (0..theirs.free.len()).filter(|&place| value(&theirs.model.parameters()[theirs.free[place]]).is_none()).collect();
+        if rest.len() > REST_MAX {
+            return false;
+        }
+        let expected = own.predict(&self.state.x);
+        // Every corner of what is left: a bit for each, set for the upper end.
+        (0..1_usize << rest.len()).any(|corner| {
+            let number = |(place, &index): (usize, &usize)| {
+                let parameter = &theirs.model.parameters()[index];
+                let bit = rest.iter().position(|&one| one == place).map_or(0, |bit| corner >> bit & 1);
+                value(parameter).unwrap_or(if bit == 1 { parameter.max } else { parameter.min })
+            };
+            let rough = self.state.x[own.free.len()..].iter().copied();
+            let found = theirs.predict(&theirs.free.iter().enumerate().map(number).chain(rough).collect::<Vec<_>>());
+            expected.iter().zip(&found).all(|(a, b)| (a - b).abs() <= SAME * (1.0 + a.abs()))
+        })
+    }
+
+    fn of(base: &State, state: State, spec: &'static EffectSpec, uniqueness: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
         let parameters = state.frame.model.parameters().iter().enumerate();
         let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
         let change = state.frame.change(&state.x, spec.channel, &nulls);
         let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&state, evidence));
-        Trial { spec, delta_bic: base.bic() - state.bic(), change, holdout, state }
+        Trial { spec, delta_bic: base.bic() - state.bic(), uniqueness, change, holdout, state }
     }
 }
 
+/// Share by which predictions differ that are the same but for rounding.
+const SAME: f64 = 1e-6;
+/// Further numbers of an effect that are tried at the ends of their ranges.
+const REST_MAX: usize = 3;
+/// Share of the gain that the linear theory expects with which a refit is content.
+const CONTENT: f64 = 0.9;
+
 /// Unknowns at which a refit begins: the base model's, and the candidate's own.
-fn start(frame: &Frame, base: &State, score: &Score, candidate: &Candidate, own: &[f64]) -> Vec<f64> {
-    let mut values = base.frame.values(&score.base_x);
+fn start(frame: &Frame, base: &State, x: &[f64], candidate: &Candidate, own: &[f64]) -> Vec<f64> {
+    let mut values = base.frame.values(x);
     values.splice(candidate.first..candidate.first, own.iter().copied());
     let free = frame.free.iter().map(|&index| values[index]);
-    free.chain(score.base_x[base.frame.free.len()..].iter().copied()).collect()
+    free.chain(x[base.frame.free.len()..].iter().copied()).collect()
 }
 
 /// RMS by channel on logs that the state has not seen. What belongs to one log alone (its state of
@@ -83,41 +139,9 @@ pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
     }
     let own: Vec<usize> =
         (0..frame.known.len()).filter(|&place| frame.known[place].log().is_some()).map(|place| frame.free.len() + place).collect();
-    let filters: Vec<_> = {
-        let of = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
-        let noise = |channel| of(channel).unwrap_or(super::noise::Noise::white(evidence.floor(channel)));
-        evidence.segments.iter().map(|segment| noise(segment.channel).filter(&segment.time_s, &segment.counts)).collect()
-    };
-    let some = Held { whole: Whitened { frame: &frame, filters: &filters }, x: x.clone(), own: &own };
-    let bounds: Vec<(f64, f64)> = own.iter().map(|&unknown| frame.bounds()[unknown]).collect();
-    let begin: Vec<f64> = own.iter().map(|&unknown| x[unknown]).collect();
-    let solution = minimise_to(&some, &begin, &bounds, 0.02, &mut |_| {});
-    let x = some.place(&solution.at);
+    let of = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
+    let noise: Vec<_> = evidence.floors.iter().map(|&(channel, floor)| (channel, of(channel).unwrap_or(Noise::white(floor)))).collect();
+    let x = descend(&frame, &x, &noise, &own, Asked::Never).x;
     let whole = evidence.whole.as_ref().unwrap_or(evidence);
     residual(&Frame::new(Arc::clone(&frame.model), Arc::clone(whole)), &x)
-}
-
-/// A fit of some unknowns, the others held.
-struct Held<'a> {
-    whole: Whitened<'a>,
-    x: Vec<f64>,
-    own: &'a [usize],
-}
-
-impl Held<'_> {
-    fn place(&self, at: &[f64]) -> Vec<f64> {
-        let mut x = self.x.clone();
-        self.own.iter().zip(at).for_each(|(&unknown, &value)| x[unknown] = value);
-        x
-    }
-}
-
-impl LeastSquares for Held<'_> {
-    fn residual(&self, at: &[f64]) -> DVector<f64> {
-        self.whole.residual(&self.place(at))
-    }
-
-    fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
-        self.whole.jacobian(&self.place(at)).select_columns(self.own)
-    }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use energy::effect::Lane;
 use energy::{Channel, Channels, Model, Run, Start};
 
-use crate::prepare::{Prepared, predicted_channels};
+use crate::prepare::predicted_channels;
 
 /// An input with what its sensor may have multiplied and added.
 pub(super) struct Drive<'a, S> {
@@ -18,9 +18,13 @@ pub(super) struct Drive<'a, S> {
 }
 
 /// The inputs of a log that the model does not predict itself.
-pub(super) fn drives<'a, S: Copy>(model: &Model, log: &'a Prepared, shift: impl Fn(Channel) -> Option<(S, S)>) -> Vec<Drive<'a, S>> {
+pub(super) fn drives<'a, S: Copy>(
+    model: &Model,
+    inputs: &'a [(Channel, Vec<f64>)],
+    shift: impl Fn(Channel) -> Option<(S, S)>,
+) -> Vec<Drive<'a, S>> {
     let predicted = predicted_channels(model);
-    let inputs = log.inputs.iter().filter(|(channel, _)| !predicted.contains(channel));
+    let inputs = inputs.iter().filter(|(channel, _)| !predicted.contains(channel));
     inputs
         .map(|(channel, values)| Drive { channel: *channel, values, shift: shift(*channel), dead_band: model.sensor(*channel).dead_band })
         .collect()

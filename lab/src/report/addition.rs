@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::compare::{Comparison, RegimeError};
 use crate::decision::Decisions;
 use crate::infer::answer::{ByChannel, Rung, Value, deviations};
-use crate::infer::discover::Refusal;
+use crate::infer::judge::Refusal;
 use crate::infer::state::State;
 use crate::infer::trial::Trial;
 use crate::learned::LeftOut;

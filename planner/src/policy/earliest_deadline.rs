@@ -19,6 +19,6 @@ impl Policy for EarliestDeadline {
 
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
-        in_order(ways, budget, |robot| problem.robots[robot].endurance(problem.battery.floor))
+        in_order(ways, budget, |robot| problem.endurance(robot))
     }
 }

@@ -22,7 +22,7 @@ impl Policy for LeastSlack {
         in_order(ways, budget, |robot| {
             let who = &problem.robots[robot];
             let nearest = who.travel.iter().map(|travel| i64::from(travel.ticks)).min().unwrap_or(0);
-            who.endurance(problem.battery.floor) - nearest
+            problem.endurance(robot) - nearest
         })
     }
 }

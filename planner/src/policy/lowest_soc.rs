@@ -3,9 +3,10 @@
 use super::{Policy, in_order};
 use crate::optimise::Budget;
 use crate::plan::Plan;
+use crate::problem::Problem;
 use crate::way::Ways;
 
-/// By stored energy.
+/// By state of charge.
 pub(super) struct LowestSoc;
 
 impl Policy for LowestSoc {
@@ -19,6 +20,11 @@ impl Policy for LowestSoc {
 
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
-        in_order(ways, budget, |robot| problem.robots[robot].energy)
+        in_order(ways, budget, |robot| soc(problem, robot))
     }
+}
+
+/// What is stored as a part of what the pack holds, in millionths.
+fn soc(problem: &Problem, robot: usize) -> i64 {
+    1_000_000 * problem.robots[robot].energy / problem.battery(robot).capacity
 }

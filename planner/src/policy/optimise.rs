@@ -1,7 +1,7 @@
 //! The best plan that the budget allows.
 
 use super::Policy;
-use crate::optimise::{Budget, optimise};
+use crate::optimise::{Budget, NAME, optimise};
 use crate::plan::Plan;
 use crate::way::Ways;
 
@@ -10,7 +10,7 @@ pub(super) struct Optimise;
 
 impl Policy for Optimise {
     fn name(&self) -> &'static str {
-        "optimise"
+        NAME
     }
 
     fn about(&self) -> &'static str {

@@ -43,17 +43,21 @@ impl Policy for Threshold {
 /// The tick in which the robot arrives if it sets off when its charge falls below the threshold.
 fn due(problem: &Problem, robot: usize) -> i64 {
     let who = &problem.robots[robot];
-    let spare = who.energy - (BELOW * problem.battery.capacity as f64) as i64;
+    let spare = who.energy - (BELOW * problem.battery(robot).capacity as f64) as i64;
     let leaves = if who.drain == 0 { i64::from(problem.horizon) } else { spare.max(0) / who.drain };
-    leaves + who.travel.iter().map(|travel| i64::from(travel.ticks)).min().unwrap_or(0)
+    let arrives = leaves + who.travel.iter().map(|travel| i64::from(travel.ticks)).min().unwrap_or(0);
+    // A site may have its own threshold.
+    arrives.max(i64::from(who.not_before))
 }
 
 /// The first free charge at the nearest station from then on.
 fn first_come(draft: &Draft<'_, '_>, robot: usize, due: i64) -> Option<u32> {
     let problem = draft.problem();
     let nearest = problem.robots[robot].travel.iter().min_by_key(|travel| (travel.ticks, travel.station))?.station;
-    let limit = (UP_TO * problem.battery.capacity as f64) as i64;
-    let level = problem.battery.targets.partition_point(|&target| target <= limit).checked_sub(1)?;
+    let battery = problem.battery(robot);
+    let limit = (UP_TO * battery.capacity as f64) as i64;
+    // The lowest level, if there is none below.
+    let level = battery.targets.partition_point(|&target| target <= limit).saturating_sub(1);
     let choices = draft.ways.of(robot);
     let wanted = choices
         .ways

@@ -27,14 +27,19 @@ pub(super) struct Layout {
     pub(super) there: Vec<i64>,
     /// One over the row's own units in one unit of its price.
     inverse: Vec<f64>,
+    /// The greatest draw of a way, in units of the power rows' scale, at least 1.
+    draw_max: f64,
 }
 
 impl Layout {
     pub(super) fn new(problem: &Problem) -> Self {
         let ticks = problem.horizon as usize;
-        let draw = problem.battery.curve.iter().map(|segment| segment.draw).max().unwrap_or(1).max(1) as f64;
-        let service = (problem.battery.capacity as f64 * 0.7).max(1.0);
-        let mut layout = Self { ticks, first: vec![0], before: Vec::new(), there: Vec::new(), inverse: Vec::new() };
+        let curves = problem.batteries.iter().flat_map(|battery| &battery.chargers).flat_map(|charger| &charger.curve);
+        let draw = curves.map(|segment| segment.draw).max().unwrap_or(1).max(1) as f64;
+        let service = (problem.batteries.iter().map(|battery| battery.capacity).max().unwrap_or(1) as f64 * 0.7).max(1.0);
+        let handling = problem.stations.iter().flat_map(|station| [station.load_draw, station.unload_draw, station.swap_draw]);
+        let draw_max = (handling.max().unwrap_or(0) as f64 / draw).max(1.0);
+        let mut layout = Self { ticks, first: vec![0], before: Vec::new(), there: Vec::new(), inverse: Vec::new(), draw_max };
         for station in &problem.stations {
             let book = Book::new(problem, station);
             layout.there.extend(book.left());
@@ -50,6 +55,14 @@ impl Layout {
 
     pub(super) fn rows(&self) -> usize {
         self.there.len()
+    }
+
+    /// The greatest price of a row: with it everywhere, the sums over all ticks are still whole numbers
+    /// of 64 bits. Prices of any height give a valid bound, so nothing is lost by the limit.
+    pub(super) fn price_max(&self, unit: i64) -> f64 {
+        let limits = self.before.iter().map(Vec::len).max().unwrap_or(0);
+        let counted = BY_TICK * (1 + limits) * self.ticks.max(1);
+        i64::MAX as f64 / (unit as f64 * counted as f64 * self.draw_max)
     }
 }
 
@@ -77,6 +90,11 @@ impl Table {
             for row in 0..BY_TICK {
                 let mut later: i64 = energy.iter().sum();
                 let mut limits = layout.before[station].iter().zip(&energy).peekable();
+                let rows = first + row * ticks..first + (row + 1) * ticks;
+                // Most rows are asked for nothing: their sums stay zero.
+                if prices[rows].iter().all(|&price| price == 0.0) && (row != POWER || later == 0) {
+                    continue;
+                }
                 let out = &mut sums[(station * BY_TICK + row) * width..][..width];
                 for tick in 0..ticks {
                     let at = first + row * ticks + tick;

@@ -1,6 +1,6 @@
 //! Any problem: small, often tight, sometimes with nothing to plan with.
 
-use planner::problem::{Battery, Critical, Ongoing, Pack, Problem, Robot, Segment, Station, Travel};
+use planner::problem::{Battery, Chance, Charger, Critical, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Travel};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -12,8 +12,10 @@ pub fn battery() -> Battery {
         floor: 100,
         min_gain: 80,
         targets: vec![600, 800, 970],
-        swap_energy: 960,
-        curve: vec![segment(800, 60, 75, 66), segment(930, 40, 52, 45), segment(1000, 15, 24, 18)],
+        chargers: vec![Charger {
+            swap_energy: 960,
+            curve: vec![segment(800, 60, 75, 66), segment(930, 40, 52, 45), segment(1000, 15, 24, 18)],
+        }],
     }
 }
 
@@ -38,13 +40,14 @@ pub fn station() -> impl Strategy<Value = Station> {
             spares,
             busy,
         )| {
-            let ongoing = Ongoing { bay: 0, until: 7, draw: 60, unload_ticks: 1 };
+            let ongoing = Ongoing { bay: Some(0), from: 0, load_ticks: 0, until: 7, draw: 60, unload_ticks: 1 };
             let ongoing = if busy && bays > 0 && lift_slots > 0 { vec![ongoing] } else { Vec::new() };
             first.available_from = 0;
             first.remaining += first.reserve + 5 * 40 + 7 * 60;
             more.iter_mut().zip(1..).for_each(|(pack, name)| pack.name = format!("{name}"));
             Station {
                 name: "any".to_owned(),
+                charger: 0,
                 bays,
                 lift_slots,
                 swap_slots,
@@ -58,6 +61,8 @@ pub fn station() -> impl Strategy<Value = Station> {
                 swap_ticks,
                 swap_draw: 15,
                 spares,
+                left_packs: LeftPacks::AsPlanned,
+                chance: None,
                 packs: std::iter::once(first).chain(more).collect(),
                 ongoing,
             }
@@ -70,13 +75,22 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
     (0_i64..=1000, 0_i64..30, 1_i64..8, 0_i64..60, 1_i64..4, critical, vec(proptest::option::of(0_u32..9), stations)).prop_map(
         |(energy, drain, caution, mission_end, weight, critical, travel)| Robot {
             name: "any".to_owned(),
+            battery: 0,
+            not_before: 0,
+            wanted: None,
+            held: false,
             energy,
             drain,
             drain_hi: drain + caution,
+            drain_served: drain + caution,
             mission_end,
             weight,
             critical: critical.map(|(from, length, weight)| Critical { from, to: from + length, weight }),
-            travel: travel.into_iter().enumerate().filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks })).collect(),
+            travel: travel
+                .into_iter()
+                .enumerate()
+                .filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks, variance: 0.0 }))
+                .collect(),
         },
     )
 }
@@ -89,9 +103,29 @@ pub fn problem() -> impl Strategy<Value = Problem> {
             tick_s: 60,
             horizon: 40,
             capacity_target: 1,
-            battery: battery(),
+            units_per_wh: 1000,
+            batteries: vec![battery()],
             stations: stations.clone(),
             robots,
         })
+    })
+}
+
+/// A problem whose stations' packs are not known for certain.
+pub fn doubtful() -> impl Strategy<Value = Problem> {
+    let doubt = (0.0_f64..400.0, 0.0_f64..0.2, 0_i64..12, 0_i64..600);
+    (problem(), doubt, vec(any::<bool>(), 14), vec(0.0_f64..60.0, 14)).prop_map(|(mut problem, (sigma, share, hotel, begun), held, own)| {
+        for station in &mut problem.stations {
+            (station.hotel, station.switch_cost) = (0, 0);
+            station.packs.iter_mut().for_each(|pack| pack.available_from = 0);
+            let mut shared = [[0.0; 3]; 3];
+            shared[2][2] = share * share;
+            station.chance = Some(Chance { quantile: 1.645, quantile_held: 0.0, hotel, begun, variance: sigma * sigma, shared });
+        }
+        for ((robot, held), own) in problem.robots.iter_mut().zip(held).zip(own) {
+            robot.held = held;
+            robot.travel.iter_mut().for_each(|travel| travel.variance = own * own);
+        }
+        problem
     })
 }

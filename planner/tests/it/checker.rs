@@ -7,8 +7,8 @@ use planner::{Mode, Plan};
 fn charged(problem: &Problem, mut energy: i64, target: i64, bare: bool) -> (i64, Vec<i64>) {
     let mut draws = Vec::new();
     while energy < target {
-        let segment = problem.battery.curve.iter().find(|segment| energy < segment.below).expect("a segment");
-        energy = (energy + segment.gain).min(problem.battery.capacity);
+        let segment = problem.batteries[0].chargers[0].curve.iter().find(|segment| energy < segment.below).expect("a segment");
+        energy = (energy + segment.gain).min(problem.batteries[0].capacity);
         draws.push(if bare { segment.draw_bare } else { segment.draw });
     }
     (energy, draws)
@@ -20,7 +20,8 @@ fn charged(problem: &Problem, mut energy: i64, target: i64, bare: bool) -> (i64,
 /// When the plan breaks a rule.
 pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
     let horizon = problem.horizon as usize;
-    let battery = &problem.battery;
+    let battery = &problem.batteries[0];
+    let swap_energy = battery.chargers[0].swap_energy;
     let (mut energy, mut packs) = (0, 0);
     let mut outcome: Vec<Option<(i64, i64, i64, i64)>> = vec![None; problem.robots.len()];
     for (at, station) in problem.stations.iter().enumerate() {
@@ -32,7 +33,7 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
         for ongoing in &station.ongoing {
             for tick in 0..horizon.min(ongoing.until as usize) {
                 load[tick] += ongoing.draw;
-                bays[ongoing.bay as usize][tick] += 1;
+                bays[ongoing.bay.expect("a charge") as usize][tick] += 1;
                 lift[tick] += i64::from(tick + ongoing.unload_ticks as usize >= ongoing.until as usize);
             }
         }
@@ -65,7 +66,7 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
                 }
                 (stored, end)
             } else {
-                assert!(battery.swap_energy - arrived >= battery.min_gain, "gains too little");
+                assert!(swap_energy - arrived >= battery.min_gain, "gains too little");
                 let end = start + station.swap_ticks as usize;
                 assert!(end <= horizon, "ends too late");
                 for tick in start..end {
@@ -74,13 +75,13 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
                 }
                 handed_out.push(start);
                 if session.mode == Mode::SwapAndRecharge {
-                    let (_, draws) = charged(problem, arrived, battery.swap_energy, true);
+                    let (_, draws) = charged(problem, arrived, swap_energy, true);
                     for (tick, draw) in (end..horizon).zip(&draws) {
                         load[tick] += draw;
                     }
                     ready.push(end + draws.len());
                 }
-                (battery.swap_energy, end)
+                (swap_energy, end)
             };
             assert_eq!(session.end as usize, end, "the end as told");
             outcome[session.robot] = Some((start as i64, i64::from(travel.ticks), end as i64, stored));

@@ -17,12 +17,27 @@ fn station() -> planner::problem::Station {
 }
 
 fn robot(energy: i64) -> Robot {
-    let travel = vec![Travel { station: 0, ticks: 2 }];
-    Robot { name: "r".to_owned(), energy, drain: 20, drain_hi: 24, mission_end: 50, weight: 1, critical: None, travel }
+    let travel = vec![Travel { station: 0, ticks: 2, variance: 0.0 }];
+    Robot {
+        name: "r".to_owned(),
+        battery: 0,
+        energy,
+        drain: 20,
+        drain_hi: 24,
+        drain_served: 24,
+        mission_end: 50,
+        weight: 1,
+        critical: None,
+        not_before: 0,
+        wanted: None,
+        held: false,
+        travel,
+    }
 }
 
 fn problem(robots: Vec<Robot>, stations: Vec<planner::problem::Station>) -> Problem {
-    Problem { name: "degenerate".to_owned(), tick_s: 60, horizon: 40, capacity_target: 1, battery: any::battery(), stations, robots }
+    let batteries = vec![any::battery()];
+    Problem { name: "degenerate".to_owned(), tick_s: 60, units_per_wh: 1000, horizon: 40, capacity_target: 1, batteries, stations, robots }
 }
 
 fn planned(problem: &Problem) -> planner::Plan {

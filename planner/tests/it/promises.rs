@@ -1,6 +1,6 @@
 //! No bay, lift movement, spare or joule is promised twice; the same seed gives the same plan.
 
-use planner::{Moves, capacity, plan, policies};
+use planner::{Moves, Ways, capacity, plan, policies};
 use proptest::prelude::*;
 
 use crate::any;
@@ -18,6 +18,32 @@ proptest! {
             prop_assert!(plan.unserved.iter().all(|one| !one.reasons.is_empty()), "{:?}", plan.unserved);
             for (level, (value, bound)) in plan.objective.all().into_iter().zip(plan.bound.all()).enumerate() {
                 prop_assert!(bound <= value, "level {}: bound {} is above {}", level, bound, value);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_promised_is_held_with_the_certainty_that_was_asked_for(problem in any::doubtful(), seed in 0_u64..4) {
+        for policy in policies() {
+            let plan = plan(&problem, policy.name(), seed, &mut Moves(400)).expect("stations that may go dark can always be planned");
+            let ways = Ways::new(&problem);
+            for (at, station) in problem.stations.iter().enumerate() {
+                let chance = station.chance.as_ref().expect("a doubtful station");
+                let sessions: Vec<_> = plan.sessions.iter().filter(|session| session.station == at).collect();
+                let (mut taken, mut own, mut last) = (0, 0.0, station.ongoing.iter().map(|ongoing| ongoing.until).max().unwrap_or(0));
+                for session in &sessions {
+                    let choices = ways.of(session.robot);
+                    let way = choices.ways[choices.find(at, session.start, session.mode).expect("a way")];
+                    let robot = &problem.robots[session.robot];
+                    let variance = robot.travel.iter().find(|travel| travel.station == at).expect("in reach").variance;
+                    (taken, own, last) = (taken + way.energy, own + variance, last.max(session.end));
+                }
+                let held: i64 = station.packs.iter().map(|pack| (pack.remaining - pack.reserve).max(0)).sum();
+                let spare = (held - chance.begun - taken - i64::from(last) * chance.hotel) as f64;
+                let sigma = (chance.variance + own + chance.shared[2][2] * (taken as f64).powi(2)).sqrt();
+                let asked = if sessions.iter().all(|session| problem.robots[session.robot].held) { 0.0 } else { 1.645 };
+                // Variances are kept as whole numbers: a part in a thousand either way.
+                prop_assert!(sessions.is_empty() || spare >= 0.999 * asked * sigma - 1.0, "{}: {spare} of {sigma}", policy.name());
             }
         }
     }

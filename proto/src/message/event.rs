@@ -47,6 +47,10 @@ pub enum EventKind {
     ModelDoubted,
     /// A model explains again what is measured.
     ModelTrusted,
+    /// A gauge is silent, frozen, or has jumped.
+    GaugeDoubted,
+    /// A gauge can be believed again.
+    GaugeTrusted,
 }
 display_as_on_the_wire!(EventKind);
 

@@ -14,7 +14,10 @@ pub use command::{Command, CommandReply, Outcome, Rejection, RobotAction, RobotC
 pub use event::{Event, EventKind};
 pub use gauge::Gauge;
 pub use robot::{Mission, RobotPhase, RobotState, Travel};
-pub use schedule::{Alternative, Capacity, Doubt, Explanation, Mode, PackCapacity, Schedule, Service, ServiceStatus, Unserved};
+pub use schedule::{
+    Alternative, Capacity, Doubt, Explanation, Mode, PackCapacity, Promise, Quality, Schedule, Service, ServiceStatus, StationCapacity,
+    Unserved,
+};
 pub use sim::{SimDraw, SimSupply};
 pub use station::{BayPhase, BayState, PackState, SpareState, StationState};
 

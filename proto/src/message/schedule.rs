@@ -76,6 +76,10 @@ pub struct Service {
     pub end: Timestamp,
     /// Energy taken from the packs, Wh (zero or more).
     pub pack_energy_wh: Estimate,
+    /// Probability that the packs hold enough for all services up to this one (0 to 1), as of when it
+    /// was planned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
     /// How far it has come.
     pub status: ServiceStatus,
     /// Why this station, mode and time.
@@ -89,6 +93,7 @@ impl Service {
         }
         let ordered = self.end >= self.start;
         check::require(ordered, &format!("{field}.end"), self.end, "not before `start`")?;
+        check::within(&format!("{field}.probability"), self.probability.unwrap_or(1.0), 0.0, 1.0)?;
         check::estimate_not_negative(&format!("{field}.pack_energy_wh"), self.pack_energy_wh)
     }
 }
@@ -149,6 +154,25 @@ pub struct Schedule {
     /// taken to be less certain meanwhile.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<Doubt>,
+    /// How good the plan is, and what is proven about it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quality: Option<Quality>,
+}
+
+/// How good a plan is: what it amounts to, and below what no plan can be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Robots that run empty.
+    pub stranded: u32,
+    /// No plan strands fewer.
+    pub stranded_bound: u32,
+    /// Work that robots miss, weighted by its worth, s (zero or more).
+    pub missed_s: f64,
+    /// No plan that strands as few misses less, s (zero or more).
+    pub missed_bound_s: f64,
+    /// Robots that the plan before had promised another service, or one at all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moved: Vec<RobotId>,
 }
 
 impl Message for Schedule {
@@ -160,6 +184,10 @@ impl Message for Schedule {
         }
         for (index, doubt) in self.doubts.iter().enumerate() {
             doubt.validate(&format!("doubts[{index}]"))?;
+        }
+        if let Some(quality) = &self.quality {
+            check::not_negative("quality.missed_s", quality.missed_s)?;
+            check::not_negative("quality.missed_bound_s", quality.missed_bound_s)?;
         }
         Ok(())
     }
@@ -188,6 +216,41 @@ pub struct PackCapacity {
     pub confidence: f64,
     /// Energy lacking for one promised service more, Wh (zero or more).
     pub short_for_next_wh: f64,
+    /// Service after service, in the order in which they will be wanted, how certainly the pack pays
+    /// for all of them up to it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub promises: Vec<Promise>,
+}
+
+/// One more service, and how certainly the energy does for it and all before it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Promise {
+    /// Whose; left out for a further one like the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotId>,
+    /// Probability that there is enough (0 to 1).
+    pub probability: f64,
+    /// What all services up to this one take, with what the station takes meanwhile, Wh (zero or more).
+    pub need_wh: Estimate,
+}
+
+/// What all packs of a station together can still pay for: a service may begin on one and end
+/// on the next.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StationCapacity {
+    /// Which station.
+    pub station: StationId,
+    /// Energy that can go into services, Wh.
+    pub usable_wh: Estimate,
+    /// Further services to expect.
+    pub robots_expected: u32,
+    /// Further services that hold with the probability `confidence`.
+    pub robots_promised: u32,
+    /// Energy lacking for one promised service more, Wh (zero or more).
+    pub short_for_next_wh: f64,
+    /// Service after service; see [`PackCapacity::promises`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub promises: Vec<Promise>,
 }
 
 /// What all packs of the site can still pay for.
@@ -197,6 +260,9 @@ pub struct Capacity {
     pub at: Timestamp,
     /// Pack by pack.
     pub packs: Vec<PackCapacity>,
+    /// Station by station.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stations: Vec<StationCapacity>,
     /// Further services to expect at the whole site.
     pub robots_expected: u32,
     /// Further services at the whole site that hold with probability `confidence`.
@@ -219,9 +285,24 @@ impl Message for Capacity {
             }
             check::within(&field("confidence"), pack.confidence, 0.0, 1.0)?;
             check::not_negative(&field("short_for_next_wh"), pack.short_for_next_wh)?;
+            promises(&field("promises"), &pack.promises)?;
+        }
+        for (index, station) in self.stations.iter().enumerate() {
+            let field = |name: &str| format!("stations[{index}].{name}");
+            check::estimate(&field("usable_wh"), station.usable_wh)?;
+            check::not_negative(&field("short_for_next_wh"), station.short_for_next_wh)?;
+            promises(&field("promises"), &station.promises)?;
         }
         check::within("confidence", self.confidence, 0.0, 1.0)
     }
+}
+
+fn promises(field: &str, promises: &[Promise]) -> Result<(), MessageError> {
+    for (index, promise) in promises.iter().enumerate() {
+        check::within(&format!("{field}[{index}].probability"), promise.probability, 0.0, 1.0)?;
+        check::estimate_not_negative(&format!("{field}[{index}].need_wh"), promise.need_wh)?;
+    }
+    Ok(())
 }
 
 /// A way to service a robot that was not taken.
@@ -252,6 +333,12 @@ pub struct Explanation {
     pub reasons: Vec<String>,
     /// What else there was.
     pub alternatives: Vec<Alternative>,
+    /// What would have to change for an earlier service.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub earlier: Vec<String>,
+    /// What is different from the plan before, and which message brought it about.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changed: Vec<String>,
     /// Doubts in the models of this robot and of the station that services it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<Doubt>,

@@ -116,6 +116,7 @@ fn service(robot: &str, mode: Mode) -> Service {
         start: at(45),
         end: at(2_745),
         pack_energy_wh: Estimate::new(17.9, 0.7),
+        probability: Some(0.975),
         status: ServiceStatus::Planned,
         why: vec!["north is nearest".to_owned()],
     }
@@ -143,7 +144,15 @@ pub fn schedule() -> Schedule {
         services: vec![service("r1", Mode::Recharge { to_soc: 0.9 }), swap],
         unserved: vec![Unserved { robot: id("r3"), reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }],
         doubts: vec![doubt()],
+        quality: Some(Quality { stranded: 1, stranded_bound: 0, missed_s: 5_400.0, missed_bound_s: 5_280.0, moved: vec![id("r2")] }),
     }
+}
+
+fn promises() -> Vec<Promise> {
+    vec![
+        Promise { robot: Some(id("r1")), probability: 0.998, need_wh: Estimate::new(17.9, 0.7) },
+        Promise { robot: None, probability: 0.41, need_wh: Estimate::new(35.8, 1.1) },
+    ]
 }
 
 pub fn capacity() -> Capacity {
@@ -160,6 +169,15 @@ pub fn capacity() -> Capacity {
             robots_promised: 8,
             confidence: 0.95,
             short_for_next_wh: 1.4,
+            promises: promises(),
+        }],
+        stations: vec![StationCapacity {
+            station: id("north"),
+            usable_wh: Estimate::new(171.0, 4.5),
+            robots_expected: 9,
+            robots_promised: 8,
+            short_for_next_wh: 1.4,
+            promises: promises(),
         }],
         robots_expected: 9,
         robots_promised: 8,
@@ -180,6 +198,8 @@ pub fn explanation() -> Explanation {
             why_not: vec!["no spare is ready".to_owned()],
         }],
         doubts: vec![Doubt { station: Some(id("north")), pack: Some(id("p1")), robot: None, ..doubt() }],
+        earlier: vec!["every bay is taken at 10:05, planned for r2".to_owned()],
+        changed: vec!["plan 12, because r1 joined: it was given a service".to_owned()],
     }
 }
 

@@ -6,6 +6,7 @@
 use std::path::PathBuf;
 
 use blind::plan::{DEVELOPMENT_SEED, PUBLISHED_SEED};
+use blind::score::deviations;
 use blind::{Choice, Kind, Outcome, ask, run, table, tally};
 use clap::Parser;
 use energy::System;
@@ -107,6 +108,9 @@ fn tell(Outcome { case, answer, mark }: &Outcome) {
         "  answer: {} selected {:?} equivalent {:?}; held out {:.3} x floor, {:.3} s",
         answer.verdict, answer.selected, answer.equivalent, mark.holdout_over_floor, mark.cpu_s
     );
+    for (effect, parameter, truth, value, deviations) in deviations(case, answer) {
+        println!("  {effect}.{parameter} is {truth:.4e}, said to be {value:.4e}: {deviations:+.2} sigma");
+    }
     if !mark.wrong.is_empty() {
         println!("  wrong names: {:?}", mark.wrong);
     }

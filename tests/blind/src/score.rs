@@ -133,16 +133,23 @@ fn wrong_names(case: &Case, answer: &Answer) -> Vec<String> {
 /// truth. Only where the very effect was named does its estimate mean anything, and only where
 /// nothing else is named wrongly or hidden in another form is it the lab's to get right.
 fn coverage(case: &Case, answer: &Answer) -> (usize, usize) {
-    let Right::Effects(hidden) = &case.truth.right else { return (0, 0) };
-    let mut covered = (0, 0);
+    let off = deviations(case, answer);
+    (off.len(), off.iter().filter(|(.., deviations)| deviations.abs() <= HALF_WIDTH).count())
+}
+
+/// How far the estimates of hidden effects' parameters lie from the truth: effect, parameter,
+/// truth, estimate, and the difference in deviations.
+#[must_use]
+pub fn deviations(case: &Case, answer: &Answer) -> Vec<(&'static str, &'static str, f64, f64, f64)> {
+    let Right::Effects(hidden) = &case.truth.right else { return Vec::new() };
+    let mut all = Vec::new();
     for hidden in hidden.iter().filter(|hidden| answer.selected.iter().any(|named| named == hidden.id)) {
-        for (name, truth) in &hidden.parameters {
+        for &(name, truth) in &hidden.parameters {
             let estimate = answer.parameters.iter().find(|(effect, parameter, ..)| effect == hidden.id && parameter == name);
-            if let Some((.., value, sigma)) = estimate.filter(|(.., sigma)| *sigma > 0.0) {
-                covered.0 += 1;
-                covered.1 += usize::from((value - truth).abs() <= HALF_WIDTH * sigma);
+            if let Some(&(.., value, sigma)) = estimate.filter(|(.., sigma)| *sigma > 0.0) {
+                all.push((hidden.id, name, truth, value, (value - truth) / sigma));
             }
         }
     }
-    covered
+    all
 }

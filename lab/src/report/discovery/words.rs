@@ -2,7 +2,7 @@
 
 use crate::infer::answer::{Discovery, Rung, Verdict};
 use crate::infer::candidate::Untested;
-use crate::infer::discover::Refusal;
+use crate::infer::judge::Refusal;
 use crate::report::quantity::{digits, quantity, unit_of};
 
 use super::Reach;
@@ -28,12 +28,17 @@ pub fn headline(found: &Discovery, reach: Reach) -> String {
                 found.equivalent.join(", ")
             )
         }
-        (Verdict::Unknown, _, true) => "none of these. Something is missing, and no effect of the catalogue explains it.".to_owned(),
+        (Verdict::Unknown, _, true) => {
+            format!("none of these. Something is missing, and no effect of the catalogue explains it: {PROPOSE}.")
+        }
         (Verdict::Unknown, _, false) => {
-            format!("missing: {selected}. Something is left beyond that, and no further effect of the catalogue explains it.")
+            format!("missing: {selected}. Something is left beyond that, and no further effect of the catalogue explains it: {PROPOSE}.")
         }
     }
 }
+
+/// What to do when no effect explains what is left.
+const PROPOSE: &str = "`lab propose` looks for a formula";
 
 /// RMS over floor up to which nothing is left to explain.
 const AT_FLOOR: f64 = 1.05;

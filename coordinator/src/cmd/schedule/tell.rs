@@ -1,0 +1,174 @@
+//! Schedule, capacity, explanation and events as text for people.
+
+use comfy_table::{Cell, CellAlignment};
+use proto::{Capacity, Event, Explanation, Mode, Promise, Quality, Schedule};
+
+use crate::cmd::{say_text, table, text};
+
+/// The time of day.
+pub(super) fn clock(at: proto::Timestamp) -> String {
+    at.to_string().chars().skip(11).take(8).collect()
+}
+
+pub(in crate::cmd) fn show(schedule: &Schedule) {
+    if !begin(schedule) {
+        return;
+    }
+    let mut services = table();
+    services.set_header(["robot", "status", "how", "where", "leave", "start", "end", "pack energy", "from"]);
+    for service in &schedule.services {
+        let how = match &service.mode {
+            Mode::Recharge { to_soc } => format!("recharge to {:.0} %", to_soc * 100.0),
+            Mode::Swap { spare } => format!("exchange for {spare}"),
+        };
+        let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
+        services.add_row([
+            service.robot.to_string(),
+            service.status.to_string(),
+            how,
+            format!("{}{bay}", service.station),
+            clock(service.leave),
+            clock(service.start),
+            clock(service.end),
+            format!("{:.1} ± {:.1} Wh", service.pack_energy_wh.value, service.pack_energy_wh.sigma),
+            service.packs.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+        ]);
+    }
+    if schedule.services.is_empty() {
+        say!("no service is planned");
+    } else {
+        say_text(&text(&services));
+    }
+    finish(schedule);
+}
+
+/// What stands above every form of a schedule; false when there is none.
+pub(super) fn begin(schedule: &Schedule) -> bool {
+    if schedule.plan == 0 {
+        say!("no plan has been made yet: robots and stations that are configured have not all spoken");
+        return false;
+    }
+    say!("plan {} of {} by {} ({})", schedule.plan, schedule.at, schedule.policy, schedule.trigger);
+    true
+}
+
+/// What stands below every form of a schedule.
+pub(super) fn finish(schedule: &Schedule) {
+    for unserved in &schedule.unserved {
+        say!("unserved: {}: {}", unserved.robot, unserved.reasons.join("; "));
+    }
+    if let Some(quality) = &schedule.quality {
+        say!("{}", in_words(quality));
+    }
+    for doubt in &schedule.doubts {
+        say!("doubted: {}", doubt.text);
+    }
+}
+
+fn in_words(quality: &Quality) -> String {
+    let stranded = match (quality.stranded, quality.stranded_bound) {
+        (0, _) => "nobody runs empty".to_owned(),
+        (robots, least) if robots == least => format!("{robots} robots run empty, which no plan can help"),
+        (robots, least) => format!("{robots} robots run empty; it is proven that at least {least} must"),
+    };
+    let gap = (quality.missed_s - quality.missed_bound_s).max(0.0) / quality.missed_bound_s.max(1.0);
+    let missed = if gap < 1e-6 { "proven least".to_owned() } else { format!("at most {:.1} % above the least", gap * 100.0) };
+    let moved: Vec<String> = quality.moved.iter().map(ToString::to_string).collect();
+    let moved = if moved.is_empty() { String::new() } else { format!("; moved: {}", moved.join(", ")) };
+    format!("{stranded}; {:.1} h of work are missed, {missed}{moved}", quality.missed_s / 3600.0)
+}
+
+pub(super) fn show_capacity(capacity: &Capacity) {
+    let confidence = capacity.confidence * 100.0;
+    let wh = |estimate: proto::Estimate| format!("{:.1} ± {:.1} Wh", estimate.value, estimate.sigma);
+    let mut packs = table();
+    let at = format!("at {confidence:.0} %");
+    packs.set_header(["station", "pack", "remaining", "usable", "one service", "robots expected", &at, "short for one more"]);
+    let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
+    for pack in &capacity.packs {
+        packs.add_row([
+            Cell::new(&pack.station),
+            Cell::new(&pack.pack),
+            Cell::new(wh(pack.remaining_wh)),
+            Cell::new(wh(pack.usable_wh)),
+            Cell::new(wh(pack.service_wh)),
+            right(pack.robots_expected.to_string()),
+            right(pack.robots_promised.to_string()),
+            right(format!("{:.1} Wh", pack.short_for_next_wh)),
+        ]);
+    }
+    for station in
+        capacity.stations.iter().filter(|station| capacity.packs.iter().filter(|pack| pack.station == station.station).count() > 1)
+    {
+        packs.add_row([
+            Cell::new(&station.station),
+            Cell::new("together"),
+            Cell::new(""),
+            Cell::new(wh(station.usable_wh)),
+            Cell::new(""),
+            right(station.robots_expected.to_string()),
+            right(station.robots_promised.to_string()),
+            right(format!("{:.1} Wh", station.short_for_next_wh)),
+        ]);
+    }
+    say_text(&text(&packs));
+    say!("{} robots expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
+    for pack in capacity.packs.iter().filter(|pack| !pack.promises.is_empty()) {
+        say!("{} of {}: {}", pack.pack, pack.station, in_order(&pack.promises));
+    }
+    for station in &capacity.stations {
+        let packs = capacity.packs.iter().filter(|pack| pack.station == station.station).count();
+        if packs > 1 && !station.promises.is_empty() {
+            say!("{} with all its packs: {}", station.station, in_order(&station.promises));
+        }
+    }
+    if let Some(pack) = capacity.packs.first() {
+        let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
+        say!("where the energy of one service goes (Wh): {}", causes.join(", "));
+    }
+}
+
+/// "1 at 100 % (explorer-2), 2 at 97 % (+ explorer-1), 3 at 40 % (+ one more)".
+fn in_order(promises: &[Promise]) -> String {
+    let one = |(count, promise): (usize, &Promise)| {
+        let plus = if count == 0 { "" } else { "+ " };
+        let who = promise.robot.as_ref().map_or_else(|| "one more".to_owned(), ToString::to_string);
+        let percent = promise.probability * 100.0;
+        // Nothing is certain, and nothing that is told is impossible.
+        let percent = if percent > 99.5 { "> 99".to_owned() } else { format!("{:.0}", percent.max(1.0)) };
+        format!("{} at {percent} % ({plus}{who})", count + 1)
+    };
+    promises.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
+}
+
+pub(super) fn show_explanation(explanation: &Explanation) {
+    say!("{} at {}", explanation.robot, explanation.at);
+    match &explanation.service {
+        Some(service) => {
+            let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
+            say!("  {} at {}{bay}, {} to {}", service.status, service.station, clock(service.start), clock(service.end));
+        }
+        None => say!("  no service"),
+    }
+    for reason in &explanation.reasons {
+        say!("  - {reason}");
+    }
+    for earlier in &explanation.earlier {
+        say!("  earlier? {earlier}");
+    }
+    for doubt in &explanation.doubts {
+        say!("  ! {}", doubt.text);
+    }
+    for alternative in &explanation.alternatives {
+        let start = alternative.start.map_or_else(|| "not to be had".to_owned(), |start| format!("could begin {}", clock(start)));
+        let but = if alternative.why_not.is_empty() { String::new() } else { format!(": {}", alternative.why_not.join("; ")) };
+        say!("  or {} at {}, {start}{but}", alternative.mode, alternative.station);
+    }
+    for changed in &explanation.changed {
+        say!("  last change: {changed}");
+    }
+}
+
+pub(super) fn show_event(event: &Event) {
+    say!("{} {:<18} {}", event.at, event.kind.to_string(), event.text);
+}

@@ -1,0 +1,144 @@
+//! What charging takes and how long it lasts, from the energy models: the CC-CV charge of a robot's
+//! battery behind a station's converters, tabulated over the state of charge.
+//!
+//! A table is made once for a kind of battery at a station, a number of robots side by side and a
+//! temperature; plans look it up.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use energy::{Estimate, Model, Need};
+use proto::StationId;
+
+use crate::forecast;
+use crate::models::StationModels;
+
+/// Points of a table.
+const POINTS: u32 = 20;
+/// Temperatures are told apart in steps of this, °C.
+const TEMPERATURE_STEP_DEGC: f64 = 5.0;
+
+/// One state of charge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// State of charge.
+    pub soc: f64,
+    /// Time on the charger from there to the target, s.
+    pub charge_s: f64,
+    /// What the station's packs give for that, with the lift, Wh.
+    pub need_wh: f64,
+    /// Variance of that by the battery's parameters, Wh².
+    pub own_variance: f64,
+    /// What the station's packs give to charge the pack alone, Wh.
+    pub bare_wh: f64,
+}
+
+/// A charge from any state of charge to the target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Ascending; the last is the target.
+    pub points: Vec<Point>,
+    /// Part of the need that the lift takes, Wh.
+    pub lift_wh: f64,
+    /// Change of a Wh of need by one standard deviation of each of the station's parameters.
+    pub shared_per_wh: Vec<f64>,
+    /// A full service from the level at which one is wanted, by cause, Wh.
+    pub breakdown_wh: BTreeMap<String, f64>,
+}
+
+impl Table {
+    fn new(station: &StationModels, at_once: usize, battery: &Arc<Model>, temperature_degc: f64, from_soc: f64, to_soc: f64) -> Self {
+        let recharge = |soc: f64| forecast::recharge(station, at_once, battery, temperature_degc, Estimate::exact(soc), to_soc);
+        let point = |index: u32| {
+            let soc = to_soc * f64::from(index) / f64::from(POINTS);
+            let recharge = recharge(soc);
+            let bare_wh = forecast::spare_again(station, Estimate::exact(soc), to_soc).mean_wh;
+            let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
+            Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh }
+        };
+        let reference = recharge(from_soc);
+        let mean_wh = reference.need.mean_wh.max(f64::MIN_POSITIVE);
+        let points: Vec<Point> = (0..=POINTS).map(point).collect();
+        Self {
+            lift_wh: points.last().map_or(0.0, |last| last.need_wh),
+            points,
+            shared_per_wh: reference.need.shared_wh.iter().map(|change_wh| change_wh / mean_wh).collect(),
+            breakdown_wh: reference.breakdown_wh,
+        }
+    }
+
+    /// Level at which a charge is done.
+    #[must_use]
+    pub fn target_soc(&self) -> f64 {
+        self.points.last().map_or(1.0, |last| last.soc)
+    }
+
+    /// The charge from a state of charge, between the points.
+    #[must_use]
+    pub fn at(&self, soc: f64) -> Point {
+        let above = self.points.partition_point(|point| point.soc < soc).clamp(1, self.points.len() - 1);
+        let [low, high] = [self.points[above - 1], self.points[above]];
+        let share = ((soc - low.soc) / (high.soc - low.soc)).clamp(0.0, 1.0);
+        let between = |of: fn(&Point) -> f64| of(&low) + share * (of(&high) - of(&low));
+        Point {
+            soc,
+            charge_s: between(|point| point.charge_s),
+            need_wh: between(|point| point.need_wh),
+            own_variance: between(|point| point.own_variance),
+            bare_wh: between(|point| point.bare_wh),
+        }
+    }
+
+    /// What a service from an uncertain state of charge takes; its shared doubt is `wider` times that of
+    /// the station's model.
+    #[must_use]
+    pub fn need(&self, soc: Estimate, wider: f64) -> Need {
+        let at = self.at(soc.value);
+        self.with_doubt(at.need_wh, at.own_variance + (self.slope_wh(soc.value) * soc.sigma).powi(2), wider)
+    }
+
+    /// A need of this mean and own variance, with the shared doubt that goes with it.
+    #[must_use]
+    pub fn with_doubt(&self, mean_wh: f64, own_variance: f64, wider: f64) -> Need {
+        let shared_wh = self.shared_per_wh.iter().map(|change| wider * change * mean_wh).collect();
+        Need { mean_wh, shared_wh, own_variance: wider * wider * own_variance }
+    }
+
+    /// Change of the need with the state of charge, Wh.
+    fn slope_wh(&self, soc: f64) -> f64 {
+        let step = self.target_soc() / f64::from(POINTS);
+        let low = soc.clamp(0.0, self.target_soc() - step);
+        (self.at(low + step).need_wh - self.at(low).need_wh) / step
+    }
+}
+
+/// Station, battery, robots side by side, temperature step.
+type Kind = (StationId, usize, usize, i32);
+
+/// All tables that were asked for so far. They follow from models that never change, so keeping them
+/// saves time and changes nothing.
+#[derive(Debug, Default)]
+pub struct Tables {
+    known: Mutex<BTreeMap<Kind, Arc<Table>>>,
+}
+
+impl Tables {
+    /// The table of a battery at a station, made when it is first asked for; `from_soc` and `to_soc` are
+    /// the levels at which a service is wanted and done.
+    #[must_use]
+    pub fn of(
+        &self,
+        id: &StationId,
+        station: &StationModels,
+        at_once: usize,
+        battery: &Arc<Model>,
+        temperature_degc: f64,
+        [from_soc, to_soc]: [f64; 2],
+    ) -> Arc<Table> {
+        let step = (temperature_degc / TEMPERATURE_STEP_DEGC).round();
+        let kind = (id.clone(), Arc::as_ptr(battery).addr(), at_once, step as i32);
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = || Arc::new(Table::new(station, at_once, battery, step * TEMPERATURE_STEP_DEGC, from_soc, to_soc));
+        Arc::clone(known.entry(kind).or_insert_with(made))
+    }
+}

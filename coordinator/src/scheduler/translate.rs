@@ -1,0 +1,392 @@
+//! A view as a `planner::Problem`: seconds become ticks of a grid, Wh become whole units.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use energy::units::S_PER_H;
+use planner::problem::{Battery, Chance, Charger, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Tick, Travel};
+use planner::{Mode, Session};
+use proto::{BayId, Timestamp};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::charging::Table;
+use super::plan::Planned;
+use super::problem::{RobotView, StationView, View};
+use crate::models::Settings;
+
+/// Units of energy in a Wh: a robot that charges at 15 W takes some 4,000 of them in a tick of 10 s.
+const UNITS_PER_WH: f64 = 1e5;
+/// Parts of a second's worth of work that costs are counted in.
+const WORTH: f64 = 10.0;
+/// Lengths of a tick, s: the shortest that is fine enough for the fleet.
+const TICKS_S: [u32; 8] = [10, 15, 20, 30, 60, 120, 300, 600];
+/// Ticks times stations that a plan may look at.
+const BOOKED_MAX: f64 = 60_000.0;
+/// Ticks of a horizon: at most, and as many as there may be for any number of stations.
+const TICKS_MAX: [f64; 2] = [300.0, 3000.0];
+/// Nobody plans farther ahead, s.
+const HORIZON_MAX_S: f64 = 48.0 * S_PER_H;
+/// Services after each other that are looked at beyond that.
+const QUEUE_MAX: Tick = 6;
+/// What a station may draw in a tick where nothing limits it.
+const NO_LIMIT: i64 = 1 << 40;
+/// A promise that was given is kept as long as it is more likely than not that it can be.
+const KEEP_CONFIDENCE: f64 = 0.5;
+/// Spares that hold this much less than the fullest wait until that is handed out, as a fraction.
+const SPARES_ALIKE_SOC: f64 = 0.1;
+
+/// Where ticks lie in time: on the same grid for every plan, so that plans can be compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Grid {
+    /// Begin of tick 0, at or before the moment of planning.
+    pub origin: Timestamp,
+    /// Length of a tick, s.
+    pub tick_s: u32,
+}
+
+impl Grid {
+    fn at(now: Timestamp, tick_s: u32) -> Self {
+        let tick_ms = 1000 * i64::from(tick_s);
+        Self { origin: Timestamp::from_unix_ms(now.unix_ms().div_euclid(tick_ms) * tick_ms), tick_s }
+    }
+
+    /// Begin of a tick.
+    #[must_use]
+    pub fn time(&self, tick: Tick) -> Timestamp {
+        self.origin.plus_s(f64::from(tick) * f64::from(self.tick_s))
+    }
+
+    /// The tick that begins nearest to a time; none before the grid.
+    #[must_use]
+    pub fn tick(&self, time: Timestamp) -> Option<Tick> {
+        let ticks = (time.seconds_since(self.origin) / f64::from(self.tick_s)).round();
+        (ticks >= 0.0).then_some(ticks as Tick)
+    }
+
+    fn up(self, seconds: f64) -> Tick {
+        (seconds / f64::from(self.tick_s) - 1e-9).ceil().max(0.0) as Tick
+    }
+}
+
+/// A problem and what its numbers stand for.
+#[derive(Debug, Clone)]
+pub struct Task {
+    /// The view that it was made from.
+    pub view: View,
+    /// For the planner. Robots and stations have the same indices as in the view.
+    pub problem: Problem,
+    /// Its ticks in time.
+    pub grid: Grid,
+}
+
+impl Task {
+    /// The problem of a view. With `gates` nobody is serviced before it wants to be, but for who was
+    /// promised an earlier service by `before`.
+    #[must_use]
+    pub fn new(view: View, settings: &Settings, before: &[Planned], gates: bool) -> Self {
+        let tick_s = tick_s(&view);
+        let grid = Grid::at(view.now, tick_s);
+        let mut kinds: Vec<(usize, i32)> = Vec::new();
+        let mut tables: Vec<BTreeMap<usize, Arc<Table>>> = Vec::new();
+        let mut batteries: Vec<&RobotView> = Vec::new();
+        let kind_of: Vec<usize> = view
+            .robots
+            .iter()
+            .map(|robot| {
+                let key = (Arc::as_ptr(&robot.battery).addr(), robot.temperature_degc.round() as i32);
+                let kind = kinds.iter().position(|known| *known == key).unwrap_or_else(|| {
+                    kinds.push(key);
+                    tables.push(BTreeMap::new());
+                    batteries.push(robot);
+                    kinds.len() - 1
+                });
+                for (station, _, table) in &robot.travel {
+                    tables[kind].entry(*station).or_insert_with(|| Arc::clone(table));
+                }
+                kind
+            })
+            .collect();
+        let batteries = batteries.iter().zip(&tables).map(|(robot, tables)| battery(robot, tables, &view.stations, settings, tick_s));
+        let batteries: Vec<Battery> = batteries.collect();
+        let stations = view.stations.iter().enumerate().map(|(index, station)| {
+            let lift_wh = tables.iter().find_map(|tables| tables.get(&index)).map_or(0.0, |table| table.lift_wh);
+            self::station(&view, station, index, lift_wh, settings, grid)
+        });
+        let stations: Vec<Station> = stations.collect();
+        let places = Places { view: &view, grid, gates, before };
+        let robots: Vec<Robot> = view.robots.iter().zip(kind_of).map(|(robot, kind)| places.robot(robot, kind, &batteries[kind])).collect();
+        let mut problem = Problem {
+            name: String::new(),
+            tick_s,
+            units_per_wh: UNITS_PER_WH as i64,
+            horizon: 0,
+            capacity_target: 0,
+            batteries,
+            stations,
+            robots,
+        };
+        close_horizon(&mut problem, &view);
+        Self { view, problem, grid }
+    }
+
+    /// Services of an earlier plan that this problem can still have, as sessions of it.
+    #[must_use]
+    pub fn sessions(&self, before: &[Planned]) -> Vec<Session> {
+        let session = |planned: &Planned| {
+            let robot = self.view.robots.iter().position(|view| view.robot == planned.robot)?;
+            let station = self.view.stations.iter().position(|view| view.station == planned.station)?;
+            let start = self.grid.tick(planned.start)?;
+            Some(Session { robot, station, mode: planned.mode, start, end: start, bay: None })
+        };
+        before.iter().filter_map(session).collect()
+    }
+
+    /// What a service takes: its energy with its doubt.
+    #[must_use]
+    pub fn need(&self, robot: usize, station: usize, start: Tick, mode: Mode) -> energy::Need {
+        let (view, who) = (&self.view.robots[robot], &self.problem.robots[robot]);
+        let Some((_, _, table)) = view.travel.iter().find(|(index, _, _)| *index == station) else { return energy::Need::default() };
+        let capacity = self.problem.battery(robot).capacity as f64;
+        let soc = (who.energy - who.drain * i64::from(start)) as f64 / capacity;
+        let at = table.at(soc);
+        let there = &self.problem.stations[station];
+        let swap_wh = self.problem.wh(i64::from(there.swap_ticks) * there.swap_draw);
+        let mean_wh = match mode {
+            Mode::Charge(_) => at.need_wh,
+            Mode::Swap => swap_wh,
+            Mode::SwapAndRecharge => swap_wh + at.bare_wh,
+        };
+        let own = who.travel.iter().find(|travel| travel.station == station).map_or(0.0, |travel| travel.variance);
+        let scale = if at.need_wh > 0.0 { mean_wh / at.need_wh } else { 0.0 };
+        let shared = &self.view.stations[station].shared_per_wh;
+        energy::Need {
+            mean_wh,
+            shared_wh: shared.iter().map(|change| change * mean_wh).collect(),
+            own_variance: own / UNITS_PER_WH.powi(2) * scale * scale,
+        }
+    }
+
+    /// Worth of work in seconds of it.
+    #[must_use]
+    pub fn work_s(&self, cost: i64) -> f64 {
+        cost as f64 / WORTH * f64::from(self.grid.tick_s)
+    }
+}
+
+/// What a cost of work that is counted in seconds comes to in a problem.
+#[must_use]
+pub fn worth(work_s: f64, grid: Grid) -> u32 {
+    (work_s / f64::from(grid.tick_s) * WORTH).round().clamp(0.0, 1e6) as u32
+}
+
+/// The shortest tick with which the books of all stations stay small.
+fn tick_s(view: &View) -> u32 {
+    let farthest_s = view.robots.iter().map(|robot| robot.empty_s.min(HORIZON_MAX_S).max(robot.wanted_s.min(HORIZON_MAX_S)));
+    let ticks = (BOOKED_MAX / view.stations.len().max(1) as f64).clamp(TICKS_MAX[0], TICKS_MAX[1]);
+    let wanted_s = farthest_s.fold(S_PER_H, f64::max) / ticks;
+    TICKS_S.into_iter().find(|&tick_s| f64::from(tick_s) >= wanted_s).unwrap_or(TICKS_S[TICKS_S.len() - 1])
+}
+
+/// Ends the horizon when everybody who may be empty within it could have been serviced. Work that has no
+/// end counts until then: a later service adds as much work as an earlier one, but who knows what comes.
+fn close_horizon(problem: &mut Problem, view: &View) {
+    let most = Tick::try_from((HORIZON_MAX_S / f64::from(problem.tick_s)) as i64).unwrap_or(Tick::MAX);
+    let charging = |battery: &Battery, station: &Station| {
+        let curve = &battery.chargers[station.charger].curve;
+        let ticks: i64 =
+            curve.iter().scan(0, |from, segment| Some((segment.below - std::mem::replace(from, segment.below)) / segment.gain + 1)).sum();
+        ticks as Tick + station.load_ticks + station.unload_ticks + station.swap_ticks
+    };
+    let services = problem.batteries.iter().flat_map(|battery| problem.stations.iter().map(move |station| charging(battery, station)));
+    let service = services.max().unwrap_or(0).min(most);
+    let until = |robot: usize| problem.endurance(robot).min(i64::from(most)).max(problem.robots[robot].wanted.map_or(0, i64::from));
+    let empty = (0..problem.robots.len()).map(until).max().unwrap_or(0);
+    let begun = problem.stations.iter().flat_map(|station| &station.ongoing).map(|ongoing| ongoing.until).max().unwrap_or(0);
+    // Who never gets empty may come one after the other, all the same.
+    let lasting = (0..problem.robots.len()).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
+    let queue = service * (1 + lasting.min(QUEUE_MAX));
+    problem.horizon = (empty as Tick + queue + 2).max(begun + 1);
+    let end = i64::from(problem.horizon);
+    for (robot, view) in problem.robots.iter_mut().zip(&view.robots) {
+        let until = view.until_s.map_or(end, |until_s| (until_s / f64::from(problem.tick_s)).max(0.0) as i64);
+        robot.mission_end = until.min(end);
+    }
+}
+
+fn battery(robot: &RobotView, tables: &BTreeMap<usize, Arc<Table>>, stations: &[StationView], settings: &Settings, tick_s: u32) -> Battery {
+    let capacity = robot.battery.battery().stored_wh() * UNITS_PER_WH;
+    let chargers = (0..stations.len()).map(|station| {
+        let swap_soc = alike(&stations[station]).map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
+        let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
+        let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, tick_s));
+        let any = Segment { below: capacity as i64, gain: capacity as i64, draw: 0, draw_bare: 0 };
+        Charger { swap_energy, curve: if curve.is_empty() { vec![any] } else { curve } }
+    });
+    Battery {
+        capacity: capacity as i64,
+        floor: 0,
+        min_gain: (settings.min_gain_soc * capacity) as i64,
+        targets: vec![(settings.charge_to_soc * capacity) as i64],
+        chargers: chargers.collect(),
+    }
+}
+
+/// Spares that are handed out next: the fullest, and those that hold nearly as much.
+fn alike(station: &StationView) -> impl Iterator<Item = &super::problem::SpareView> {
+    let fullest = station.spares.iter().map(|spare| spare.soc).fold(0.0, f64::max);
+    station.spares.iter().filter(move |spare| spare.soc >= fullest - SPARES_ALIKE_SOC)
+}
+
+/// A table as stretches of equal power.
+fn curve(table: &Table, capacity: f64, tick_s: u32) -> Vec<Segment> {
+    let mut curve: Vec<Segment> = Vec::new();
+    for pair in table.points.windows(2) {
+        let [low, high] = [pair[0], pair[1]];
+        let ticks = (low.charge_s - high.charge_s) / f64::from(tick_s);
+        let last = curve.last().copied();
+        let below = (high.soc * capacity) as i64;
+        if ticks <= 1e-6 || below <= last.map_or(0, |last| last.below) {
+            continue;
+        }
+        let per_tick = |wh: f64| ((wh * UNITS_PER_WH / ticks).round() as i64).max(0);
+        curve.push(Segment {
+            below,
+            gain: (((high.soc - low.soc) * capacity / ticks).round() as i64).max(1),
+            draw: per_tick(low.need_wh - high.need_wh),
+            draw_bare: per_tick(low.bare_wh - high.bare_wh),
+        });
+    }
+    if let Some(last) = curve.last_mut() {
+        last.below = capacity as i64;
+    }
+    curve
+}
+
+fn station(view: &View, station: &StationView, index: usize, lift_wh: f64, settings: &Settings, grid: Grid) -> Station {
+    let ahead_s = view.now.seconds_since(grid.origin);
+    let tick = |seconds: f64| grid.up(seconds + ahead_s);
+    let [load_ticks, unload_ticks, swap_ticks] =
+        [station.handling.load_s, station.handling.unload_s, station.handling.swap_s].map(|seconds| grid.up(seconds));
+    // A service in a bay that has failed takes none of those that work.
+    let begun = station.begun.iter().filter_map(|begun| {
+        let place = |bay: &BayId| station.bays.iter().position(|known| known == bay).map(|place| place as u32);
+        let bay = begun.bay.as_ref().map(place);
+        if bay == Some(None) {
+            return None;
+        }
+        let bay = bay.flatten();
+        let (from, until) = (if begun.from_s > 0.0 { tick(begun.from_s) } else { 0 }, tick(begun.until_s));
+        let lift = |ticks: Tick, at: bool| if at && bay.is_some() { ticks } else { 0 };
+        Some(Ongoing {
+            bay,
+            from: from.min(until),
+            until,
+            draw: 0,
+            load_ticks: lift(load_ticks, begun.to_load),
+            unload_ticks: lift(unload_ticks, true),
+        })
+    });
+    let out = station.out_of_order.is_some();
+    let lifting = i64::from(load_ticks + unload_ticks).max(1);
+    let lift_draw = (lift_wh * UNITS_PER_WH / lifting as f64).round() as i64;
+    // What an exchange takes is at the power of the lift.
+    let handling_s = (station.handling.load_s + station.handling.unload_s).max(1e-9);
+    let swap_wh = lift_wh * station.handling.swap_s / handling_s;
+    let usable = |wh: f64| (wh.max(0.0) * UNITS_PER_WH) as i64;
+    Station {
+        name: station.station.to_string(),
+        charger: index,
+        bays: if out { 0 } else { station.bays.len() as u32 },
+        lift_slots: 1,
+        swap_slots: 1,
+        hotel: 0,
+        p_max: NO_LIMIT,
+        switch_cost: 0,
+        load_ticks,
+        load_draw: lift_draw,
+        unload_ticks,
+        unload_draw: lift_draw,
+        swap_ticks,
+        swap_draw: (swap_wh * UNITS_PER_WH / f64::from(swap_ticks.max(1))).round() as i64,
+        spares: alike(station).map(|spare| if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }).collect(),
+        left_packs: if station.charges_spares { LeftPacks::Charged } else { LeftPacks::PutAside },
+        packs: station
+            .packs
+            .iter()
+            .map(|pack| Pack { name: pack.pack.to_string(), remaining: usable(pack.usable_wh.value), reserve: 0, available_from: 0 })
+            .collect(),
+        ongoing: begun.filter(|begun| !out || begun.bay.is_none()).collect(),
+        chance: Some(chance(station, settings, grid)),
+    }
+}
+
+/// How certain it must be that the packs hold what is promised, in the problem's units.
+fn chance(station: &StationView, settings: &Settings, grid: Grid) -> Chance {
+    let tick_h = f64::from(grid.tick_s) / S_PER_H;
+    let (begun, hotel) = (&station.committed, station.overhead_per_h.scaled(tick_h));
+    let parts = [&begun.shared_wh, &hotel.shared_wh, &station.shared_per_wh];
+    // What goes with a unit of service is a ratio, the others are Wh.
+    let scales = [UNITS_PER_WH, UNITS_PER_WH, 1.0];
+    let product = |a: usize, b: usize| {
+        let sum: f64 = parts[a].iter().zip(parts[b].iter()).map(|(x, y)| x * y).sum();
+        sum * scales[a] * scales[b]
+    };
+    let packs: f64 = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum();
+    let quantile = |confidence: f64| Normal::standard().inverse_cdf(confidence);
+    Chance {
+        quantile: quantile(settings.confidence),
+        quantile_held: quantile(KEEP_CONFIDENCE),
+        hotel: (hotel.mean_wh * UNITS_PER_WH).round() as i64,
+        begun: (begun.mean_wh * UNITS_PER_WH).round() as i64,
+        variance: (packs + begun.own_variance) * UNITS_PER_WH.powi(2),
+        shared: std::array::from_fn(|a| std::array::from_fn(|b| product(a, b))),
+    }
+}
+
+/// What robots are translated with.
+struct Places<'a> {
+    view: &'a View,
+    grid: Grid,
+    gates: bool,
+    before: &'a [Planned],
+}
+
+impl Places<'_> {
+    fn robot(&self, robot: &RobotView, kind: usize, battery: &Battery) -> Robot {
+        let grid = self.grid;
+        let (tick_s, ahead_s) = (f64::from(grid.tick_s), self.view.now.seconds_since(grid.origin));
+        let capacity = battery.capacity as f64;
+        let per_tick = |soc_per_s: f64| ((soc_per_s * tick_s * capacity).round() as i64).max(0);
+        let drain = per_tick(robot.drain_soc_per_s);
+        // At the begin of the grid a little more was stored.
+        let energy = ((robot.soc.value.max(0.0) + robot.drain_soc_per_s * ahead_s) * capacity) as i64;
+        let endures = (robot.empty_s + ahead_s) / tick_s;
+        // The least drain by which it is empty after that many whole ticks.
+        let drain_hi = if endures.is_finite() { energy / (endures.min(1e9) as i64 + 1) + 1 } else { 1 };
+        // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end.
+        let wanted = grid.up(robot.wanted_s.min(HORIZON_MAX_S) + ahead_s);
+        let promised = self.before.iter().find(|planned| planned.robot == robot.robot).and_then(|planned| grid.tick(planned.start));
+        let gate = if self.gates { promised.map_or(wanted, |start| start.min(wanted)) } else { 0 };
+        let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
+        let travel = robot.travel.iter().map(|(station, travel_s, table)| {
+            let need = table.need(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma), 1.0);
+            Travel { station: *station, ticks: grid.up(travel_s + ahead_s), variance: need.own_variance * UNITS_PER_WH.powi(2) }
+        });
+        let weight = (robot.weight * WORTH).round().clamp(0.0, 1e4) as i64;
+        Robot {
+            name: robot.robot.to_string(),
+            battery: kind,
+            energy,
+            drain,
+            drain_hi: drain_hi.max(drain).max(1),
+            drain_served: per_tick(robot.drain_hi_soc_per_s).max(drain).max(1),
+            mission_end: 0,
+            weight,
+            critical: None,
+            not_before: gate,
+            wanted: Some(wanted),
+            held: robot.held,
+            travel: travel.collect(),
+        }
+    }
+}

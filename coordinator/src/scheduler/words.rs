@@ -1,0 +1,222 @@
+//! Why a robot is serviced as it is, why not otherwise, and what would have to change.
+
+use planner::book::Clash;
+use planner::problem::Tick;
+use planner::reasons::Why;
+use planner::{Explained, Explainer, Mode, Session, Unserved, Ways, explain::Other};
+use proto::{RobotId, StationId, Timestamp};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::plan::Planned;
+use super::translate::Task;
+
+/// What can be told of a robot's place in a plan.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Account {
+    /// Why not earlier.
+    pub earlier: Vec<String>,
+    /// What else there was, the best first.
+    pub others: Vec<Alternative>,
+}
+
+/// Another way to service a robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alternative {
+    /// Where.
+    pub station: StationId,
+    /// `recharge` or `swap`.
+    pub mode: &'static str,
+    /// When it could begin; none when it cannot be had.
+    pub start: Option<Timestamp>,
+    /// Why it is worse, or what stands in its way.
+    pub why_not: Vec<String>,
+}
+
+/// Why this service: what it saves, when it comes, and who pays.
+pub(super) fn why(task: &Task, session: &Session, planned: &Planned) -> Vec<String> {
+    let robot = &task.problem.robots[session.robot];
+    let away = robot.travel.iter().find(|travel| travel.station == session.station).map_or(0, |travel| travel.ticks);
+    let wanted = robot.wanted.unwrap_or(0).max(away);
+    let minutes = |ticks: Tick| f64::from(ticks) * f64::from(task.grid.tick_s) / 60.0;
+    let time = if session.start < wanted {
+        format!("comes {:.0} min before it is wanted: later no place would be free in time", minutes(wanted - session.start))
+    } else if session.start > wanted {
+        format!("comes {:.0} min after it is wanted", minutes(session.start - wanted))
+    } else if robot.wanted.is_none_or(|wanted| away >= wanted) {
+        "comes as soon as the robot can be there".to_owned()
+    } else {
+        "comes when it is wanted".to_owned()
+    };
+    let empty = task.grid.time(Tick::try_from(task.problem.endurance(session.robot)).unwrap_or(Tick::MAX).min(task.problem.horizon));
+    vec![
+        format!("{time}; without it the robot may be empty at {}", clock(empty)),
+        format!(
+            "takes {:.1} Wh from {}; the packs hold it with probability {:.1} %",
+            planned.need.mean_wh,
+            list(planned.packs.iter().map(AsRef::as_ref), "no pack"),
+            planned.probability * 100.0
+        ),
+    ]
+}
+
+/// Why a robot has no service: one reason per station that it could reach.
+pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, confidence: f64) -> Vec<String> {
+    let view = &task.view.robots[unserved.robot];
+    let closed = view.closed.iter().map(|(station, why)| format!("{station} takes no part: {why}"));
+    let told = |obstacle: &planner::reasons::Obstacle| {
+        let station = &task.view.stations[obstacle.station].station;
+        format!("{station}: {}", obstacle_in_words(task, plan, unserved.robot, obstacle.station, obstacle.why, confidence))
+    };
+    if !unserved.stranded && unserved.obstacles.iter().all(|obstacle| obstacle.why == Why::Pointless) && view.closed.is_empty() {
+        return vec![if view.travel.is_empty() { "no station is in reach" } else { "it needs none as far as is planned" }.to_owned()];
+    }
+    let mut reasons: Vec<String> = closed.chain(unserved.obstacles.iter().map(told)).collect();
+    if reasons.is_empty() {
+        reasons.push("no station is in reach".to_owned());
+    }
+    reasons
+}
+
+fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: usize, why: Why, confidence: f64) -> String {
+    let minutes = |ticks: f64| ticks * f64::from(task.grid.tick_s) / 60.0;
+    match why {
+        Why::TooFar { away, endurance } => {
+            format!("it is {:.0} min away, and the robot may be empty in {:.0} min", minutes(f64::from(away)), minutes(endurance as f64))
+        }
+        Why::NoPlace => "no bay works, and no charged spare is left".to_owned(),
+        Why::TooLate { .. } => "no service that adds enough ends in time".to_owned(),
+        Why::Pointless => "a service there would cost more work than it gives".to_owned(),
+        Why::Free { start, cost, unserved } => format!(
+            "could begin at {}, but would miss {:.0} min of work where no service misses {:.0} min",
+            clock(task.grid.time(start)),
+            task.work_s(i64::from(cost)) / 60.0,
+            task.work_s(i64::from(unserved)) / 60.0
+        ),
+        Why::Taken { start, clash: Clash::Energy(_, short), .. } => {
+            let (odds, asked) = odds(task, &plan.sessions, robot, station, start, short, confidence);
+            format!(
+                "{}: enough with probability {:.0} %, asked for {:.0} %",
+                energy(task, station, short, start),
+                odds * 100.0,
+                asked * 100.0
+            )
+        }
+        Why::Taken { start, clash, .. } => clash_in_words(task, station, start, clash, &[]),
+    }
+}
+
+/// Which packs are short of what at which time.
+fn energy(task: &Task, station: usize, short: i64, start: Tick) -> String {
+    let packs = &task.view.stations[station].packs;
+    let is = if packs.len() == 1 { "is" } else { "are" };
+    let names = list(packs.iter().map(|pack| pack.pack.as_ref()), "its empty packs");
+    format!("{names} {is} {:.1} Wh short for a service at {}", task.problem.wh(short), clock(task.grid.time(start)))
+}
+
+/// Probability that the packs would do for this service as well, and the one that was asked for.
+fn odds(task: &Task, sessions: &[Session], robot: usize, station: usize, start: Tick, short: i64, confidence: f64) -> (f64, f64) {
+    let Some(chance) = &task.problem.stations[station].chance else { return (0.0, 1.0) };
+    let here = sessions.iter().filter(|session| session.station == station);
+    let mut need = task.need(robot, station, start, Mode::Charge(0));
+    let mut last = start;
+    for session in here.clone() {
+        need = need.plus(&task.need(session.robot, station, session.start, session.mode));
+        last = last.max(session.end);
+    }
+    let units = task.problem.units_per_wh as f64;
+    let sigma = chance.sigma(last, (need.mean_wh * units) as i64, need.own_variance * units * units).max(1.0);
+    let held = here.clone().all(|session| task.problem.robots[session.robot].held) && task.problem.robots[robot].held;
+    let (quantile, asked) = if held { (chance.quantile_held, 0.5) } else { (chance.quantile, confidence) };
+    (Normal::standard().cdf(quantile - short as f64 / sigma), asked)
+}
+
+fn clash_in_words(task: &Task, station: usize, start: Tick, clash: Clash, blockers: &[usize]) -> String {
+    let at = |tick: Tick| clock(task.grid.time(tick));
+    let by = || {
+        let names: Vec<&RobotId> = blockers.iter().map(|&robot| &task.view.robots[robot].robot).collect();
+        if names.is_empty() { String::new() } else { format!(", planned for {}", list(names.iter().map(|name| name.as_ref()), "")) }
+    };
+    match clash {
+        Clash::Bay(tick) => format!("every bay is taken at {}{}", at(tick), by()),
+        Clash::Lift(tick) => format!("the lift is taken at {}{}", at(tick), by()),
+        Clash::Slot(tick) => format!("the place for exchanges is taken at {}{}", at(tick), by()),
+        Clash::Spare(tick) => format!("no charged spare is left at {}{}", at(tick), by()),
+        Clash::Power(tick, short) => format!("the station may not draw {:.1} Wh more at {}{}", task.problem.wh(short), at(tick), by()),
+        Clash::Energy(_, short) => format!("{}{}", energy(task, station, short, start), by()),
+    }
+}
+
+/// What else there was for a robot, and why its service does not come earlier.
+#[must_use]
+pub fn account(task: &Task, sessions: &[Session], robot: &RobotId) -> Account {
+    let Some(index) = task.view.robots.iter().position(|view| view.robot == *robot) else { return Account::default() };
+    let ways = Ways::new(&task.problem);
+    let Explained { cost, others, earlier, .. } = Explainer::new(&ways, sessions).explain(index);
+    let session = sessions.iter().find(|session| session.robot == index);
+    let others = others.iter().map(|other| alternative(task, other, cost));
+    Account {
+        others: others.collect(),
+        earlier: session.map_or_else(Vec::new, |session| vec![why_not_earlier(task, session, earlier.as_ref())]),
+    }
+}
+
+fn alternative(task: &Task, other: &Other, cost: i64) -> Alternative {
+    let mode = if matches!(other.mode, Mode::Charge(_)) { "recharge" } else { "swap" };
+    let beyond = match other.clash {
+        Some(clash) => clash_in_words(task, other.station, other.start, clash, &other.blockers),
+        None => format!(
+            "it would miss {:.1} min more of work and takes {:.1} Wh",
+            task.work_s(other.cost - cost) / 60.0,
+            task.problem.wh(other.energy)
+        ),
+    };
+    Alternative {
+        station: task.view.stations[other.station].station.clone(),
+        mode,
+        start: other.clash.is_none().then(|| task.grid.time(other.start)),
+        why_not: vec![beyond],
+    }
+}
+
+/// What would have to change for a robot to be serviced earlier.
+fn why_not_earlier(task: &Task, session: &Session, earlier: Option<&Other>) -> String {
+    let robot = &task.problem.robots[session.robot];
+    match earlier {
+        Some(other) => match other.clash {
+            Some(clash) => format!(
+                "to begin at {} instead: {}",
+                clock(task.grid.time(other.start)),
+                clash_in_words(task, other.station, other.start, clash, &other.blockers)
+            ),
+            None => format!(
+                "it could begin at {}, and would miss {:.1} min more of work: a service is wanted later",
+                clock(task.grid.time(other.start)),
+                (task.work_s(other.cost) - task.work_s(cost_of(task, session))) / 60.0
+            ),
+        },
+        None if robot.not_before >= session.start => {
+            format!(
+                "not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it",
+                clock(task.grid.time(robot.wanted.unwrap_or(0)))
+            )
+        }
+        None => "not earlier: the robot is on its way as soon as it can be".to_owned(),
+    }
+}
+
+fn cost_of(task: &Task, session: &Session) -> i64 {
+    let ways = Ways::new(&task.problem);
+    let choices = ways.of(session.robot);
+    let way = choices.find(session.station, session.start, session.mode);
+    way.map_or(i64::from(choices.unserved_cost), |way| i64::from(choices.ways[way].cost))
+}
+
+/// The time of day, to the minute.
+pub(super) fn clock(at: Timestamp) -> String {
+    at.to_string().chars().skip(11).take(5).collect()
+}
+
+fn list<'a>(names: impl Iterator<Item = &'a str>, none: &str) -> String {
+    let names: Vec<&str> = names.collect();
+    if names.is_empty() { none.to_owned() } else { names.join(" and ") }
+}

@@ -1,0 +1,214 @@
+//! Whether robots' gauges can be believed: one may fall silent, freeze, or jump to where no charge can
+//! have gone. A plan then rests on what the robot's load tells, with a wider sigma, and says why.
+
+use std::collections::BTreeMap;
+
+use energy::Estimate;
+use proto::{Gauge, RobotId, RobotPhase, RobotState, Timestamp};
+
+use crate::models::from_wire;
+
+/// A gauge that has not been heard for so long is stale, s, and for so many of its periods.
+const SILENT_S: f64 = 120.0;
+/// See [`SILENT_S`].
+const PERIODS_MAX: f64 = 12.0;
+/// A gauge that repeats itself for so long while its robot works is frozen, s. No gauge that measures
+/// repeats a voltage to the last digit for that long.
+const FROZEN_S: f64 = 120.0;
+/// Fewest repetitions that count for that.
+const FROZEN_MIN: u32 = 8;
+/// Sigmas that a state of charge may move beside what current can have moved.
+const JUMP_SIGMAS: f64 = 5.0;
+/// Greatest current that can have moved it, in capacities per hour.
+const RATE_MAX_PER_H: f64 = 4.0;
+/// A gauge that jumped is believed again after this time without another jump, s.
+const JUMP_FORGOTTEN_S: f64 = 900.0;
+/// What is uncertain of a load that nobody has counted, as a share of it.
+const UNCOUNTED_SHARE: f64 = 0.3;
+
+/// What is wrong with a gauge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fault {
+    /// It has not been heard since.
+    Silent(Timestamp),
+    /// It has repeated itself since.
+    Frozen(Timestamp),
+    /// Its state of charge moved by so much at once.
+    Jumped(Timestamp, f64),
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let time = |at: &Timestamp| at.to_string().chars().skip(11).take(8).collect::<String>();
+        match self {
+            Fault::Silent(since) => write!(f, "has not been heard since {}", time(since)),
+            Fault::Frozen(since) => write!(f, "has said the same since {}, though its robot works", time(since)),
+            Fault::Jumped(at, by) => write!(f, "jumped by {:+.0} % of charge at {}, which no current explains", by * 100.0, time(at)),
+        }
+    }
+}
+
+/// What one robot's gauge has said.
+#[derive(Debug, Clone, Default)]
+struct Track {
+    last: Option<Gauge>,
+    /// Since when, and how often, it has said the same.
+    same: Option<(Timestamp, u32)>,
+    jumped: Option<(Timestamp, f64)>,
+    /// Time between its last two messages, s.
+    period_s: f64,
+    /// What was told of it last.
+    told: Option<Fault>,
+}
+
+/// All robots' gauges.
+#[derive(Debug, Clone, Default)]
+pub struct Trust {
+    robots: BTreeMap<RobotId, Track>,
+}
+
+impl Trust {
+    /// Takes in a message. `swapped` says that the robot's pack may have been exchanged meanwhile.
+    pub fn heard(&mut self, robot: &RobotId, gauge: &Gauge, phase: Option<RobotPhase>, swapped: bool) {
+        let track = self.robots.entry(robot.clone()).or_default();
+        if swapped {
+            *track = Track { told: track.told, ..Track::default() };
+        }
+        if let Some(last) = &track.last {
+            let hours = gauge.at.seconds_since(last.at) / energy::units::S_PER_H;
+            let by = gauge.soc.value - last.soc.value;
+            track.period_s = gauge.at.seconds_since(last.at);
+            let possible = RATE_MAX_PER_H * hours + JUMP_SIGMAS * last.soc.sigma.hypot(gauge.soc.sigma);
+            if by.abs() > possible {
+                track.jumped = Some((gauge.at, by));
+            }
+            let works = matches!(phase, Some(RobotPhase::Working | RobotPhase::Travelling));
+            let same = last.soc.value == gauge.soc.value && last.voltage_v == gauge.voltage_v && last.current_a == gauge.current_a;
+            track.same = match track.same {
+                Some((since, times)) if same && works => Some((since, times + 1)),
+                None if same && works => Some((last.at, 1)),
+                _ => None,
+            };
+        }
+        track.last = Some(gauge.clone());
+    }
+
+    /// What is wrong with a robot's gauge now, if anything is.
+    #[must_use]
+    pub fn fault(&self, now: Timestamp, robot: &RobotId) -> Option<Fault> {
+        let track = self.robots.get(robot)?;
+        let last = track.last.as_ref()?;
+        if now.seconds_since(last.at) > SILENT_S.max(PERIODS_MAX * track.period_s) {
+            return Some(Fault::Silent(last.at));
+        }
+        if let Some((since, times)) = track.same
+            && times >= FROZEN_MIN
+            && now.seconds_since(since) > FROZEN_S
+        {
+            return Some(Fault::Frozen(since));
+        }
+        track.jumped.filter(|(at, _)| now.seconds_since(*at) < JUMP_FORGOTTEN_S).map(|(at, by)| Fault::Jumped(at, by))
+    }
+
+    /// Gauges of which something else is to be told than before: `(robot, fault or none)`.
+    pub fn news(&mut self, now: Timestamp) -> Vec<(RobotId, Option<Fault>)> {
+        let robots: Vec<RobotId> = self.robots.keys().cloned().collect();
+        let mut news = Vec::new();
+        for robot in robots {
+            let fault = self.fault(now, &robot);
+            if let Some(track) = self.robots.get_mut(&robot)
+                && track.told != fault
+            {
+                track.told = fault;
+                news.push((robot, fault));
+            }
+        }
+        news
+    }
+
+    /// State of charge and energy (Wh) that a robot is believed to have: its gauge's, or less and less
+    /// certain what is left of it after work that nobody has counted.
+    #[must_use]
+    pub fn belief(&self, now: Timestamp, robot: &RobotId, gauge: &Gauge, state: &RobotState, stored_wh: f64) -> (Estimate, Estimate) {
+        let (soc, remaining_wh) = (from_wire(gauge.soc), from_wire(gauge.remaining_wh));
+        match self.fault(now, robot) {
+            None => (soc, remaining_wh),
+            Some(Fault::Jumped(_, by)) => {
+                // It was wrong before or is wrong now.
+                let wider = |estimate: Estimate, by: f64| Estimate::new(estimate.value, estimate.sigma.hypot(by));
+                (wider(soc, by), wider(remaining_wh, by * stored_wh))
+            }
+            Some(Fault::Silent(since) | Fault::Frozen(since)) => {
+                let uncounted_wh = match state.phase {
+                    RobotPhase::Working | RobotPhase::Travelling | RobotPhase::Waiting => {
+                        state.drain_w.value.max(0.0) * now.seconds_since(since) / energy::units::S_PER_H
+                    }
+                    _ => 0.0,
+                };
+                let less =
+                    |estimate: Estimate, by: f64| Estimate::new((estimate.value - by).max(0.0), estimate.sigma.hypot(UNCOUNTED_SHARE * by));
+                (less(soc, uncounted_wh / stored_wh), less(remaining_wh, uncounted_wh))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gauge(at_s: f64, soc: f64, voltage_v: f64) -> Gauge {
+        let estimate = proto::Estimate::new;
+        let json = serde_json::json!({
+            "at": Timestamp::from_unix_ms(0).plus_s(at_s), "seq": 1, "full_wh": estimate(14.6, 0.1), "power_w": 4.4,
+            "cells_series": 3, "source": "test", "soc": estimate(soc, 0.01), "remaining_wh": estimate(14.6 * soc, 0.1), "soh": estimate(1.0, 0.01),
+            "voltage_v": voltage_v, "current_a": 0.4, "temperature_degc": 25.0,
+        });
+        serde_json::from_value(json).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    fn robot() -> RobotId {
+        RobotId::new("r").unwrap()
+    }
+
+    fn at(seconds: f64) -> Timestamp {
+        Timestamp::from_unix_ms(0).plus_s(seconds)
+    }
+
+    #[test]
+    fn a_gauge_that_falls_by_its_current_is_believed() {
+        let mut trust = Trust::default();
+        for n in 0..300 {
+            let time_s = f64::from(n);
+            trust.heard(&robot(), &gauge(time_s, 0.5 - 8e-5 * time_s, 11.1 - 1e-5 * time_s), Some(RobotPhase::Working), false);
+        }
+        assert_eq!(trust.fault(at(300.0), &robot()), None);
+        assert_eq!(trust.fault(at(600.0), &robot()), Some(Fault::Silent(at(299.0))));
+    }
+
+    #[test]
+    fn a_jump_is_no_charge_and_is_forgotten_after_a_while() {
+        let mut trust = Trust::default();
+        trust.heard(&robot(), &gauge(0.0, 0.5, 11.1), Some(RobotPhase::Working), false);
+        trust.heard(&robot(), &gauge(1.0, 0.8, 11.1), Some(RobotPhase::Working), false);
+        assert!(matches!(trust.fault(at(2.0), &robot()), Some(Fault::Jumped(..))));
+        for n in 2..1000 {
+            trust.heard(&robot(), &gauge(f64::from(n), 0.8, 11.1 + 1e-4 * f64::from(n % 3)), Some(RobotPhase::Working), false);
+        }
+        assert_eq!(trust.fault(at(1000.0), &robot()), None);
+        // A new pack is a new gauge.
+        trust.heard(&robot(), &gauge(1001.0, 0.1, 11.0), Some(RobotPhase::Working), true);
+        assert_eq!(trust.fault(at(1002.0), &robot()), None);
+    }
+
+    #[test]
+    fn who_says_the_same_for_minutes_at_work_is_frozen_and_in_a_bay_is_not() {
+        for (phase, frozen) in [(RobotPhase::Working, true), (RobotPhase::Docked, false)] {
+            let mut trust = Trust::default();
+            (0..200).for_each(|n| trust.heard(&robot(), &gauge(f64::from(n), 0.5, 11.1), Some(phase), false));
+            assert_eq!(trust.fault(at(200.0), &robot()).is_some(), frozen, "{phase}");
+            assert_eq!(trust.news(at(200.0)).len(), usize::from(frozen));
+            assert!(trust.news(at(201.0)).is_empty(), "told once");
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! Are promises kept as often as they say? Worlds are drawn from the sigmas that the coordinator's models
+//! state: every parameter of every model, the packs' capacity, and the charge that everybody begins
+//! with. Then three robots come to one pack, and what was promised at which probability is compared with
+//! what was kept.
+//!
+//! A few worlds run always; `TENDER_CALIBRATION=1000` runs as many, prints the table, and judges it.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use coordinator::scenario::{RunEntry, Scenario};
+use coordinator::sim;
+use lab::model_edit::{Change, edit};
+use node::files::ModelRef;
+use proto::EventKind;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::scenario_folder;
+
+/// A stream of numbers for one world (splitmix64).
+struct Draw(u64);
+
+impl Draw {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        Normal::standard().inverse_cdf(self.uniform().clamp(1e-9, 1.0 - 1e-9))
+    }
+}
+
+/// A model like the built-in one, with every parameter and the capacity drawn from its sigma, as a file.
+fn drawn(name: &str, folder: &Path, draw: &mut Draw) -> ModelRef {
+    let (text, model) = (energy::built_in(name).expect("built in"), lab::load_model(name).expect("built in").model);
+    let mut text = text.to_owned();
+    if model.system == energy::System::Battery {
+        let (capacity_ah, sigma) = (model.battery().capacity_ah, model.uncertainty.capacity_relative_sigma);
+        let (was, is) =
+            (format!("capacity_ah = {capacity_ah}\n"), format!("capacity_ah = {}\n", capacity_ah * (1.0 + sigma * draw.normal())));
+        assert!(text.contains(&was), "{name}: {was}");
+        text = text.replace(&was, &is);
+    }
+    let change = |parameter: &energy::Parameter| Change {
+        effect: parameter.effect.to_owned(),
+        parameter: parameter.name.to_owned(),
+        value: (parameter.value + parameter.sigma * draw.normal()).clamp(parameter.min, parameter.max),
+        sigma: parameter.sigma,
+        range: (parameter.min, parameter.max),
+        source: "drawn".to_owned(),
+        free: false,
+    };
+    let changes: Vec<Change> = model.parameters().iter().filter(|parameter| parameter.sigma > 0.0).map(change).collect();
+    let path = folder.join(format!("{name}.toml"));
+    std::fs::write(&path, edit(&text, &changes, None).unwrap()).unwrap();
+    ModelRef::Name(path.to_string_lossy().into_owned())
+}
+
+/// What one world said and did.
+struct World {
+    /// Stated probability of each promised service, and whether it was kept.
+    promises: Vec<(f64, bool)>,
+    /// Robots of which the first plan said that they would be served.
+    safe: usize,
+    /// How many of them stranded before that.
+    stranded: usize,
+}
+
+/// One station, one pack that holds two or three services, three robots that want one.
+fn world(seed: u64) -> World {
+    let folder = tempfile::tempdir().unwrap();
+    let table = "enertech-lco-2280mah-ocv.csv";
+    std::fs::write(folder.path().join(table), energy::built_in(table).unwrap()).unwrap();
+    let mut draw = Draw(seed);
+    let file = scenario_folder().join("calibration.toml");
+    // The pack is just enough for one, two or three services, give or take two of its sigmas, so that the
+    // last promise is a matter of chance (29, 53 and 78 Wh; 25 Wh at 35 %, 86 Wh more for all the rest).
+    let need_wh = [29.0, 53.5, 78.0][(3.0 * draw.uniform()) as usize];
+    let pack = (0.35 + (need_wh + 1.3 * (3.5 * draw.uniform() - 1.0) - 25.0) / 86.3).min(1.0);
+    let robots = [0.105, 0.115, 0.125].map(|soc| soc + 0.003 * draw.normal());
+    let text = format!(
+        r#"schema = 1
+name = "drawn"
+duration_s = 5400
+[policy]
+confidence = 0.5
+serve_below_soc = 0.10
+[[station]]
+id = "mds-1"
+load = "mds-station"
+bays = 3
+load_s = 30
+unload_s = 30
+packs = [{{ id = "pack-1", battery = "mds-3s4p-7600mah", soc = {pack} }}]
+[[robot]]
+id = "explorer"
+count = 3
+battery = "explorer-3s1p-1320mah"
+load = "explorer-robot"
+soc = {robots:?}
+travel_s.mds-1 = [60, 120, 180]
+mission.inputs = {{ speed_mps = 0.1 }}
+"#
+    );
+    let scenario = Scenario::parse(&file, &text).unwrap_or_else(|error| panic!("{error}"));
+    let mut deployment = scenario.deploy(&RunEntry::default(), seed).unwrap();
+    // Packs of a kind differ among each other; the three robots' loads and the station are one each.
+    for config in &mut deployment.robots {
+        let own = folder.path().join(config.id.as_str());
+        std::fs::create_dir(&own).unwrap();
+        std::fs::write(own.join(table), energy::built_in(table).unwrap()).unwrap();
+        let robot_agent::SourceConfig::Sim { battery, load, .. } = &mut config.source else { panic!("simulated") };
+        *battery = drawn(battery.name(), &own, &mut draw);
+        *load = drawn(load.name(), &own, &mut draw);
+    }
+    let station_agent::SourceConfig::Sim { load, packs, .. } = &mut deployment.stations[0].source;
+    *load = drawn(load.name(), folder.path(), &mut draw);
+    for pack in packs.values_mut() {
+        pack.battery = drawn(pack.battery.name(), folder.path(), &mut draw);
+    }
+    let outcome = sim::simulate(&deployment, *scenario.duration_s.get_ref(), scenario.temperature_degc, false, &mut |_| {}).unwrap();
+    let first = outcome.measured.first_plan.as_ref().expect("a plan");
+    let done = |robot: &proto::RobotId| {
+        outcome.events.iter().any(|event| event.kind == EventKind::ServiceDone && event.robot.as_ref() == Some(robot))
+    };
+    let dry = |robot: &proto::RobotId| {
+        let its = |event: &&proto::Event| event.robot.as_ref() == Some(robot);
+        let mut events = outcome.events.iter().filter(its).filter(|event| {
+            event.kind == EventKind::ServiceDone || (event.kind == EventKind::PhaseChanged && event.text.contains("-> stranded"))
+        });
+        events.next().is_some_and(|event| event.kind == EventKind::PhaseChanged)
+    };
+    let certain = first.services.iter().filter(|service| service.probability.is_some_and(|p| p >= 0.95));
+    World {
+        promises: first.services.iter().map(|service| (service.probability.expect("planned"), done(&service.robot))).collect(),
+        safe: certain.clone().count(),
+        stranded: certain.filter(|service| dry(&service.robot)).count(),
+    }
+}
+
+#[test]
+fn promises_are_kept_as_often_as_they_say() {
+    let worlds: u64 = std::env::var("TENDER_CALIBRATION").map_or(4, |number| number.parse().expect("a number of worlds"));
+    let next = std::sync::atomic::AtomicU64::new(0);
+    let made = std::sync::Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, std::num::NonZero::get) {
+            scope.spawn(|| {
+                loop {
+                    let number = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                    if number >= worlds {
+                        return;
+                    }
+                    let world = world(1_000 + number);
+                    made.lock().unwrap().push(world);
+                }
+            });
+        }
+    });
+    let made = made.into_inner().unwrap();
+    let all: Vec<(f64, bool)> = made.iter().flat_map(|world| world.promises.iter().copied()).collect();
+    let mut table = String::from("stated          promises   stated, mean   kept\n");
+    let bins = [(0.5, 0.7), (0.7, 0.85), (0.85, 0.93), (0.93, 0.97), (0.97, 0.99), (0.99, 1.1)];
+    for (from, to) in bins {
+        let here: Vec<_> = all.iter().filter(|(stated, _)| (from..to).contains(stated)).collect();
+        let count = here.len().max(1) as f64;
+        let (stated, kept) =
+            (here.iter().map(|(stated, _)| stated).sum::<f64>() / count, here.iter().filter(|(_, kept)| *kept).count() as f64 / count);
+        writeln!(
+            table,
+            "{:>4.0} to {:>3.0} %   {:>8}   {:>10.1} %   {:>4.1} %",
+            from * 100.0,
+            to.min(1.0) * 100.0,
+            here.len(),
+            stated * 100.0,
+            kept * 100.0
+        )
+        .unwrap();
+    }
+    let (safe, stranded): (usize, usize) = (made.iter().map(|world| world.safe).sum(), made.iter().map(|world| world.stranded).sum());
+    writeln!(table, "of {safe} robots promised at 95 % or more {stranded} ran empty before their service").unwrap();
+    println!("{worlds} worlds\n{table}");
+    let sure: Vec<&(f64, bool)> = all.iter().filter(|(stated, _)| *stated >= 0.99).collect();
+    let kept = sure.iter().filter(|(_, kept)| *kept).count();
+    assert!(!sure.is_empty() && kept * 10 >= sure.len() * 9, "{kept} of {} promises at 99 % and more were kept\n{table}", sure.len());
+}

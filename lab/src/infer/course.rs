@@ -1,0 +1,137 @@
+//! How a model walks a log: as few steps as show all that is judged.
+//!
+//! Rows that go into one mean, and over which every input holds within its sensor's noise, become
+//! one step with the means of the inputs, two or more for a mean. What a model shows within such a
+//! step is taken from the straight line between its ends, since means are short beside the time
+//! since an input jumped; but for the open-circuit voltage, which bends where its table does.
+
+use energy::{Channel, Sensor};
+
+use super::evidence::Segment;
+use crate::prepare::Prepared;
+
+/// A log as a model walks it.
+#[derive(Debug)]
+pub(super) struct Course {
+    /// Times at which the steps end, s; the first is where the walk begins.
+    pub(super) time_s: Vec<f64>,
+    /// Inputs; a value holds over the step that ends there.
+    pub(super) inputs: Vec<(Channel, Vec<f64>)>,
+    /// What each step shows, step by step.
+    shows: Vec<Show>,
+    /// Where the shows of each step begin; one more than there are steps.
+    first: Vec<usize>,
+}
+
+/// The share of one step in a judged row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Show {
+    /// Place of the segment among all.
+    pub(super) segment: usize,
+    /// The judged row among all.
+    pub(super) row: usize,
+    /// Weight of what is shown at the end of the step.
+    pub(super) now: f64,
+    /// Weight of what was shown at its beginning.
+    pub(super) before: f64,
+    /// Rows of the log in the step.
+    pub(super) rows: usize,
+    /// Weight of each of them.
+    pub(super) each: f64,
+}
+
+/// Deviations of its noise that an input may leave the first of a step by.
+pub(super) const HOLDS: f64 = 4.0;
+
+impl Course {
+    /// Every row is a step.
+    pub(super) fn row_by_row(index: usize, log: &Prepared, segments: &[Segment]) -> Course {
+        Course::of(index, log, segments, &(0..log.time_s.len()).collect::<Vec<_>>())
+    }
+
+    /// Rows that hold and go into one mean are a step.
+    pub(super) fn in_means(index: usize, log: &Prepared, segments: &[Segment], sensor: impl Fn(Channel) -> Sensor) -> Course {
+        let rows = log.time_s.len();
+        let blocks: Vec<(&Segment, Vec<Option<usize>>)> =
+            segments.iter().filter(|s| s.log == index).map(|segment| (segment, block_of(segment, rows))).collect();
+        let reach: Vec<(f64, bool)> = log
+            .inputs
+            .iter()
+            .map(|(channel, _)| {
+                let sensor = sensor(*channel);
+                (HOLDS * sensor.floor(), sensor.dead_band > 0.0)
+            })
+            .collect();
+        let mut first = 0;
+        let goes_on = |row: usize, first: usize| {
+            // Half a mean at most.
+            let fits = |segment: &Segment, block: usize| 2.0 * (row + 1 - first) as f64 <= segment.counts[block] + 1.0;
+            let together = |(segment, block): &(&Segment, Vec<Option<usize>>)| {
+                block[row] == block[row - 1] && block[row].is_some_and(|block| fits(segment, block))
+            };
+            let holds = |((_, values), &(reach, dead)): (&(Channel, Vec<f64>), &(f64, bool))| {
+                let wakes = dead && (values[row] == 0.0) != (values[first] == 0.0);
+                (values[row] - values[first]).abs() <= reach && !wakes
+            };
+            // Charge is kept only where steps are alike.
+            let even = row > 1 && (step_s(log, row) - step_s(log, row - 1)).abs() <= 1e-6 * step_s(log, row);
+            first > 0 && even && !blocks.is_empty() && blocks.iter().all(together) && log.inputs.iter().zip(&reach).all(holds)
+        };
+        let mut ends: Vec<usize> = Vec::new();
+        for row in 0..rows {
+            if row > 0 && goes_on(row, first) {
+                ends.pop();
+            } else {
+                first = row;
+            }
+            ends.push(row);
+        }
+        Course::of(index, log, segments, &ends)
+    }
+
+    /// Steps that end at these rows of the log.
+    fn of(index: usize, log: &Prepared, segments: &[Segment], ends: &[usize]) -> Course {
+        let begins = |step: usize| if step == 0 { 0 } else { ends[step - 1] + 1 };
+        let mean = |values: &[f64], step: usize| {
+            let rows = &values[begins(step)..=ends[step]];
+            rows.iter().sum::<f64>() / rows.len() as f64
+        };
+        let inputs = log.inputs.iter().map(|(channel, values)| (*channel, (0..ends.len()).map(|step| mean(values, step)).collect()));
+        let own: Vec<(usize, Vec<Option<usize>>)> = segments
+            .iter()
+            .enumerate()
+            .filter(|(_, segment)| segment.log == index)
+            .map(|(place, segment)| (place, block_of(segment, log.time_s.len())))
+            .collect();
+        let (mut shows, mut first) = (Vec::new(), vec![0]);
+        for (step, &end) in ends.iter().enumerate() {
+            for (place, blocks) in &own {
+                let Some(block) = blocks[end] else { continue };
+                let segment = &segments[*place];
+                let (rows, each) = (end + 1 - begins(step), segment.counts[block].recip());
+                // The mean over the rows of a step of what runs straight from its beginning to its end.
+                let now = (rows as f64 + 1.0) / 2.0 * each;
+                shows.push(Show { segment: *place, row: segment.begin + block, now, before: rows as f64 * each - now, rows, each });
+            }
+            first.push(shows.len());
+        }
+        Course { time_s: ends.iter().map(|&end| log.time_s[end]).collect(), inputs: inputs.collect(), shows, first }
+    }
+
+    /// What a step shows.
+    #[inline]
+    pub(super) fn shows(&self, step: usize) -> &[Show] {
+        &self.shows[self.first[step]..self.first[step + 1]]
+    }
+}
+
+fn step_s(log: &Prepared, row: usize) -> f64 {
+    log.time_s[row] - log.time_s[row - 1]
+}
+
+/// Among a segment's own judged rows, the one that each row of the log goes into.
+fn block_of(segment: &Segment, rows: usize) -> Vec<Option<usize>> {
+    let mut all = vec![None; rows];
+    segment.rows.iter().zip(&segment.block_of).for_each(|(&row, &block)| all[row] = Some(block));
+    all
+}

@@ -1,0 +1,295 @@
+//! What a frame predicts for every judged row, and how that changes with its unknowns.
+
+use std::sync::Arc;
+
+use energy::effect::Lane;
+use energy::real::{Dual, LANES, derivative, variable};
+use energy::{Channel, Channels, Facts, Model};
+use nalgebra::DMatrix;
+
+use super::{Frame, Steps};
+use crate::infer::rough::{Rough, curve, weights};
+
+/// Share of the capacity over which its derivative is taken.
+const CAPACITY_STEP: f64 = 1e-4;
+/// Step over which the derivative by a temperature is taken, K.
+const TEMPERATURE_STEP_K: f64 = 1e-3;
+
+/// A share in a judged row.
+struct Share<S> {
+    /// Place of its segment.
+    segment: usize,
+    /// The judged row.
+    row: usize,
+    /// What is shown.
+    shown: S,
+    /// State of charge.
+    soc: f64,
+    /// Its weight in the row.
+    weight: f64,
+}
+
+impl Frame {
+    /// What the model predicts for every judged row.
+    #[must_use]
+    pub fn predict(&self, x: &[f64]) -> Vec<f64> {
+        let (mut all, model) = (vec![0.0; self.evidence.rows()], self.model_at(x));
+        (0..self.evidence.logs.len()).for_each(|log| self.predict_log(log, x, &model, &mut all));
+        self.delay(x, &mut all);
+        all
+    }
+
+    /// Adds what is shown at once in one log.
+    fn predict_log(&self, log: usize, x: &[f64], model: &Arc<Model>, all: &mut [f64]) {
+        self.shares(log, x, self.values(x), model, |_, value| value, |share: &Share<f64>| all[share.row] += share.shown * share.weight);
+    }
+
+    /// What the model predicts for every judged row, and its derivatives by some of the unknowns: one
+    /// row of the matrix for each of them, one column for each judged row.
+    #[must_use]
+    pub fn linearise(&self, x: &[f64], by: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
+        let mut all = vec![0.0; self.evidence.rows()];
+        let mut slopes = DMatrix::zeros(by.len(), all.len());
+        let model = self.model_at(x);
+        let added = Added::new(self, x, by);
+        for log in 0..self.evidence.logs.len() {
+            let moved: Vec<(usize, usize)> =
+                by.iter().copied().enumerate().filter(|&(_, unknown)| self.moves_model(unknown, log)).collect();
+            if moved.is_empty() {
+                self.shares(
+                    log,
+                    x,
+                    self.values(x),
+                    &model,
+                    |_, value| value,
+                    |share: &Share<f64>| {
+                        all[share.row] += share.shown * share.weight;
+                        added.add(share.segment, share.soc, share.shown, share.weight, slopes.column_mut(share.row).as_mut_slice());
+                    },
+                );
+            }
+            for (pass, lanes) in moved.chunks(LANES).enumerate() {
+                let dual = |unknown: Option<usize>, value: f64| {
+                    let lane = unknown.and_then(|unknown| lanes.iter().position(|&(_, known)| known == unknown));
+                    lane.map_or_else(|| Dual::from(value), |lane| variable(value, lane))
+                };
+                let parameters = self.values(x).into_iter().enumerate();
+                let parameters = parameters.map(|(index, value)| dual(self.unknown_of_parameter(index), value)).collect();
+                let error = |what, value| dual(self.unknown_of(what), value);
+                self.shares(log, x, parameters, &model, error, |share: &Share<Dual>| {
+                    let mut of_row = slopes.column_mut(share.row);
+                    let of_row = of_row.as_mut_slice();
+                    for (lane, &(place, _)) in lanes.iter().enumerate() {
+                        of_row[place] += derivative(&share.shown, lane) * share.weight;
+                    }
+                    if pass == 0 {
+                        all[share.row] += share.shown.re * share.weight;
+                        added.add(share.segment, share.soc, share.shown.re, share.weight, of_row);
+                    }
+                });
+            }
+        }
+        self.delay_slopes(x, &all, by, &mut slopes);
+        self.differences(x, &all, by, &mut slopes);
+        self.delay(x, &mut all);
+        (all, slopes)
+    }
+
+    /// Derivatives that are taken by differences, one walk for each.
+    fn differences(&self, x: &[f64], prompt: &[f64], by: &[usize], slopes: &mut DMatrix<f64>) {
+        let mut shown = prompt.to_vec();
+        self.delay(x, &mut shown);
+        for (place, &unknown) in by.iter().enumerate() {
+            let (step, logs) = match self.what(unknown) {
+                Some(Rough::Capacity) => (CAPACITY_STEP, 0..self.evidence.logs.len()),
+                Some(Rough::TemperatureInitial(log)) => (TEMPERATURE_STEP_K, log..log + 1),
+                _ => continue,
+            };
+            let mut beside = x.to_vec();
+            beside[unknown] += step;
+            let (mut moved, model) = (prompt.to_vec(), self.model_at(&beside));
+            for log in logs {
+                let own = self.evidence.segments.iter().filter(|segment| segment.log == log);
+                own.for_each(|segment| moved[segment.range()].fill(0.0));
+                self.predict_log(log, &beside, &model, &mut moved);
+            }
+            self.delay(&beside, &mut moved);
+            for (row, (after, before)) in moved.iter().zip(&shown).enumerate() {
+                slopes[(place, row)] = (after - before) / step;
+            }
+        }
+    }
+
+    /// Walks a log and shows the share of every step in the judged rows.
+    fn shares<S: Lane>(
+        &self,
+        log: usize,
+        x: &[f64],
+        parameters: Vec<S>,
+        model: &Arc<Model>,
+        error: impl Fn(Rough, f64) -> S,
+        mut at: impl FnMut(&Share<S>),
+    ) {
+        let (ocv, cells) = (self.knot_errors(x), self.cells());
+        let source = |channel| {
+            let unpredicted = channel == Channel::TemperatureDegc && !model.predicts_temperature();
+            if unpredicted { Channel::AmbientDegc } else { channel }
+        };
+        let own: Vec<Seen> = self
+            .evidence
+            .segments
+            .iter()
+            .enumerate()
+            .filter(|(_, segment)| segment.log == log)
+            .map(|(place, segment)| Seen {
+                place,
+                source: source(segment.channel),
+                offset: self.error(x, Rough::Offset(segment.channel)),
+                gain: self.error(x, Rough::Gain(segment.channel)),
+                corrected: segment.channel == Channel::VoltageV && ocv.iter().any(|&error| error != 0.0),
+            })
+            .collect();
+        // What each segment showed before and shows now, with the state of charge then.
+        let none = (S::from(0.0), 0.0);
+        let mut shown = vec![(none, none); own.len()];
+        let (course, segments) = (&self.evidence.courses[log], &self.evidence.segments);
+        self.walk_log(log, Steps::Course, x, parameters, model, error, |step, now: &Channels<S>| {
+            let soc = now[Channel::Soc];
+            let show = |seen: &Seen| {
+                let mut value = now[seen.source];
+                if seen.corrected {
+                    let (error, slope) = curve(&self.knots, &ocv, soc.re());
+                    value += soc.chain(error, slope) * cells;
+                }
+                value * (1.0 + seen.gain) + seen.offset
+            };
+            for (shown, seen) in shown.iter_mut().zip(&own) {
+                shown.0 = shown.1;
+                shown.1 = (show(seen), soc.re());
+            }
+            let now_soc = soc;
+            for share in course.shows(step) {
+                let index = own.iter().position(|seen| seen.place == share.segment).unwrap_or(0);
+                let (before, (now, soc)) = shown[index];
+                if share.before > 0.0 {
+                    let bent = self.bend(segments[share.segment].channel, before.1, soc, share.rows);
+                    let (volts, slope) = (bent.0 * cells * share.each / share.now, bent.1 * cells * share.each / share.now);
+                    let now = now + now_soc.chain(volts, slope);
+                    at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
+                    at(&Share { segment: share.segment, row: share.row, shown: before.0, soc: before.1, weight: share.before });
+                } else {
+                    at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
+                }
+            }
+        });
+    }
+
+    /// How far the open-circuit voltages of a step's rows, summed up, lie from the straight line
+    /// between its ends, V per cell, and how that changes with the state of charge of all of them.
+    fn bend(&self, channel: Channel, begin: f64, end: f64, rows: usize) -> (f64, f64) {
+        let Facts::Battery(facts) = &self.model.facts else { return (0.0, 0.0) };
+        if channel != Channel::VoltageV || rows < 2 {
+            return (0.0, 0.0);
+        }
+        let at = |soc: f64| {
+            let soc: Dual = facts.ocv.voltage_v(variable(soc, 0));
+            (soc.re, derivative(&soc, 0))
+        };
+        let (first, last) = (at(begin), at(end));
+        let (mut volts, mut slope) = (0.0, 0.0);
+        for row in 1..rows {
+            let share = row as f64 / rows as f64;
+            let here = at(begin + share * (end - begin));
+            volts += here.0 - first.0 - share * (last.0 - first.0);
+            slope += here.1 - first.1 - share * (last.1 - first.1);
+        }
+        (volts, slope)
+    }
+
+    /// Shows every target as it was a little later or, for a negative lag, earlier: on the line
+    /// between judged rows.
+    fn delay(&self, x: &[f64], all: &mut [f64]) {
+        for segment in &self.evidence.segments {
+            let lag_s = self.error(x, Rough::Lag(segment.channel));
+            if lag_s != 0.0 {
+                let own = &mut all[segment.range()];
+                let prompt = own.to_vec();
+                own.iter_mut().enumerate().for_each(|(row, value)| *value += lag_s * segment.slope(&prompt, row, lag_s));
+            }
+        }
+    }
+
+    /// Derivatives of what is shown late, from those of the `prompt` predictions.
+    fn delay_slopes(&self, x: &[f64], prompt: &[f64], by: &[usize], slopes: &mut DMatrix<f64>) {
+        for segment in &self.evidence.segments {
+            let lag_s = self.error(x, Rough::Lag(segment.channel));
+            if lag_s != 0.0 {
+                let own = slopes.columns(segment.begin, segment.counts.len()).into_owned();
+                for row in 0..segment.counts.len() {
+                    let Some((low, high, dt_s)) = segment.neighbours(row, lag_s) else { continue };
+                    let mut of_row = slopes.column_mut(segment.begin + row);
+                    of_row += (own.column(high) - own.column(low)) * (lag_s / dt_s);
+                }
+            }
+            let lags = by.iter().enumerate().filter(|&(_, &unknown)| self.what(unknown) == Some(Rough::Lag(segment.channel)));
+            for (place, &unknown) in lags {
+                for row in 0..segment.counts.len() {
+                    slopes[(place, segment.begin + row)] = segment.slope(&prompt[segment.range()], row, x[unknown]);
+                }
+            }
+        }
+    }
+}
+
+/// How a segment's channel is shown.
+struct Seen {
+    place: usize,
+    source: Channel,
+    offset: f64,
+    gain: f64,
+    /// Whether the error of the OCV table counts.
+    corrected: bool,
+}
+
+/// Unknowns that are added to what the model predicts: the places of their derivatives.
+struct Added<'a> {
+    frame: &'a Frame,
+    /// By segment: place of the offset; place and value of the gain.
+    offsets: Vec<Option<usize>>,
+    gains: Vec<Option<(usize, f64)>>,
+    /// By knot of the OCV table.
+    knots: Vec<Option<usize>>,
+}
+
+impl<'a> Added<'a> {
+    fn new(frame: &'a Frame, x: &[f64], by: &[usize]) -> Added<'a> {
+        let place = |what| by.iter().position(|&unknown| frame.what(unknown) == Some(what));
+        let segments = || frame.evidence.segments.iter();
+        Added {
+            offsets: segments().map(|segment| place(Rough::Offset(segment.channel))).collect(),
+            gains: segments()
+                .map(|segment| Some((place(Rough::Gain(segment.channel))?, frame.error(x, Rough::Gain(segment.channel)))))
+                .collect(),
+            knots: (0..frame.knots.len()).map(|knot| place(Rough::Ocv(knot))).collect(),
+            frame,
+        }
+    }
+
+    /// Adds the derivatives of one share to those of its row.
+    fn add(&self, segment: usize, soc: f64, shown: f64, weight: f64, of_row: &mut [f64]) {
+        if let Some(place) = self.offsets[segment] {
+            of_row[place] += weight;
+        }
+        if let Some((place, gain)) = self.gains[segment] {
+            of_row[place] += weight * shown / (1.0 + gain);
+        }
+        if self.frame.evidence.segments[segment].channel == Channel::VoltageV && !self.knots.is_empty() {
+            let scale = weight * self.frame.cells();
+            for (knot, share) in weights(&self.frame.knots, soc) {
+                if let Some(place) = self.knots[knot] {
+                    of_row[place] += scale * share;
+                }
+            }
+        }
+    }
+}

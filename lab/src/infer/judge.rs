@@ -1,0 +1,124 @@
+//! Whether a refitted effect is accepted, and whether a model explains its logs.
+
+use std::sync::Arc;
+
+use energy::{Channel, System, catalogue};
+
+use super::evidence::Evidence;
+use super::state::State;
+use super::trial::{Trial, held_out};
+use crate::report::quantity::unit_of;
+
+/// Why a refitted effect is not accepted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Refusal {
+    /// The evidence is too weak for the number of effects tried.
+    Evidence,
+    /// It is smaller than a decision would notice.
+    TooSmall,
+    /// It hardly lowers the error of the logs that it was fitted to.
+    Training,
+    /// It does not help on the held-out logs.
+    Holdout,
+}
+
+/// Fall of the information criterion that an effect must bring, were it the only one tried.
+const DELTA_BIC: f64 = 10.0;
+/// Share of it that a refit of the base cannot absorb, below which an effect must bring
+/// [`STRONG`] times as much: what it does beyond that is small and of no simple form, and a table
+/// that errs between its points does the like.
+pub(super) const ABSORBED: f64 = 0.1;
+const STRONG: f64 = 3.0;
+/// Share of the squared error beyond the floor that an effect must take away: 5 % of the RMS.
+const FALL: f64 = 0.1;
+/// RMS over floor up to which a channel is explained.
+const EXPLAINED: f64 = 1.05;
+/// Deviations of one reading from which on a change of a measured channel is no small one,
+/// whatever a decision would notice.
+const SEEN: f64 = 2.0;
+
+/// The evidence that one of so many effects must bring.
+pub(super) fn threshold(tried: usize) -> f64 {
+    DELTA_BIC + 2.0 * (tried.max(1) as f64).ln()
+}
+
+/// Why a refitted effect, one of so many that were tried, is not accepted; empty when it is.
+#[must_use]
+pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout: Option<&Arc<Evidence>>, tried: usize) -> Vec<Refusal> {
+    let mut all = Vec::new();
+    let strong = trial.delta_bic > STRONG * threshold(tried);
+    if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !strong {
+        all.push(Refusal::Evidence);
+    }
+    let evidence = &base.frame.evidence;
+    let unit = |channel: Channel| unit_of(channel.name());
+    let mut alike = evidence.floors.iter().filter(|(channel, _)| unit(*channel) == unit(trial.spec.channel));
+    if trial.change < trial.spec.matters && alike.all(|(_, floor)| trial.change < SEEN * floor) {
+        all.push(Refusal::TooSmall);
+    }
+    if !all.is_empty() {
+        return all;
+    }
+    let helps = |held: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]| {
+        falls(held, before, after) || strong && at_floor(held, before) && at_floor(held, after)
+    };
+    let (trains, holds) =
+        (falls(evidence, &base.rms(), &trial.state.rms()), holdout.is_none_or(|held| helps(held, before, &trial.holdout)));
+    if !(trains && holds) {
+        // Slow noise that excuses an error keeps a fit from lowering it: what do the fits leave that
+        // know none?
+        let (plain_base, plain) = (base.plain(), trial.state.plain());
+        let trains_plain = falls(evidence, &plain_base.rms(), &plain.rms());
+        let holds_plain = holdout.is_none_or(|held| helps(held, &held_out(plain_base, held), &held_out(plain, held)));
+        if strong && trains_plain && holds_plain {
+            return all;
+        }
+        if !trains {
+            all.push(Refusal::Training);
+        }
+        if !holds {
+            all.push(Refusal::Holdout);
+        }
+    }
+    all
+}
+
+/// Whether every channel is at its floor.
+fn at_floor(evidence: &Evidence, rms: &[(Channel, f64)]) -> bool {
+    rms.iter().all(|&(channel, rms)| rms <= EXPLAINED * evidence.floor(channel))
+}
+
+/// Whether the squared error, in floors, falls by a share of what lies beyond the floors.
+fn falls(evidence: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]) -> bool {
+    let floor: f64 = before.iter().map(|&(channel, _)| rows(evidence, channel)).sum();
+    let (before, after) = (squares(evidence, before), squares(evidence, after));
+    before - after > (FALL * (before - floor)).max(0.0)
+}
+
+/// Squared error over all rows, in floors.
+pub(super) fn squares(evidence: &Evidence, rms: &[(Channel, f64)]) -> f64 {
+    rms.iter().map(|&(channel, rms)| rows(evidence, channel) * (rms / evidence.floor(channel)).powi(2)).sum()
+}
+
+fn rows(evidence: &Evidence, channel: Channel) -> f64 {
+    evidence.segments.iter().filter(|segment| segment.channel == channel).map(|segment| segment.rows.len()).sum::<usize>() as f64
+}
+
+/// Whether what is left of every channel is the sensors' noise, or less beyond it than the
+/// smallest effect on such a channel that matters.
+#[must_use]
+pub fn explained(state: &State) -> bool {
+    state.rms().iter().all(|&(channel, rms)| {
+        let floor = state.frame.evidence.floor(channel);
+        let beyond = (rms * rms - floor * floor).max(0.0).sqrt();
+        rms <= EXPLAINED * floor || beyond < matters(state.frame.model.system, channel)
+    })
+}
+
+/// Half of the smallest effect that matters on channels of this one's unit.
+fn matters(system: System, channel: Channel) -> f64 {
+    let specs = catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == system);
+    let alike = specs.filter(|spec| unit_of(spec.channel.name()) == unit_of(channel.name()));
+    0.5 * alike.map(|spec| spec.matters).fold(f64::INFINITY, f64::min)
+}

@@ -1,0 +1,112 @@
+//! Why a robot is serviced as it is: what else there was at which cost, and what stands in the way of
+//! anything earlier, while everybody else keeps what was planned.
+
+use crate::book::Clash;
+use crate::draft::{Draft, NONE};
+use crate::plan::Session;
+use crate::problem::Tick;
+use crate::way::{Mode, Way, Ways};
+
+/// What can be said of a robot's place in a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Explained {
+    /// Worth of the work that it misses as planned, or without a service.
+    pub cost: i64,
+    /// The same if it had no service.
+    pub unserved_cost: i64,
+    /// At each station and by each kind of service the best way that is free, the least cost first, and
+    /// then those that are not.
+    pub others: Vec<Other>,
+    /// What stands in the way of the earliest service of the kind that is planned, at its station; none
+    /// when nothing earlier is to be had by the rules.
+    pub earlier: Option<Other>,
+}
+
+/// Another way to service the robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Other {
+    /// Index of the station.
+    pub station: usize,
+    /// How.
+    pub mode: Mode,
+    /// When it would begin.
+    pub start: Tick,
+    /// When it would end.
+    pub end: Tick,
+    /// Worth of the work that the robot would miss.
+    pub cost: i64,
+    /// Energy from the station's packs.
+    pub energy: i64,
+    /// What is missing for it; none when it is free.
+    pub clash: Option<Clash>,
+    /// Robots that would have to give way.
+    pub blockers: Vec<usize>,
+}
+
+/// A plan of which one can ask why it is as it is.
+#[derive(Debug)]
+pub struct Explainer<'w, 'p> {
+    draft: Draft<'w, 'p>,
+}
+
+impl<'w, 'p> Explainer<'w, 'p> {
+    /// Opens the plan with these sessions.
+    #[must_use]
+    pub fn new(ways: &'w Ways<'p>, sessions: &[Session]) -> Self {
+        let mut draft = Draft::new(ways);
+        for session in sessions {
+            if let Some(way) = ways.of(session.robot).find(session.station, session.start, session.mode) {
+                draft.serve(session.robot, way as u32);
+            }
+        }
+        draft.keep();
+        Self { draft }
+    }
+
+    /// Explains a robot's place in the plan.
+    pub fn explain(&mut self, robot: usize) -> Explained {
+        let draft = &mut self.draft;
+        let (ways, problem) = (draft.ways, draft.problem());
+        let (choices, chosen, cost) = (ways.of(robot), draft.chosen[robot], draft.cost_of(robot));
+        let planned = (chosen != NONE).then(|| choices.ways[chosen as usize]);
+        if planned.is_some() {
+            draft.release(robot);
+        }
+        let mut others = Vec::new();
+        for travel in &problem.robots[robot].travel {
+            for charges in [true, false] {
+                let here = |way: &&Way| usize::from(way.station) == travel.station && charges == matches!(way.mode, Mode::Charge(_));
+                let other = |way: &&Way| planned.is_none_or(|planned| **way != planned);
+                let free = choices.ways.iter().filter(here).filter(other).find(|way| draft.books[travel.station].fits(choices, way));
+                let Some(best) = free.or_else(|| choices.ways.iter().find(here)) else { continue };
+                if other(&best) {
+                    others.push(described(draft, robot, best));
+                }
+            }
+        }
+        others.sort_by_key(|other| (other.clash.is_some(), other.cost, other.energy, other.start));
+        let earlier = planned.and_then(|planned| {
+            let kind = std::mem::discriminant(&planned.mode);
+            let alike =
+                |way: &&Way| way.station == planned.station && way.start < planned.start && std::mem::discriminant(&way.mode) == kind;
+            choices.ways.iter().filter(alike).min_by_key(|way| (way.start, way.cost)).map(|way| described(draft, robot, way))
+        });
+        draft.undo(0);
+        Explained { cost, unserved_cost: i64::from(choices.unserved_cost), others, earlier }
+    }
+}
+
+fn described(draft: &Draft<'_, '_>, robot: usize, way: &Way) -> Other {
+    let station = usize::from(way.station);
+    let book = &draft.books[station];
+    let clash = book.clash(draft.ways.of(robot), way);
+    let in_the_way = |other: &&u32| {
+        let other = **other as usize;
+        let theirs = &draft.ways.of(other).ways[draft.chosen[other] as usize];
+        clash.is_some_and(|clash| book.takes_part(clash, theirs))
+    };
+    let mut blockers: Vec<usize> = book.robots.iter().filter(in_the_way).map(|&other| other as usize).collect();
+    blockers.sort_unstable();
+    let (start, end) = (Tick::from(way.start), Tick::from(way.end));
+    Other { station, mode: way.mode, start, end, cost: i64::from(way.cost), energy: way.energy, clash, blockers }
+}
