@@ -2,16 +2,18 @@
 //! the pack, as the robots of Kottas' thesis have it. Words are little-endian; a current into the
 //! battery is positive there.
 
+mod bus;
+
 use std::path::PathBuf;
 
 use anyhow::{Context, anyhow, ensure};
 use crc::{CRC_8_SMBUS, Crc};
 use embedded_hal::i2c::I2c;
 use energy::units::KELVIN_AT_0_DEGC;
-use linux_embedded_hal::I2cdev;
 use serde::{Deserialize, Serialize};
 use tracing::{info, warn};
 
+use self::bus::LinuxBus;
 use super::device::{Device, Report, Supply};
 
 /// `[source] kind = "sbs"`.
@@ -52,7 +54,7 @@ impl Config {
     /// When the bus cannot be opened or nobody answers there.
     pub fn open(&self) -> anyhow::Result<Box<dyn Device>> {
         let bus = self.bus.display();
-        let i2c = I2cdev::new(&self.bus).with_context(|| format!("source.bus: cannot open {bus}"))?;
+        let i2c = LinuxBus::open(&self.bus).with_context(|| format!("source.bus: cannot open {bus}"))?;
         let mut battery = SmartBattery::new(i2c, self.address, format!("sbs {bus}"));
         battery.greet().with_context(|| format!("no Smart Battery answers at {bus}, address {:#04x}", self.address))?;
         Ok(Box::new(battery))
