@@ -40,6 +40,9 @@ struct RmfArgs {
     /// Share of its working time that a robot drives, 0 to 1.
     #[arg(long, default_value_t = 1.0)]
     driving: f64,
+    /// How far the numbers of a robot's power may be off: standard deviation over number, 0 to 1.
+    #[arg(long, default_value_t = 0.1)]
+    sigma: f64,
     /// How to print.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -53,7 +56,7 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let From::Rmf(args) = &args.from;
     let fleet = Fleet::parse(&args.fleet.display().to_string(), &read_text(&args.fleet)?)?;
     let graph = args.graph.as_ref().map(|path| Graph::parse(&path.display().to_string(), &read_text(path)?)).transpose()?;
-    let imported = import(&fleet, graph.as_ref(), Wishes { hours: args.hours, driving: args.driving })?;
+    let imported = import(&fleet, graph.as_ref(), Wishes { hours: args.hours, driving: args.driving, sigma: args.sigma })?;
     write(&args.output, &imported)?;
     let scenario = args.output.join(&imported.scenario);
     match args.format {

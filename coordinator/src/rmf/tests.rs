@@ -42,7 +42,7 @@ levels:
       - [2, 1, {}]
 ";
 
-const WISHES: Wishes = Wishes { hours: 8.0, driving: 1.0 };
+const WISHES: Wishes = Wishes { hours: 8.0, driving: 1.0, sigma: 0.1 };
 
 fn fleet() -> Fleet {
     Fleet::parse("fleet.yaml", FLEET).unwrap()

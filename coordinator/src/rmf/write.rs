@@ -19,6 +19,8 @@ pub struct Wishes {
     pub hours: f64,
     /// Share of its working time that a robot drives.
     pub driving: f64,
+    /// How far the numbers of a robot's power may be off: a standard deviation over the number.
+    pub sigma: f64,
 }
 
 /// A fleet, imported.
@@ -58,7 +60,7 @@ const NOT_MODELLED: [&str; 7] = [
     "charging that tapers off towards full, and the charger's efficiency",
     "what a charger takes its energy from: stations here have a pack that stands for the grid",
     "docking and undocking times, and who may charge first: here load_s = unload_s = 0 and a planner",
-    "how sure any of its numbers is: none has a deviation, so promises here count as certain",
+    "how sure any of its numbers is: none has a deviation",
 ];
 
 /// A station: a charger and the way to it.
@@ -75,6 +77,7 @@ struct Station {
 pub fn import(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> anyhow::Result<Import> {
     ensure!((0.01..=8760.0).contains(&wishes.hours), "--hours {}: must be between 0.01 and 8760", wishes.hours);
     ensure!((0.0..=1.0).contains(&wishes.driving), "--driving {}: must be between 0 and 1", wishes.driving);
+    ensure!((0.0..=1.0).contains(&wishes.sigma), "--sigma {}: must be between 0 and 1", wishes.sigma);
     let stem = id_like(&fleet.name);
     let stations = stations(fleet, graph)?;
     let mut import = Import {
@@ -89,7 +92,7 @@ pub fn import(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> anyhow::R
     import.files = vec![
         (import.scenario.clone(), scenario),
         (format!("{stem}-battery.toml"), battery(fleet, &stem)),
-        (format!("{stem}-robot.toml"), robot(fleet, &stem)),
+        (format!("{stem}-robot.toml"), robot(fleet, &stem, wishes)),
         (format!("{stem}-grid.toml"), grid(fleet, &stem, wishes)),
         (
             format!("{stem}-charger.toml"),
@@ -150,9 +153,10 @@ fn assumed(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> Vec<String> 
         ),
         format!("what robots do: they drive {} % of their time at {} m/s (--driving)", wishes.driving * 100.0, fleet.linear[0]),
     ];
+    assumed.push(format!("how far a robot's power may be off: each of its numbers by {} % (--sigma)", wishes.sigma * 100.0));
     match graph {
         Some(_) => assumed.push("where robots work: anywhere; the way to a charger is the mean over all waypoints of the graph".to_owned()),
-        None => assumed.push("the ways to the chargers: none, since no navigation graph was given (--graph)".to_owned()),
+        None => assumed.push("the ways to the chargers: a second, since no navigation graph was given (--graph)".to_owned()),
     }
     if fleet.tool_w > 0.0 {
         assumed
@@ -170,9 +174,9 @@ fn assumed(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> Vec<String> 
 
 /// Numbers with where they come from, as a model's parameters are written. RMF's robots may be heavier
 /// than those that the effects were made for.
-fn parameter(name: &str, value: f64, key: &str) -> String {
-    let most = (2.0 * value).max(1.0);
-    format!("{name} = {{ value = {value:?}, min = 0.0, max = {most:?}, source = \"Open-RMF, {key}\" }}\n")
+fn parameter(name: &str, value: f64, key: &str, wishes: Wishes) -> String {
+    let (most, sigma) = ((2.0 * value).max(1.0), wishes.sigma * value);
+    format!("{name} = {{ value = {value:?}, sigma = {sigma:.4}, min = 0.0, max = {most:?}, source = \"Open-RMF, {key}\" }}\n")
 }
 
 fn battery(fleet: &Fleet, stem: &str) -> String {
@@ -200,10 +204,10 @@ fn facts(fleet: &Fleet, capacity_ah: f64) -> String {
     )
 }
 
-fn robot(fleet: &Fleet, stem: &str) -> String {
-    let idle = parameter("idle_w", fleet.ambient_w + fleet.tool_w, "ambient_system and tool_system");
-    let rolling = parameter("rolling_coefficient", fleet.friction_coefficient, "mechanical_system.friction_coefficient");
-    let mass = parameter("mass_kg", fleet.mass_kg, "mechanical_system.mass");
+fn robot(fleet: &Fleet, stem: &str, wishes: Wishes) -> String {
+    let idle = parameter("idle_w", fleet.ambient_w + fleet.tool_w, "ambient_system and tool_system", wishes);
+    let rolling = parameter("rolling_coefficient", fleet.friction_coefficient, "mechanical_system.friction_coefficient", wishes);
+    let mass = parameter("mass_kg", fleet.mass_kg, "mechanical_system.mass", wishes);
     format!(
         "# A robot of the Open-RMF fleet {}, with the terms of its SimpleMotionPowerSink and SimpleDevicePowerSink.\n\
          schema = 1\nsystem = \"robot\"\nname = \"{stem}-robot\"\nsource = \"Open-RMF, mechanical_system, ambient_system, tool_system\"\n\n\
@@ -276,7 +280,8 @@ fn ways(text: &mut String, fleet: &Fleet, robot: &Robot, stations: &[Station], g
     let own = |station: &&Station| robot.charger.as_ref().is_none_or(|charger| *charger == station.waypoint);
     let mine = stations.iter().filter(own);
     if graph.is_none() {
-        let travel: Vec<String> = mine.map(|station| format!("{} = 0", station.id)).collect();
+        // The least that a simulation knows.
+        let travel: Vec<String> = mine.map(|station| format!("{} = 1", station.id)).collect();
         let _ = writeln!(text, "travel_s = {{ {} }}", travel.join(", "));
         return;
     }
