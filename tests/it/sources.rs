@@ -67,8 +67,8 @@ fn a_ros_2_robot_is_a_robot_of_ours_without_code() {
     let _robot = start(robot).unwrap();
 
     let done = |event: &proto::Event| event.kind == EventKind::ServiceDone && event.text.starts_with("explorer-1");
-    fleet.wait_for("service", Duration::from_secs(120), done).unwrap();
-    // From 7 % it went to the bay that it was given, was charged by the gauge's word, and back to work.
+    fleet.wait_for("service", Duration::from_secs(240), done).unwrap();
+    // From 12 % it went to the bay that it was given, was charged by the gauge's word, and back to work.
     let acts = said(&acts);
     assert!(acts[0].starts_with("travel_to mds-1 bay-"), "{acts:?}");
     assert_eq!(acts[1..], ["charge", "stop_charging", "resume"]);
@@ -144,7 +144,7 @@ fn vehicle(port: u16, version: &str, told: Told) {
     });
     let version = version.to_owned();
     std::thread::spawn(move || {
-        let (mut percent, mut at_ms, mut header) = (6.0_f64, 1_767_225_600_000_i64, 0);
+        let (mut percent, mut at_ms, mut header) = (12.0_f64, 1_767_225_600_000_i64, 0);
         loop {
             let actions: Vec<Value> =
                 told.lock().unwrap().iter().flat_map(|message| message["actions"].as_array().unwrap().clone()).collect();
@@ -191,7 +191,7 @@ fn a_vehicle_of_vda_5050_is_charged_by_instant_actions() {
         let _coordinator = fleet.coordinator().unwrap();
         let _agents = fleet.agents().unwrap();
         let done = |event: &proto::Event| event.kind == EventKind::ServiceDone && event.text.starts_with("explorer-1");
-        fleet.wait_for("service", Duration::from_secs(120), done).unwrap();
+        fleet.wait_for("service", Duration::from_secs(240), done).unwrap();
         let told = told.lock().unwrap();
         let types: Vec<&str> = told.iter().map(|message| message["actions"][0]["actionType"].as_str().unwrap()).collect();
         assert_eq!(types, ["startCharging", "stopCharging"], "{version}");
