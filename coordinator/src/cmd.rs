@@ -9,6 +9,7 @@ macro_rules! say {
 pub mod certs;
 pub mod demo;
 pub mod doctor;
+pub mod import;
 pub mod plan;
 pub mod replay;
 pub mod run;

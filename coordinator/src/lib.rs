@@ -13,6 +13,7 @@
 //!             answers.rs      schedule, capacity, explanations for the wire
 //!   files   config.rs       the live coordinator's configuration
 //!           certs.rs        a site's certificates
+//!           rmf/            fleets of Open-RMF as scenarios
 //!           scenario/       scenario file -> configurations of coordinator, agents and worlds
 //!   shells  service.rs      the core on tokio and Zenoh
 //!           store/          what happened, in SQLite
@@ -31,6 +32,7 @@ pub mod forecast;
 pub mod models;
 pub mod outbox;
 pub mod replay;
+pub mod rmf;
 pub mod scenario;
 pub mod scheduler;
 pub mod service;

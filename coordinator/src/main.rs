@@ -33,6 +33,8 @@ enum Command {
     Plan(cmd::plan::Args),
     /// Tells a core again what a store's coordinators were told: does it decide the same?
     Replay(cmd::replay::Args),
+    /// Makes a scenario of another program's description of a fleet.
+    Import(cmd::import::Args),
     /// Makes the certificates by which a site's processes know each other.
     Certs(cmd::certs::Args),
     /// Checks what a coordinator needs here, and says what to do.
@@ -70,6 +72,7 @@ fn execute(command: Command) -> anyhow::Result<ExitCode> {
         Command::Schedule(args) => live()?.block_on(cmd::schedule::execute(&args)),
         Command::Plan(args) => cmd::plan::execute(&args),
         Command::Replay(args) => live()?.block_on(cmd::replay::execute(&args)),
+        Command::Import(args) => cmd::import::execute(&args),
         Command::Certs(args) => cmd::certs::execute(&args),
         Command::Doctor(args) => live()?.block_on(cmd::doctor::execute(&args)),
         Command::Completions { shell } => {

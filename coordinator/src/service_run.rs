@@ -35,6 +35,8 @@ pub enum Stage {
     Loading,
     /// It charges.
     Charging,
+    /// It charges in a bay into which it drove by itself.
+    ChargingItself,
     /// Its pack is about to be exchanged: the robot knows, the station does not yet.
     Handing,
     /// Its pack is being exchanged.
@@ -122,6 +124,10 @@ impl ServiceRun {
         }
         match (&self.how, self.stage, state.phase) {
             (_, Stage::Travelling, RobotPhase::Waiting) => Step::Enter(Stage::Waiting),
+            // It drove into its bay by itself: no lift is asked to take it in.
+            (How::Recharge { to_soc, .. }, Stage::Travelling | Stage::Waiting, RobotPhase::Docked) => {
+                Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::ChargingItself)
+            }
             (How::Recharge { bay, .. }, Stage::Waiting, RobotPhase::Waiting) => match station.bay_phase(bay) {
                 Some(BayPhase::Free) => {
                     Step::AskStation(StationAction::Dock { robot: self.robot.clone(), bay: bay.clone() }, Stage::Loading)
@@ -132,16 +138,17 @@ impl ServiceRun {
             (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::Charging)
             }
-            (How::Recharge { bay, .. }, Stage::Charging, RobotPhase::Charged) => {
+            // It drives out by itself too, unless a lift holds it after all.
+            (How::Recharge { bay, .. }, Stage::ChargingItself, RobotPhase::Charged) if !self.held(bay, station) => Step::Wait,
+            (How::Recharge { bay, .. }, Stage::Charging | Stage::ChargingItself, RobotPhase::Charged) => {
                 Step::AskStation(StationAction::Undock { robot: self.robot.clone(), bay: bay.clone() }, Stage::Unloading)
             }
-            (How::Recharge { bay, to_soc }, Stage::Unloading, phase) => {
-                let empty = station.bay(bay).is_none_or(|bay| bay.robot.as_ref() != Some(&self.robot));
-                match (empty, phase) {
+            (How::Recharge { bay, to_soc }, Stage::Unloading | Stage::ChargingItself, RobotPhase::Working) => {
+                match self.held(bay, station) {
+                    true => Step::Wait,
                     // Three standard deviations of two gauges' disagreement about the last percent.
-                    (true, RobotPhase::Working) if gauge.soc.value >= to_soc - 0.03 => Step::Done,
-                    (true, RobotPhase::Working) => Step::Fail(format!("let go at {:.0} % charge", gauge.soc.value * 100.0)),
-                    _ => Step::Wait,
+                    false if gauge.soc.value >= to_soc - 0.03 => Step::Done,
+                    false => Step::Fail(format!("let go at {:.0} % charge", gauge.soc.value * 100.0)),
                 }
             }
             // Restarted without a memory, or moved by hand.
@@ -159,6 +166,11 @@ impl ServiceRun {
         }
     }
 
+    /// Whether the station says that it holds the robot in that bay.
+    fn held(&self, bay: &BayId, station: &Station) -> bool {
+        station.bay(bay).is_some_and(|bay| bay.robot.as_ref() == Some(&self.robot))
+    }
+
     /// The stage as it goes on the wire.
     #[must_use]
     pub fn status(&self) -> ServiceStatus {
@@ -166,7 +178,7 @@ impl ServiceRun {
             Stage::Travelling => ServiceStatus::Travelling,
             Stage::Waiting => ServiceStatus::Waiting,
             Stage::Loading => ServiceStatus::Loading,
-            Stage::Charging => ServiceStatus::Charging,
+            Stage::Charging | Stage::ChargingItself => ServiceStatus::Charging,
             Stage::Handing | Stage::Swapping => ServiceStatus::Swapping,
             Stage::Unloading => ServiceStatus::Unloading,
         }

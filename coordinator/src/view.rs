@@ -216,7 +216,7 @@ impl Basis<'_> {
     #[must_use]
     pub fn ends_s(&self, run: &ServiceRun) -> f64 {
         let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
-        if run.stage != Stage::Charging {
+        if !matches!(run.stage, Stage::Charging | Stage::ChargingItself) {
             return planned_s;
         }
         let belief = self.fleet.robots.get(&run.robot).and_then(Robot::known);

@@ -13,7 +13,8 @@
 //!   lens       rows and derivatives in units of independent noise, and what a refit absorbs
 //!     |
 //!   state      the best unknowns and noise for one list of effects, and the evidence for it
-//!     |          descent  the way there
+//!     |          descent    the way there
+//!     |          certainty  how well the numbers are known
 //!     |
 //!   candidate  absent effects, the shapes that their equations can take, what keeps one from a test
 //!     |
@@ -34,6 +35,7 @@
 
 pub mod answer;
 pub mod candidate;
+pub(crate) mod certainty;
 mod course;
 mod descent;
 pub mod discover;

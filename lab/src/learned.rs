@@ -9,8 +9,7 @@
 use energy::{Channel, Facts, Model, OcvTable};
 use serde::Serialize;
 
-use crate::fit::uniform_sigma;
-use crate::infer::answer::deviations;
+use crate::infer::certainty::range_sigma;
 use crate::infer::rough::Rough;
 use crate::infer::state::State;
 use crate::model_edit::{Change, EditError, append, edit, ocv_of_file, set_number, set_ocv};
@@ -96,22 +95,27 @@ fn mv(volts: f64) -> String {
     quantity(volts, "V")
 }
 
-/// New numbers of the free parameters.
+/// New numbers of the free parameters. A file holds a deviation for each number and not how they go
+/// together: of numbers that the logs know only in combination it gets the deviation within what
+/// they do know, so that what follows from all of them is no less certain than it is.
 fn fitted(state: &State, origin: &str) -> Vec<Change> {
-    let of = |(index, value, sigma): (usize, f64, Option<f64>)| {
+    let covariance = state.covariance();
+    let of = |(place, &index): (usize, &usize)| {
         let parameter = &state.frame.model.parameters()[index];
-        let range = (parameter.min, parameter.max);
+        let open = range_sigma(&state.frame, index);
+        let by_itself = state.normal[(place, place)].max(0.0).sqrt().recip();
+        let sigma = if by_itself < open { covariance[(place, place)].max(0.0).sqrt().max(by_itself).min(open) } else { open };
         Change {
             effect: parameter.effect.to_owned(),
             parameter: parameter.name.to_owned(),
-            value,
-            sigma: sigma.unwrap_or_else(|| uniform_sigma(range)),
-            range,
+            value: state.x[place],
+            sigma,
+            range: (parameter.min, parameter.max),
             source: format!("fitted by {origin}"),
             free: true,
         }
     };
-    deviations(state).into_iter().map(of).collect()
+    state.frame.free.iter().enumerate().map(of).collect()
 }
 
 /// A rough number's shift and the deviation that is left of it; none when it hardly moved.

@@ -19,6 +19,7 @@
 //! | `key`, `pattern` | key expressions and subscriptions |
 //! | `message/` | one file per subject, and `check` for the allowed ranges |
 //! | `codec` | JSON with the schema name first |
+//! | `ros2` | what robots of ROS 2 say of their batteries |
 //!
 //! `WIRE.md` beside this crate says the same to people who write another implementation;
 //! tests keep it in step with the code.
@@ -29,6 +30,7 @@ mod id;
 mod key;
 mod message;
 mod pattern;
+pub mod ros2;
 mod time;
 
 pub use codec::{CodecError, MAX_MESSAGE_BYTES, Message, decode, encode, encode_pretty};

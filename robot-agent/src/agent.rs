@@ -1,8 +1,10 @@
 //! The robot's side of a service, without clock, network or hardware.
 //!
-//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget.
+//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget,
+//! `drain.rs` how it learns what it draws at work.
 
 mod alone;
+mod drain;
 mod memory;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -30,6 +32,8 @@ pub struct Profile {
     pub charge_cutoff_a: f64,
     /// Power drawn while working, W.
     pub drain_w: Estimate,
+    /// Whether that is not known beforehand, but measured at work.
+    pub measure_drain: bool,
     /// The way to each station in reach.
     pub travel: BTreeMap<StationId, Travel>,
     /// What the work is worth.
@@ -80,6 +84,9 @@ pub struct Agent {
     bay: Option<BayId>,
     target_soc: Option<f64>,
     last: Option<Sample>,
+    /// Nobody was told of it yet.
+    fresh: bool,
+    drain: drain::Drain,
     last_command: Option<proto::CommandId>,
     note: Option<String>,
     silence: Silence,
@@ -107,6 +114,8 @@ impl Agent {
             bay: None,
             target_soc: None,
             last: None,
+            fresh: false,
+            drain: drain::Drain::default(),
             last_command: None,
             note: None,
             silence: Silence::default(),
@@ -169,7 +178,7 @@ impl Agent {
                 (self.station, self.bay) = (Some(station.clone()), bay.clone());
                 if !there {
                     self.phase = Travelling;
-                    self.outputs.push_back(Output::Act(Act::TravelTo { station: station.clone() }));
+                    self.outputs.push_back(Output::Act(Act::TravelTo { station: station.clone(), bay: bay.clone() }));
                 }
                 Outcome::Accepted
             }
@@ -211,7 +220,10 @@ impl Agent {
         use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
         if let Some(sample) = observation.sample {
             self.gauge.update(&sample);
-            self.last = Some(sample);
+            (self.last, self.fresh) = (Some(sample), true);
+            if self.phase == Working && self.profile.measure_drain {
+                self.learn_drain(&sample);
+            }
         }
         if let Some(soc) = observation.exchanged {
             self.gauge.exchange(soc);
@@ -242,9 +254,12 @@ impl Agent {
 
     /// Publishes what is due: the gauge by its period, the state by its period and on change.
     fn tell(&mut self, now: Timestamp) {
+        // What has not been measured anew is not said anew: who listens shall see that it grows old.
         if let Some(sample) = self.last
+            && self.fresh
             && self.gauge_due.is(now)
         {
+            self.fresh = false;
             self.gauge_due.done(now, self.profile.publish.gauge_period_s);
             let reading = self.gauge.reading();
             self.gauge_seq += 1;

@@ -1,4 +1,6 @@
-//! The robot agent's configuration file.
+//! The robot agent's configuration file; `source.rs` has its `[source]`.
+
+mod source;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,14 +11,13 @@ use energy::gauge::{Kind, soc_at_rest};
 use energy::{Channel, Model};
 use node::files::{ModelRef, read_text};
 use node::mission::Mission;
-use node::{Age, ClockConfig, NetworkConfig, Publish, wire};
+use node::{ClockConfig, NetworkConfig, Publish, wire};
 use proto::{RobotId, SiteId, StationId, Travel};
 use serde::{Deserialize, Serialize};
 
+pub use self::source::{SourceConfig, SourceKind};
 use crate::agent::{Agent, Alone, Profile};
-use crate::charger::ChargerConfig;
-use crate::radio::Radio;
-use crate::source::{Replay, RobotBody, Source, World};
+use crate::source::{Body, Measured, Replay, RobotBody, Source, World};
 use crate::way::Ways;
 
 /// Everything a robot agent is told.
@@ -58,45 +59,15 @@ pub struct Config {
     pub memory: Option<PathBuf>,
     /// Where samples come from.
     pub source: SourceConfig,
+    /// What is true of a real robot, whatever measures its battery.
+    #[serde(default, skip_serializing_if = "Body::is_default")]
+    pub body: Body,
     /// Where the others are.
     #[serde(default = "NetworkConfig::agent")]
     pub network: NetworkConfig,
     /// Faster time, for demonstrations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockConfig>,
-}
-
-/// `[source]`: where samples come from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum SourceConfig {
-    /// A simulated body; what is true of it may differ from what the gauge believes.
-    Sim {
-        /// The true battery.
-        battery: ModelRef,
-        /// The true loads.
-        load: ModelRef,
-        /// True state of charge at the start.
-        soc: f64,
-        /// What the pack has lived through.
-        #[serde(default)]
-        age: Age,
-        /// The charger on board; without it the battery takes its rated charge in any case.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        charger: Option<ChargerConfig>,
-        /// Its radio; without it the coordinator hears it everywhere.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        radio: Option<Radio>,
-        /// Temperature of the surroundings, °C.
-        temperature_degc: f64,
-        /// Chooses the gauge IC's specimen and noise.
-        seed: u64,
-    },
-    /// A measured log.
-    Replay {
-        /// The log.
-        file: PathBuf,
-    },
 }
 
 /// Longest time that a configuration may state, s: a year.
@@ -147,16 +118,8 @@ impl Config {
         for (station, time_s) in &self.travel_s {
             ensure!((0.0..=TIME_MAX_S).contains(time_s), "travel_s.{station} = {time_s}: must be between 0 and {TIME_MAX_S}");
         }
-        if let SourceConfig::Sim { soc, age, temperature_degc, charger, radio, .. } = self.source {
-            charger.map_or(Ok(()), |charger| charger.check()).context("source")?;
-            radio.map_or(Ok(()), |radio| radio.check()).context("source")?;
-            age.check().context("source")?;
-            ensure!(
-                (-60.0..=100.0).contains(&temperature_degc),
-                "source.temperature_degc = {temperature_degc}: must be between -60 and 100"
-            );
-            ensure!((0.0..=1.0).contains(&soc), "source.soc = {soc}: must be between 0 and 1");
-        }
+        self.body.check()?;
+        self.source.check()?;
         Ok(())
     }
 
@@ -178,9 +141,22 @@ impl Config {
                 let gauge = self.gauge.open(Arc::clone(&battery), soc, replay.temperature_degc());
                 let drain_w = energy::Estimate::new(replay.mean_power_w(), 0.1 * replay.mean_power_w().abs());
                 let load = self.load.as_ref().map(|load| load.load(path)).transpose()?;
-                Ok((Agent::new(self.profile(&battery, load.as_ref(), drain_w, "replay")?, gauge), Box::new(replay)))
+                Ok((Agent::new(self.profile(&battery, load.as_ref(), Some(drain_w), "replay")?, gauge), Box::new(replay)))
             }
+            _ => self.build_measured(path),
         }
+    }
+
+    /// Makes the agent of a real robot, and its gauge's source.
+    fn build_measured(&self, path: Option<&Path>) -> anyhow::Result<(Agent, Box<dyn Source>)> {
+        let device = self.source.device(&self.network, &self.site, &self.id)?.context("source: no device")?;
+        let battery = self.battery.load(path)?;
+        let load = self.load.as_ref().map(|load| load.load(path)).transpose()?;
+        let drain_w = load.as_ref().map(|load| self.mission.drain_w(load)).transpose()?;
+        // Anything, until the device has said what it knows: uniform over the whole range.
+        let gauge = self.gauge.open(Arc::clone(&battery), energy::Estimate::new(0.5, 1.0 / 12_f64.sqrt()), self.body.ambient_degc);
+        let profile = self.profile(&battery, load.as_ref(), drain_w, &device.name())?;
+        Ok((Agent::new(profile, gauge), Box::new(Measured::new(device, battery, self.body.clone()))))
     }
 
     /// Makes agent and simulated body.
@@ -229,10 +205,18 @@ impl Config {
         let load = self.load.as_ref().unwrap_or(true_load).load(path)?;
         let drain_w = self.mission.drain_w(&load)?;
         let gauge = self.gauge.open(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
-        Ok(Agent::new(self.profile(&battery, Some(&load), drain_w, "sim")?, gauge))
+        Ok(Agent::new(self.profile(&battery, Some(&load), Some(drain_w), "sim")?, gauge))
     }
 
-    fn profile(&self, battery: &Model, load: Option<&Arc<Model>>, drain_w: energy::Estimate, source: &str) -> anyhow::Result<Profile> {
+    fn profile(
+        &self,
+        battery: &Model,
+        load: Option<&Arc<Model>>,
+        drain_w: Option<energy::Estimate>,
+        source: &str,
+    ) -> anyhow::Result<Profile> {
+        let measure_drain = drain_w.is_none();
+        let drain_w = drain_w.unwrap_or(energy::Estimate::exact(0.0));
         let timed = self.travel_s.iter().map(|(station, &time_s)| {
             let energy_wh = wire(drain_w).scaled(time_s / energy::units::S_PER_H);
             (station.clone(), Travel { time_s, energy_wh })
@@ -249,6 +233,7 @@ impl Config {
             cells_series: battery.battery().series,
             charge_cutoff_a: battery.battery().charge.cutoff_a,
             drain_w: wire(drain_w),
+            measure_drain,
             travel,
             mission: proto::Mission { weight: self.mission.weight, until: None },
             publish: self.publish,

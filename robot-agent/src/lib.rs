@@ -1,7 +1,7 @@
 //! Tender's agent beside a robot.
 //!
 //! ```text
-//!   source/   where samples come from and commands go to: a simulated body, a measured log
+//!   source/   where samples come from and commands go to: a simulated body, a measured log, a gauge
 //!     | Observation           ^ Act
 //!     v                       |
 //!   agent.rs  pure: gauge, phase, answers to commands
@@ -22,7 +22,7 @@ mod way;
 
 pub use agent::{Agent, Alone, Input, Memory, Output, Profile};
 pub use charger::{ChargerConfig, Path};
-pub use config::{Config, SourceConfig};
+pub use config::{Config, SourceConfig, SourceKind};
 pub use node::mission::{Leg, Mission};
 pub use radio::Radio;
 pub use service::run;

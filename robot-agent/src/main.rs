@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
-use clap::{CommandFactory as _, Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use node::files::ModelRef;
 use node::log::LogFormat;
 use node::{ClockConfig, NetworkConfig};
 use proto::{RobotId, SiteId};
-use robot_agent::{Config, SourceConfig};
+use robot_agent::{Config, SourceConfig, SourceKind};
 
 /// Tender's agent beside a robot: publishes its fuel gauge and state over Zenoh and carries out
 /// the coordinator's commands.
@@ -60,9 +60,9 @@ struct RunArgs {
     /// Where samples come from.
     #[arg(long, value_enum)]
     source: Option<SourceKind>,
-    /// The log to replay.
-    #[arg(value_name = "FILE")]
-    file: Option<PathBuf>,
+    /// What the source reads: see --source.
+    #[arg(value_name = "WHAT")]
+    what: Option<String>,
     /// Address of the coordinator or router, such as tcp/127.0.0.1:7447.
     #[arg(long, value_name = "ADDRESS")]
     connect: Vec<String>,
@@ -72,14 +72,6 @@ struct RunArgs {
     /// Seconds of fleet time per real second, for demonstrations and replays.
     #[arg(long, value_name = "FACTOR")]
     speed: Option<f64>,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum SourceKind {
-    /// The simulated body that the configuration file describes.
-    Sim,
-    /// A measured log: time_s, current_a, voltage_v, temperature_degc.
-    Replay,
 }
 
 fn main() -> ExitCode {
@@ -131,17 +123,13 @@ async fn run(args: RunArgs) -> anyhow::Result<()> {
     robot_agent::run(&config, agent, source, memory, log).await
 }
 
-/// The configuration file with the flags laid over it; or the flags alone, for a replay.
+/// The configuration file with the flags laid over it; or the flags alone.
 fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
     let mut config = match &args.config {
         Some(path) => Config::read_with(path, &args.set)?,
         None => {
             let id = args.id.clone().context("--id is needed when there is no --config")?;
-            let file = match (args.source, &args.file) {
-                (Some(SourceKind::Replay), Some(file)) => file.clone(),
-                (Some(SourceKind::Replay), None) => bail!("--source replay needs the log: robot-agent run --source replay FILE"),
-                _ => bail!("a simulated robot is described by a file: robot-agent run --config FILE"),
-            };
+            let source = SourceConfig::of(args.source.unwrap_or(SourceKind::Sim), args.what.as_deref())?;
             let battery = args.battery.clone().context("--battery is needed when there is no --config: the gauge needs a model")?;
             Config {
                 schema: 1,
@@ -156,7 +144,8 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
                 publish: node::Publish::default(),
                 alone: robot_agent::Alone::default(),
                 memory: None,
-                source: SourceConfig::Replay { file },
+                source,
+                body: robot_agent::source::Body::default(),
                 network: NetworkConfig::agent(),
                 clock: None,
             }
@@ -169,11 +158,12 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
         config.site = site;
     }
     if args.config.is_some() {
-        match (args.source, args.file) {
-            (Some(SourceKind::Replay), Some(file)) => config.source = SourceConfig::Replay { file: std::path::absolute(file)? },
-            (Some(SourceKind::Replay), None) => bail!("--source replay needs the log: robot-agent run --source replay FILE"),
-            (None, Some(file)) => bail!("{}: a log goes with --source replay", file.display()),
-            _ => {}
+        match (args.source, &args.what) {
+            // What the file says of it.
+            (Some(SourceKind::Sim), None) if matches!(config.source, SourceConfig::Sim { .. }) => {}
+            (Some(kind), what) => config.source = SourceConfig::of(kind, what.as_deref())?,
+            (None, Some(what)) => bail!("{what}: goes with --source"),
+            (None, None) => {}
         }
         if let Some(battery) = args.battery {
             config.battery = ModelRef::Name(battery);

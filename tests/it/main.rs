@@ -10,4 +10,5 @@ mod python;
 mod reference;
 mod replay;
 mod security;
+mod sources;
 mod tidy;

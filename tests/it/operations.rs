@@ -54,6 +54,42 @@ fn doctor_says_what_is_wrong_and_what_to_do() {
 }
 
 #[test]
+fn doctor_knows_whose_a_certificate_is_and_until_when() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let certs = |arguments: &[&str]| {
+        let made =
+            program("coordinator").arg("certs").args(arguments).args(["--site", "site"]).current_dir(folder.path()).output().unwrap();
+        assert!(made.status.success(), "{}", text(&made.stderr));
+    };
+    certs(&["init"]);
+    certs(&["init", "--dir", "other-ca"]);
+    certs(&["issue", "coordinator", "--out", "good"]);
+    certs(&["issue", "coordinator", "--out", "soon", "--days", "10"]);
+    certs(&["issue", "robot", "r-1", "--out", "robot"]);
+    certs(&["issue", "coordinator", "--out", "foreign", "--dir", "other-ca"]);
+    let doctor = |certificate: &str| {
+        let files: Vec<_> = std::fs::read_dir(at(certificate)).unwrap().map(|file| file.unwrap().path()).collect();
+        let by =
+            |ending: &str| files.iter().find(|file| file.extension().is_some_and(|found| found == ending)).unwrap().display().to_string();
+        let (ca, certificate, key) = (at("site-ca/ca.pem").display().to_string(), by("pem"), by("key"));
+        let tls = format!("network.tls={{ ca = \"{ca}\", certificate = \"{certificate}\", key = \"{key}\" }}");
+        let listen = "network.listen=[\"tls/127.0.0.1:0\"]";
+        text(&run("coordinator", &["doctor", "--config", LIVE, "--set", listen, "--set", &tls]).stdout)
+    };
+    let good = doctor("good");
+    assert!(good.contains("for coordinator.site, until ") && good.contains("its owner's alone"), "{good}");
+    assert!(!good.contains("✗ certificate"), "{good}");
+    assert!(doctor("soon").contains("! certificate: issue it anew"), "{}", doctor("soon"));
+    assert!(doctor("robot").contains("for robot.r-1, not for coordinator.site"), "{}", doctor("robot"));
+    assert!(doctor("foreign").contains("was not issued by"), "{}", doctor("foreign"));
+    let key =
+        std::fs::read_dir(at("good")).unwrap().map(|file| file.unwrap().path()).find(|file| file.extension().unwrap() == "key").unwrap();
+    std::fs::set_permissions(&key, std::os::unix::fs::PermissionsExt::from_mode(0o644)).unwrap();
+    assert!(doctor("good").contains("✗ key: chmod 600 it"), "{}", doctor("good"));
+}
+
+#[test]
 fn every_program_has_completions_and_manual_pages() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().to_string_lossy().into_owned();

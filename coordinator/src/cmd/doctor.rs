@@ -3,10 +3,12 @@
 //!
 //! ```text
 //!   config.rs    does the file hold, do its models load
+//!   certificates.rs  for whom, until when, and whose the key is
 //!   network.rs   ports, router, who is there, whether their clocks agree
 //!   machine.rs   the store, the dashboard's port, this machine's clock
 //! ```
 
+mod certificates;
 mod config;
 mod machine;
 mod network;
@@ -19,7 +21,7 @@ use serde::Serialize;
 use super::{Format, table, text};
 use crate::config::Config;
 
-/// Checks configuration, models, store, ports, router, agents and clocks, and says what to do.
+/// Checks configuration, models, certificates, store, ports, router, agents and clocks, and says what to do.
 /// Changes nothing. Exit status 0: nothing stands in the way; 1: something does.
 #[derive(clap::Args)]
 pub struct Args {
@@ -86,6 +88,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
 
 async fn all(args: &Args, config: &Config) -> Vec<Finding> {
     let mut findings = config::check(config, &args.config);
+    findings.extend(certificates::check(config));
     let seen = network::check(config).await;
     findings.push(machine::store(config, &args.config, seen.running).await);
     findings.extend(seen.findings);

@@ -113,6 +113,7 @@ impl Scenario {
                 temperature_degc: self.temperature_degc,
                 seed,
             },
+            body: Default::default(),
             network: NetworkConfig::agent(),
             clock: None,
         };

@@ -4,6 +4,7 @@ mod calibration;
 mod commands;
 mod faults;
 mod fuzz;
+mod import;
 mod scenarios;
 mod stories;
 mod telemetry;

@@ -6,6 +6,7 @@ use energy::{Channel, EffectSpec};
 use serde::Serialize;
 
 use super::candidate::Untested;
+use super::certainty::range_sigma;
 use super::discover::{Outcome, Search, Step};
 use super::judge::{Refusal, explained};
 use super::state::State;
@@ -248,19 +249,20 @@ fn own_parameters(trial: &Trial) -> Vec<(&'static str, f64, Option<f64>)> {
     own.map(|(index, value, sigma)| (model.parameters()[index].name, value, sigma)).collect()
 }
 
-/// Index, value and deviation of every free parameter. A deviation as large as that of a number
-/// of which only the range is known is none.
+/// Index, value and deviation of every free parameter by itself. One of which the logs say hardly more
+/// than its range has none.
 #[must_use]
 pub fn deviations(state: &State) -> Vec<(usize, f64, Option<f64>)> {
-    let covariance = state.covariance();
+    let sigmas = state.sigmas();
     let of = |(place, &index): (usize, &usize)| {
-        let parameter = &state.frame.model.parameters()[index];
-        let sigma = covariance[(place, place)].max(0.0).sqrt();
-        let known = sigma > 0.0 && sigma < crate::fit::uniform_sigma((parameter.min, parameter.max));
-        (index, state.x[place], known.then_some(sigma))
+        let known = sigmas[place] < OPEN * range_sigma(&state.frame, index);
+        (index, state.x[place], known.then_some(sigmas[place]))
     };
     state.frame.free.iter().enumerate().map(of).collect()
 }
+
+/// Share of the deviation that a range alone leaves from which on a number counts as open.
+const OPEN: f64 = 0.9;
 
 fn ladder(search: &Search) -> Vec<Rung> {
     let floor = by_channel(&search.last.frame.evidence.floors);

@@ -155,6 +155,9 @@ fn worth_a_refit(base: &State, scored: &[(Score, &Candidate)], tried: usize) -> 
         // The base model may have bent itself to absorb an effect.
         let absorbed = |&place: &usize| scored[place].0.uniqueness < ABSORBED && scored[place].0.explained > SHARE * most;
         places.extend(by(|score| score.explained, scored.len()).into_iter().filter(explains).filter(absorbed).take(ABSORBED_MAX));
+        // Or it does all of an effect's work already.
+        let wholly = |&place: &usize| scored[place].0.freedom == 0;
+        places.extend((0..scored.len()).filter(wholly).take(ABSORBED_MAX));
     }
     places
 }

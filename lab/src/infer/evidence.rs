@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, Model, System};
+use energy::{Channel, Model, Parameter, System};
 
 use super::course::{Course, HOLDS};
 use crate::prepare::Prepared;
@@ -68,6 +68,8 @@ pub struct Evidence {
     pub floors: Vec<(Channel, f64)>,
     /// How a model walks each log to show what is judged.
     pub(super) courses: Vec<Course>,
+    /// The parameters of the model that the logs are held against, as they were given.
+    pub(super) given: Vec<Parameter>,
     /// The same evidence row by row, where `segments` hold means of rows.
     pub whole: Option<Arc<Evidence>>,
 }
@@ -118,7 +120,7 @@ impl Evidence {
             }
         }
         let courses = logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
-        Evidence { logs: Arc::new(logs), segments, floors, courses, whole: None }
+        Evidence { logs: Arc::new(logs), segments, floors, courses, given: model.parameters().to_vec(), whole: None }
     }
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
@@ -132,7 +134,8 @@ impl Evidence {
         place(&mut segments);
         let logs = whole.logs.iter().enumerate();
         let courses = logs.map(|(index, log)| Course::in_means(index, log, &segments, |channel| model.sensor(channel))).collect();
-        Evidence { logs: Arc::clone(&whole.logs), segments, floors: whole.floors.clone(), courses, whole: Some(Arc::new(whole)) }
+        let (floors, given) = (whole.floors.clone(), whole.given.clone());
+        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, given, whole: Some(Arc::new(whole)) }
     }
 
     /// Judged rows.

@@ -145,10 +145,32 @@ impl<'a> Scoring<'a> {
         let looks: Vec<(Look, f64, Vec<f64>)> = onsets.iter().filter_map(look).collect();
         // What slow noise leaves is asked of the shape that explains most, with it and without.
         let best = |by: fn(&(Look, f64, Vec<f64>)) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
-        let (white, slow) = (best(|look| look.0.statistic)?, best(|look| look.1)?);
+        let Some((white, slow)) = best(|look| look.0.statistic).zip(best(|look| look.1)) else {
+            let seen = onsets.iter().any(|onset| onset.slopes.iter().any(|slope| *slope != 0.0));
+            return seen.then(|| self.absorbed(candidate));
+        };
         let places = if white == slow { vec![white] } else { vec![white, slow] };
         let scores = places.into_iter().map(|place| self.of(candidate, &own, &sides, &looks[place]));
         scores.max_by(|a, b| a.gain.total_cmp(&b.gain))
+    }
+
+    /// Of an effect that the base model, bent as it is, does altogether: the logs say nothing of it beside
+    /// the base, and a refit that puts the base back may.
+    fn absorbed(&self, candidate: &Candidate) -> Score {
+        let parameters = candidate.spec.parameters.iter();
+        let rows = self.white.lens.whitened.len();
+        Score {
+            spec: candidate.spec,
+            statistic: 0.0,
+            explained: 0.0,
+            freedom: 0,
+            uniqueness: 0.0,
+            expected: parameters.map(usual).collect(),
+            base_x: self.state.x.clone(),
+            gain: 0.0,
+            whole: DVector::zeros(rows),
+            absorbed: DVector::zeros(self.state.x.len()),
+        }
     }
 
     /// What each of a candidate's onsets adds to the rows. An effect of one size is walked at its

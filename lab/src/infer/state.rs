@@ -18,7 +18,7 @@ use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
 use super::lens::Lens;
 use super::noise::{Filter, Noise, Rows, estimate};
-use super::rough::Known;
+use super::rough::Rough;
 
 /// A frame at its most likely unknowns.
 #[derive(Debug, Clone)]
@@ -47,15 +47,20 @@ pub struct State {
 
 /// Slow noise, in floors, that needs no second look.
 const SLIGHT: f64 = 0.3;
+/// Rise of the cost that makes a state no worse.
+const AS_GOOD: f64 = 0.02;
 /// Deviations from which on what a log says of its own start is asked again.
 const ODD: f64 = 2.0;
+/// Starts of charge that are looked at, each way, and how many of them make a deviation.
+const LOOKS: i32 = 12;
+const LOOKS_PER_SIGMA: f64 = 4.0;
 
 impl State {
     /// The model on its evidence, its free parameters and all that is roughly known at their best.
     #[must_use]
     pub fn of_model(model: Arc<Model>, evidence: Arc<Evidence>) -> State {
         let frame = Arc::new(Frame::new(model, evidence));
-        State::search(Arc::clone(&frame), &frame.start(), f64::NEG_INFINITY).or_with_starts_as_told()
+        State::search(Arc::clone(&frame), &frame.start(), f64::NEG_INFINITY).or_with_other_starts()
     }
 
     /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
@@ -73,21 +78,29 @@ impl State {
         if again.cost < begin.cost { again } else { begin }
     }
 
-    /// The better of this state and the fit that begins where the logs' own starts are what the logs
-    /// say, when some ended far from it: a charge beyond full, where the open-circuit voltage is steep,
-    /// can do the work of a missing transient, with a hill between the two.
+    /// The better of this state and those that begin elsewhere, where it leaves slow noise. How far a
+    /// log's own start is off has valleys of its own: near empty and near full the open-circuit
+    /// voltage bends, and a charge beyond full can do the work of a missing transient.
     #[must_use]
-    pub(super) fn or_with_starts_as_told(self) -> State {
-        let first = self.frame.free.len();
-        let known = || self.frame.known.iter().zip(first..);
-        let odd = |&(known, place): &(&Known, usize)| known.log().is_some() && self.x[place].abs() > ODD * known.sigma;
-        if !known().any(|one| odd(&one)) {
+    pub(super) fn or_with_other_starts(self) -> State {
+        if !self.is_slow() {
             return self;
         }
-        let mut start = self.x.clone();
-        known().filter(|(known, _)| known.log().is_some()).for_each(|(_, place)| start[place] = 0.0);
-        let other = State::fit(Arc::clone(&self.frame), &start, &self.noise);
-        if other.cost < self.cost { other } else { self }
+        let first = self.frame.free.len();
+        let own = |place: usize| self.frame.known[place - first].log().is_some();
+        let odd = |place: usize| own(place) && self.x[place].abs() > ODD * self.frame.known[place - first].sigma;
+        let all = first..self.x.len();
+        let mut others = Vec::new();
+        if all.clone().any(odd) {
+            let mut told = self.x.clone();
+            all.clone().filter(|&place| own(place)).for_each(|place| told[place] = 0.0);
+            others.push(State::fit(Arc::clone(&self.frame), &told, &self.noise));
+        }
+        let mut looked = self.x.clone();
+        looked[first..].fill(0.0);
+        look_for_starts(&self.frame, &mut looked);
+        others.push(State::fit(Arc::clone(&self.frame), &looked, &noises(&self.frame, &residual(&self.frame, &looked))));
+        others.into_iter().fold(self, |best, other| if other.cost < best.cost { other } else { best })
     }
 
     /// Fits all unknowns, beginning at `start` and with this noise.
@@ -116,6 +129,13 @@ impl State {
             rms: OnceLock::new(),
             plain: OnceLock::new(),
         }
+    }
+
+    /// The state at other unknowns that explain the rows as well; itself where they do not.
+    pub(super) fn moved_to(self, x: Vec<f64>) -> State {
+        let place = Place::at(&self.frame, x, self.noise.clone(), &all(&self.frame));
+        let moved = State::of(Arc::clone(&self.frame), place);
+        if moved.cost <= self.cost + AS_GOOD { moved } else { self }
     }
 
     /// The rows through this state's noise, or another.
@@ -148,23 +168,6 @@ impl State {
         frame.evidence.floors.iter().map(|&(channel, floor)| (channel, Noise::white(floor))).collect()
     }
 
-    /// Covariance of all unknowns; a direction of which the rows say nothing has none.
-    #[must_use]
-    pub fn covariance(&self) -> DMatrix<f64> {
-        let normal = &self.normal;
-        let scale: Vec<f64> = normal.diagonal().iter().map(|d| if *d > 0.0 { d.sqrt() } else { 1.0 }).collect();
-        let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| normal[(i, j)] / (scale[i] * scale[j]));
-        let eigen = scaled.symmetric_eigen();
-        let floor = 1e-12 * eigen.eigenvalues.max().max(0.0);
-        let mut inverse = DMatrix::zeros(scale.len(), scale.len());
-        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            if *value > floor {
-                inverse += vector * vector.transpose() / *value;
-            }
-        }
-        DMatrix::from_fn(scale.len(), scale.len(), |i, j| inverse[(i, j)] / (scale[i] * scale[j]))
-    }
-
     /// RMS of the residuals of each channel over all rows of all logs.
     #[must_use]
     pub fn rms(&self) -> Vec<(Channel, f64)> {
@@ -182,6 +185,23 @@ impl State {
     #[must_use]
     pub fn bic(&self) -> f64 {
         self.cost + self.freedom as f64 * (self.frame.evidence.rows() as f64).ln()
+    }
+}
+
+/// Puts the charge at the start of every log where the log is explained best, all else being as it is.
+fn look_for_starts(frame: &Frame, x: &mut [f64]) {
+    let filters = filters(frame, &State::white(frame));
+    for (place, known) in frame.known.iter().enumerate() {
+        let Rough::SocInitial(log) = known.what else { continue };
+        let cost = |shift: f64| {
+            let mut tried = x.to_vec();
+            tried[frame.free.len() + place] = shift * known.sigma;
+            shift * shift + likelihood_of_log(frame, &frame.residual_of(log, &tried), &filters, log)
+        };
+        let looks = (-LOOKS..=LOOKS).map(|look| f64::from(look) / LOOKS_PER_SIGMA).map(|shift| (shift, cost(shift)));
+        if let Some((shift, _)) = looks.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            x[frame.free.len() + place] = shift * known.sigma;
+        }
     }
 }
 
@@ -243,10 +263,14 @@ pub(super) fn noises(frame: &Frame, residual: &[f64]) -> Vec<(Channel, Noise)> {
 }
 
 pub(super) fn likelihood(frame: &Frame, residual: &[f64], filters: &[Filter]) -> f64 {
+    (0..frame.evidence.logs.len()).map(|log| likelihood_of_log(frame, residual, filters, log)).sum()
+}
+
+fn likelihood_of_log(frame: &Frame, residual: &[f64], filters: &[Filter], log: usize) -> f64 {
     let of = |(segment, filter): (&Segment, &Filter)| {
         let mut own = residual[segment.range()].to_vec();
         filter.apply(&mut own);
         filter.log_variance + own.iter().map(|e| e * e).sum::<f64>()
     };
-    frame.evidence.segments.iter().zip(filters).map(of).sum()
+    frame.evidence.segments.iter().zip(filters).filter(|(segment, _)| segment.log == log).map(of).sum()
 }

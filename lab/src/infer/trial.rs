@@ -53,7 +53,7 @@ impl Trial {
             let other = State::search(Arc::clone(&frame), &from(&base.frame.start(), &usual), content);
             state = if other.cost < state.cost { other } else { state };
         }
-        Trial::of(base, state.or_with_starts_as_told(), candidate.spec, score.uniqueness, holdout)
+        Trial::of(base, state.or_with_other_starts().with_what_is_open_as_before(), candidate.spec, score.uniqueness, holdout)
     }
 
     /// Whether the other effect is this one under another name, or this one with more freedom: with the

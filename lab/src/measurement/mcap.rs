@@ -3,8 +3,6 @@
 //!
 //! ROS counts a current that leaves the battery negative, and writes NaN for what is not measured.
 
-mod battery_state;
-
 use std::collections::BTreeMap;
 use std::io::{self, BufRead};
 
@@ -12,8 +10,8 @@ use energy::document::hint;
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use proto::ros2::{BatteryState, TYPE, check_definition, decimal, decode};
 
-use self::battery_state::{BatteryState, TYPE, check_definition, decode};
 use super::limits::{check_bytes, check_cells, read_error};
 use super::{Cells, Format, GaugeStart, LogError, LogFacts, Table};
 
@@ -242,9 +240,4 @@ impl Rows {
         cells.columns.retain(|_| *kept.next().unwrap_or(&true));
         cells
     }
-}
-
-/// The shortest decimal number that a single-precision one stands for: 12.3, not 12.300000190734863.
-fn decimal(value: f32) -> f64 {
-    if value.is_finite() { value.to_string().parse().unwrap_or(f64::NAN) } else { f64::NAN }
 }

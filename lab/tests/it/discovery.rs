@@ -125,6 +125,10 @@ fn an_effect_by_name_is_added_and_judged() {
     let fallen = |log: &Value| log["extended"].as_f64().unwrap() < 0.6 * log["refitted"].as_f64().unwrap();
     let logs = json["logs"].as_array().unwrap();
     assert!(logs.len() == 3 && logs.iter().filter(|log| log["holdout"] == false).all(fallen), "{logs:?}");
+    // It adds to the model's own resistance, which no log tells from it: each of its numbers is no
+    // better known than that one, of which the model says 3 mOhm.
+    let numbers = json["parameters"].as_object().unwrap();
+    assert!(numbers.len() == 7 && numbers.values().all(|number| number["sigma"].as_f64().unwrap() >= 0.003), "{numbers:?}");
     assert!(json["regimes"][0]["taken"].as_f64().unwrap() > 0.3, "{}", json["regimes"]);
     assert!(fs::read_to_string(&path).unwrap().contains("id = \"ohmic_soc\""));
     // The written model has it, so that it cannot be added twice.

@@ -7,6 +7,7 @@ mod discovery;
 mod inputs;
 mod measured;
 mod propose;
+mod real_logs;
 mod recordings;
 mod recovery;
 mod regimes;

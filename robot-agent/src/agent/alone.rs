@@ -69,7 +69,7 @@ impl Agent {
                 let nearest = self.profile.travel.iter().min_by(|a, b| a.1.time_s.total_cmp(&b.1.time_s));
                 if let Some(station) = nearest.map(|(station, _)| station.clone()) {
                     (self.phase, self.station, self.bay) = (RobotPhase::Travelling, Some(station.clone()), None);
-                    self.outputs.push_back(super::Output::Act(Act::TravelTo { station }));
+                    self.outputs.push_back(super::Output::Act(Act::TravelTo { station, bay: None }));
                 }
             }
             (RobotPhase::Docked, Place::InBay) if observation.powered => {

@@ -58,7 +58,10 @@ impl Agent {
     pub(super) fn find_itself(&mut self, place: Place) {
         use RobotPhase::{Charged, Charging, Docked, Swapping, Travelling, Waiting, Working};
         match (self.phase, place, self.station.clone()) {
-            (Travelling, Place::Mission, Some(station)) => self.outputs.push_back(Output::Act(Act::TravelTo { station })),
+            (Travelling, Place::Mission, Some(station)) => {
+                let bay = self.bay.clone();
+                self.outputs.push_back(Output::Act(Act::TravelTo { station, bay }));
+            }
             (Working, Place::Underway | Place::AtStation, _) | (Waiting | Docked | Charging | Charged | Swapping, Place::Mission, _) => {
                 self.resume();
             }

@@ -45,6 +45,7 @@ fn bench_at(soc: f64) -> Bench {
         cells_series: 3,
         charge_cutoff_a: 0.066,
         drain_w: Estimate::new(4.4, 0.3),
+        measure_drain: false,
         travel: BTreeMap::from([(station("mds-1"), travel)]),
         mission: Mission { weight: 1.0, until: None },
         publish: Publish::default(),
@@ -115,7 +116,7 @@ fn reason(outcome: &Outcome) -> (Rejection, &str) {
 fn a_service_goes_from_work_to_the_bay_and_back_to_work() {
     let mut bench = bench();
     let (outcome, acts) = bench.ask(dock());
-    assert_eq!((outcome, acts), (Outcome::Accepted, vec![Act::TravelTo { station: station("mds-1") }]));
+    assert_eq!((outcome, acts), (Outcome::Accepted, vec![Act::TravelTo { station: station("mds-1"), bay: bay() }]));
     bench.observe(|observation| observation.place = Place::Underway);
     assert_eq!(bench.agent.phase, RobotPhase::Travelling);
     bench.observe(|observation| observation.place = Place::AtStation);
@@ -235,7 +236,7 @@ fn without_a_coordinator_it_goes_to_charge_before_its_energy_gives_out_and_not_e
         (0..59).for_each(|_| assert_eq!(robot.observe(|_| {}), []));
     }
     (0..60).for_each(|_| assert_eq!(rich.observe(|_| {}), [], "there is energy for hours of work"));
-    assert_eq!(poor.observe(|_| {}), [Act::TravelTo { station: station("mds-1") }]);
+    assert_eq!(poor.observe(|_| {}), [Act::TravelTo { station: station("mds-1"), bay: None }]);
     assert_eq!((poor.agent.phase, &poor.agent.bay), (RobotPhase::Travelling, &None));
     poor.observe(|observation| observation.place = Place::AtStation);
     assert_eq!(poor.agent.phase, RobotPhase::Waiting);
@@ -263,7 +264,7 @@ fn a_restarted_agent_answers_from_memory_and_does_again_what_was_not_done() {
     let mut after = bench();
     after.agent.restore(memory);
     // The robot never heard that it should leave: the kill came in between.
-    assert_eq!(after.observe(|_| {}), [Act::TravelTo { station: station("mds-1") }]);
+    assert_eq!(after.observe(|_| {}), [Act::TravelTo { station: station("mds-1"), bay: bay() }]);
     let (outcome, acts) = after.give(command.clone());
     assert_eq!((outcome, acts), (Outcome::Accepted, Vec::new()), "a copy acts no second time");
     let stale = RobotCommand { id: CommandId::new("c0-1").unwrap(), epoch: 0, ..command };

@@ -266,7 +266,7 @@ impl RobotBody {
 impl Source for RobotBody {
     fn act(&mut self, act: &Act) {
         match act {
-            Act::TravelTo { station } => {
+            Act::TravelTo { station, .. } => {
                 self.left_soc = None;
                 let mut courses = self.ways.get(station).cloned();
                 courses.iter_mut().flatten().for_each(Course::restart);

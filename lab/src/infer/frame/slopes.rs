@@ -9,6 +9,7 @@ use nalgebra::DMatrix;
 
 use super::{Frame, Steps};
 use crate::infer::rough::{Rough, curve, weights};
+use crate::infer::state::observed;
 
 /// Share of the capacity over which its derivative is taken.
 const CAPACITY_STEP: f64 = 1e-4;
@@ -37,6 +38,15 @@ impl Frame {
         (0..self.evidence.logs.len()).for_each(|log| self.predict_log(log, x, &model, &mut all));
         self.delay(x, &mut all);
         all
+    }
+
+    /// What is measured beyond what the model predicts, by judged row; only the rows of one log mean
+    /// anything.
+    pub(in crate::infer) fn residual_of(&self, log: usize, x: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; self.evidence.rows()];
+        self.predict_log(log, x, &self.model_at(x), &mut all);
+        self.delay(x, &mut all);
+        observed(self).zip(&all).map(|(observed, predicted)| observed - predicted).collect()
     }
 
     /// Adds what is shown at once in one log.

@@ -108,7 +108,7 @@ fn a_robot_that_comes_home_comes_into_reach() {
     let mut body = RobotBody::new(World { work, radio: Some(radio), ..world("explorer-3s1p-1320mah", model("explorer-robot"), 0.5) });
     body.advance(1.0);
     assert!(!body.in_reach());
-    body.act(&Act::TravelTo { station: station() });
+    body.act(&Act::TravelTo { station: station(), bay: None });
     let seconds = (1..=60)
         .find(|_| {
             body.advance(1.0);
@@ -135,7 +135,7 @@ fn the_way_home_takes_what_the_trip_says() {
     let mut body =
         RobotBody::new(World { ways: BTreeMap::from([(station(), both)]), ..world("explorer-3s1p-1320mah", model("explorer-robot"), 0.8) });
     body.advance(1.0);
-    body.act(&Act::TravelTo { station: station() });
+    body.act(&Act::TravelTo { station: station(), bay: None });
     let (mut energy_wh, mut seconds) = (0.0, 0);
     while body.place() != Place::AtStation {
         body.advance(1.0);

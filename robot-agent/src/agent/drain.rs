@@ -1,0 +1,89 @@
+//! What a robot draws at work, where no model of its loads says it: the mean of what was measured.
+
+use energy::gauge::Sample;
+use energy::units::S_PER_H;
+use proto::Estimate;
+
+use super::Agent;
+
+/// Power is averaged over blocks of this length, s: long against the moments of a task, so that the
+/// means of blocks differ as tasks do.
+const BLOCK_S: f64 = 60.0;
+
+/// Means of blocks of work.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Drain {
+    energy_ws: f64,
+    time_s: f64,
+    blocks: f64,
+    mean_w: f64,
+    squares_w2: f64,
+}
+
+impl Drain {
+    fn update(&mut self, sample: &Sample) {
+        self.energy_ws += sample.current_a * sample.voltage_v * sample.dt_s;
+        self.time_s += sample.dt_s;
+        if self.time_s >= BLOCK_S {
+            let block_w = self.energy_ws / self.time_s;
+            self.blocks += 1.0;
+            let off_w = block_w - self.mean_w;
+            self.mean_w += off_w / self.blocks;
+            self.squares_w2 += off_w * (block_w - self.mean_w);
+            (self.energy_ws, self.time_s) = (0.0, 0.0);
+        }
+    }
+
+    /// The mean with its standard deviation: from two blocks on what they say, before that the only
+    /// value that there is, and as good as nothing known of how far it is off: it may be itself, or
+    /// what empties the pack in an hour.
+    fn estimate(&self, hour_w: f64) -> Option<Estimate> {
+        if self.blocks >= 2.0 {
+            return Some(Estimate::new(self.mean_w, (self.squares_w2 / (self.blocks - 1.0) / self.blocks).sqrt()));
+        }
+        let seen_w = if self.blocks > 0.0 { self.mean_w } else { self.energy_ws / self.time_s };
+        seen_w.is_finite().then(|| Estimate::new(seen_w, seen_w.abs().max(hour_w)))
+    }
+}
+
+impl Agent {
+    /// Learns from a sample at work. What is told changes only when it was wrong by more than its
+    /// deviation, or is known twice as well: who watches the drain shall not have to begin anew with
+    /// every message.
+    pub(super) fn learn_drain(&mut self, sample: &Sample) {
+        self.drain.update(sample);
+        let pack = self.gauge.model().battery();
+        let Some(new) = self.drain.estimate(sample.voltage_v * pack.capacity_ah) else { return };
+        let told = self.profile.drain_w;
+        let worth = (new.value - told.value).abs() > told.sigma || new.sigma < 0.5 * told.sigma;
+        if !worth {
+            return;
+        }
+        self.profile.drain_w = new;
+        // Ways that are known better need a model of the loads, and with that nothing is measured.
+        for way in self.profile.travel.values_mut() {
+            way.energy_wh = new.scaled(way.time_s / S_PER_H);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(powers_w: &[f64]) -> Estimate {
+        let mut drain = Drain::default();
+        for power_w in powers_w {
+            (0..60).for_each(|_| drain.update(&Sample { dt_s: 1.0, current_a: power_w / 10.0, voltage_v: 10.0, temperature_degc: 25.0 }));
+        }
+        drain.estimate(10.0).unwrap()
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_a_mean_and_large_while_little_was_seen() {
+        assert_eq!(after(&[4.0]), Estimate::new(4.0, 10.0));
+        // By hand: mean of 3, 5, 4, 4 with a standard deviation of sqrt(2/3), over sqrt(4).
+        let four = after(&[3.0, 5.0, 4.0, 4.0]);
+        assert!((four.value - 4.0).abs() < 1e-12 && (four.sigma - (2.0_f64 / 3.0).sqrt() / 2.0).abs() < 1e-12, "{four:?}");
+    }
+}

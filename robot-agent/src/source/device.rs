@@ -1,0 +1,289 @@
+//! A battery gauge of the world outside: what it says, and how that becomes what a robot's agent
+//! observes. A plug-in implements [`Device`]; everything else is the same for all.
+
+use std::sync::Arc;
+
+use energy::gauge::{Sample, soc_at_rest};
+use energy::units::S_PER_H;
+use energy::{Channel, Estimate, Model, Run, Start};
+use tracing::{info, warn};
+
+use super::body::{Body, Hands};
+use super::{Act, Observation, Source};
+
+/// Without a report for this long, what was drawn meanwhile is not known: the gauge starts anew from
+/// what the device says, s.
+const HISTORY_LOST_S: f64 = 60.0;
+/// A device that measures no current is heard again after this time even if its charge has not
+/// moved, s: the time over which gauges look for rest.
+const UNMOVED_S: f64 = 300.0;
+/// Time under load after which a voltage tells a state of charge as well as it can, s.
+const SETTLED_S: f64 = 60.0;
+
+/// Whether something outside the robot feeds it, as far as the device can tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Supply {
+    /// A charger or another supply is connected.
+    Connected,
+    /// The robot lives on its battery.
+    Absent,
+    /// The current decides.
+    #[default]
+    Unknown,
+}
+
+/// What a device says of its battery at one instant. What it does not measure is none.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Report {
+    /// When, by the device's clock, s since any instant; none where it has no clock.
+    pub at_s: Option<f64>,
+    /// Terminal voltage, V.
+    pub voltage_v: Option<f64>,
+    /// Current, A (discharge positive).
+    pub current_a: Option<f64>,
+    /// Temperature, °C.
+    pub temperature_degc: Option<f64>,
+    /// State of charge by the device's own gauge, 0..1.
+    pub soc: Option<f64>,
+    /// How far that may be off (standard deviation), when the device says so.
+    pub soc_sigma: Option<f64>,
+    /// Whether something feeds the robot.
+    pub supply: Supply,
+}
+
+/// A battery gauge of the world outside. Adding one is a file that implements this and a line in
+/// `config/source.rs`.
+pub trait Device: Send {
+    /// What it is, for people: `power_supply BAT0`.
+    fn name(&self) -> String;
+
+    /// What it has said since the last call, oldest first; called about once a second. It must not
+    /// wait.
+    ///
+    /// # Errors
+    /// Why nothing can be read now: told to people, and tried again.
+    fn read(&mut self) -> anyhow::Result<Vec<Report>>;
+
+    /// Switches the charger on or off, where the device can.
+    fn charge(&mut self, _on: bool) {}
+
+    /// What went wrong with that.
+    fn trouble(&self) -> Option<String> {
+        None
+    }
+}
+
+/// A robot whose battery a device measures.
+pub struct Measured {
+    device: Box<dyn Device>,
+    model: Arc<Model>,
+    body: Body,
+    hands: Hands,
+    now_s: f64,
+    last: Option<Last>,
+    /// From when a charge is counted whose current nobody measures.
+    anchor: Option<Anchor>,
+    trouble: Option<String>,
+    told_missing: bool,
+}
+
+/// The last report, by both clocks.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    now_s: f64,
+    at_s: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Anchor {
+    soc: f64,
+    waited_s: f64,
+}
+
+/// Interval of charge and what was shown at its end.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counted {
+    charge_as: f64,
+    passed_s: f64,
+    voltage_v: f64,
+    temperature_degc: f64,
+}
+
+impl Measured {
+    /// A robot whose battery is believed to be `model` and measured by `device`.
+    #[must_use]
+    pub fn new(device: Box<dyn Device>, model: Arc<Model>, body: Body) -> Self {
+        let hands = Hands::new(body.drive.clone());
+        Self { device, model, body, hands, now_s: 0.0, last: None, anchor: None, trouble: None, told_missing: false }
+    }
+
+    /// Time since the report before, s; none when what was drawn meanwhile is not known.
+    fn since_last(&mut self, report: &Report) -> Option<f64> {
+        let now = Last { now_s: self.now_s, at_s: report.at_s };
+        let last = self.last.replace(now)?;
+        let by_us = now.now_s - last.now_s;
+        // The device's clock knows better when reports came late and together, unless it was set.
+        let by_device = now.at_s.zip(last.at_s).map(|(now, last)| now - last).filter(|s| (0.0..=HISTORY_LOST_S).contains(s));
+        let since_s = by_device.unwrap_or(by_us);
+        (by_us <= HISTORY_LOST_S && since_s <= HISTORY_LOST_S).then_some(since_s)
+    }
+
+    /// State of charge from what the device says: its own gauge's, or by the voltage.
+    fn state_of_charge(&self, report: &Report) -> Option<Estimate> {
+        if let Some(soc) = report.soc {
+            return Some(Estimate::new(soc, report.soc_sigma.unwrap_or(self.body.soc_sigma)));
+        }
+        let voltage_v = report.voltage_v?;
+        let at_rest = soc_at_rest(&self.model, voltage_v);
+        let Some(current_a) = report.current_a else { return Some(at_rest) };
+        // It is not known for how long that current has flowed: what that makes of the answer is part of
+        // its deviation.
+        let [settled, begun] = [SETTLED_S, 1.0].map(|for_s| self.unloaded(voltage_v, current_a, for_s));
+        Some(Estimate::new(settled.value, settled.sigma.hypot(settled.value - begun.value)))
+    }
+
+    /// State of charge of a pack that shows this voltage after a current has flowed for a time.
+    fn unloaded(&self, voltage_v: f64, current_a: f64, for_s: f64) -> Estimate {
+        let mut soc = soc_at_rest(&self.model, voltage_v);
+        // What the current makes of the voltage depends on the charge: three rounds, each nearer.
+        for _ in 0..3 {
+            let mut run = Run::new(Arc::clone(&self.model), Start::at_soc(soc.value));
+            run.channels[Channel::CurrentA] = current_a;
+            run.step(for_s);
+            let rested = Run::new(Arc::clone(&self.model), Start::at_soc(run.channels[Channel::Soc]));
+            soc = soc_at_rest(&self.model, voltage_v + rested.channels[Channel::VoltageV] - run.channels[Channel::VoltageV]);
+        }
+        soc
+    }
+
+    /// Charge that has flowed since the report before, as far as it can be told now.
+    fn count(&mut self, report: &Report, since_s: f64, counted: &mut Counted) {
+        let Some(voltage_v) = report.voltage_v else { return };
+        let temperature_degc = report.temperature_degc.unwrap_or(self.body.ambient_degc);
+        let interval = match (report.current_a, report.soc) {
+            (Some(current_a), _) => Some((current_a * since_s, since_s)),
+            (None, Some(soc)) => self.by_charge(soc, since_s),
+            (None, None) => None,
+        };
+        if let Some((charge_as, passed_s)) = interval.filter(|(_, passed_s)| *passed_s > 0.0) {
+            let (charge_as, passed_s) = (counted.charge_as + charge_as, counted.passed_s + passed_s);
+            *counted = Counted { charge_as, passed_s, voltage_v, temperature_degc };
+        }
+    }
+
+    /// The mean current over the time in which the device's state of charge has moved by a step, or
+    /// has not for long: no charge is lost or counted twice.
+    fn by_charge(&mut self, soc: f64, since_s: f64) -> Option<(f64, f64)> {
+        let anchor = self.anchor.get_or_insert(Anchor { soc, waited_s: 0.0 });
+        anchor.waited_s += since_s;
+        if anchor.soc == soc && anchor.waited_s < UNMOVED_S {
+            return None;
+        }
+        let charge_as = (anchor.soc - soc) * self.model.battery().capacity_ah * S_PER_H;
+        let passed_s = anchor.waited_s;
+        *anchor = Anchor { soc, waited_s: 0.0 };
+        Some((charge_as, passed_s))
+    }
+
+    /// Whether something feeds the robot: by the device's word, or by a current that its sensor can
+    /// tell from none.
+    fn fed(&self, report: &Report) -> Supply {
+        let sensor = self.model.sensor(Channel::CurrentA);
+        let none_a = 3.0 * sensor.floor().hypot(sensor.offset_sigma);
+        match (report.supply, report.current_a) {
+            (Supply::Unknown, Some(current_a)) if current_a < -none_a => Supply::Connected,
+            (Supply::Unknown, Some(current_a)) if current_a > none_a => Supply::Absent,
+            (said, _) => said,
+        }
+    }
+
+    /// Says once what the device does not measure, and what stands in for it.
+    fn tell_missing(&mut self, report: &Report) {
+        if std::mem::replace(&mut self.told_missing, true) {
+            return;
+        }
+        let name = self.device.name();
+        info!("{name}: the first reading is here");
+        if report.current_a.is_none() && report.soc.is_some() {
+            warn!("{name} measures no current: it is taken from how its state of charge moves, in steps");
+        }
+        if report.current_a.is_none() && report.soc.is_none() {
+            warn!("{name} measures neither current nor state of charge: the gauge has nothing to count");
+        }
+        if report.temperature_degc.is_none() {
+            warn!("{name} measures no temperature: taken as {} degC (body.ambient_degc)", self.body.ambient_degc);
+        }
+        if report.soc.is_none() {
+            warn!("{name} has no state of charge of its own: the gauge starts from the voltage");
+        }
+        if report.voltage_v.is_none() {
+            warn!("{name} measures no voltage: the gauge cannot work without");
+        }
+    }
+}
+
+impl Source for Measured {
+    fn act(&mut self, act: &Act) {
+        match act {
+            Act::Charge => self.device.charge(true),
+            Act::StopCharging => self.device.charge(false),
+            Act::TravelTo { .. } | Act::Resume => {}
+        }
+        self.hands.begin(act);
+    }
+
+    fn advance(&mut self, dt_s: f64) -> Option<Observation> {
+        self.now_s += dt_s;
+        let reports = self.device.read().unwrap_or_else(|error| {
+            let trouble = format!("{error:#}");
+            if self.trouble.as_ref() != Some(&trouble) {
+                warn!("{}: {trouble}", self.device.name());
+                self.trouble = Some(trouble);
+            }
+            Vec::new()
+        });
+        let (mut counted, mut exchanged) = (Counted::default(), None);
+        for report in &reports {
+            self.trouble = None;
+            self.tell_missing(report);
+            match self.since_last(report) {
+                Some(since_s) => self.count(report, since_s, &mut counted),
+                None => {
+                    counted = Counted::default();
+                    self.anchor = report.soc.map(|soc| Anchor { soc, waited_s: 0.0 });
+                    exchanged = self.state_of_charge(report);
+                    // Said at once, so that the robot is known; what a device without a current draws
+                    // will show.
+                    let first = Report { current_a: Some(report.current_a.unwrap_or(0.0)), ..*report };
+                    self.count(&first, dt_s, &mut counted);
+                }
+            }
+            self.hands.feel(self.fed(report));
+        }
+        let sample = (counted.passed_s > 0.0).then(|| Sample {
+            dt_s: counted.passed_s,
+            current_a: counted.charge_as / counted.passed_s,
+            voltage_v: counted.voltage_v,
+            temperature_degc: counted.temperature_degc,
+        });
+        let silent_s = self.now_s - self.last.map_or(0.0, |last| last.now_s);
+        let silent = (silent_s > HISTORY_LOST_S).then(|| {
+            let why = self.trouble.as_ref().map(|why| format!(": {why}")).unwrap_or_default();
+            format!("no reading of {} for {silent_s:.0} s{why}", self.device.name())
+        });
+        let place = self.hands.place();
+        let powered = self.hands.powered();
+        Some(Observation {
+            sample,
+            place,
+            powered,
+            exchanged,
+            depleted: false,
+            why_down: silent.or_else(|| self.device.trouble()).or_else(|| self.hands.trouble()),
+        })
+    }
+}
+
+#[cfg(test)]
+#[path = "device/tests.rs"]
+mod tests;

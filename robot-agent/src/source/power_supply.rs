@@ -1,0 +1,302 @@
+//! A battery as the Linux kernel shows it: `/sys/class/power_supply/NAME/` (Documentation/ABI/testing/
+//! sysfs-class-power). Files hold uV, uA, uAh, uWh, tenths of a degree Celsius and percent; which of
+//! them there are depends on the driver.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use energy::document::hint;
+use serde::{Deserialize, Serialize};
+use tracing::info;
+
+use super::device::{Device, Report, Supply};
+
+/// `[source] kind = "power_supply"`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Which battery, such as BAT0; left out where there is only one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
+    /// Where the kernel shows its power supplies.
+    #[serde(default = "default_root")]
+    pub root: PathBuf,
+}
+
+fn default_root() -> PathBuf {
+    "/sys/class/power_supply".into()
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self { device: None, root: default_root() }
+    }
+}
+
+/// Files of a battery that are read where they are there.
+const READ: [&str; 10] =
+    ["present", "status", "voltage_now", "current_now", "power_now", "temp", "capacity", "charge_now", "charge_full", "energy_now"];
+
+impl Config {
+    /// Finds the battery.
+    ///
+    /// # Errors
+    /// Says which batteries there are.
+    pub fn open(&self) -> anyhow::Result<Box<dyn Device>> {
+        let supplies = supplies(&self.root)?;
+        let batteries: Vec<&str> = supplies.iter().filter(|name| is_battery(&self.root.join(name))).map(String::as_str).collect();
+        let root = self.root.display();
+        let listed = |names: &[&str]| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let name = match (&self.device, batteries.as_slice()) {
+            (Some(device), known) => {
+                let near = hint(device, known.iter().copied());
+                ensure!(
+                    known.contains(&device.as_str()),
+                    "source.device = \"{device}\": no such battery{near} In {root}: {}",
+                    listed(known)
+                );
+                device.as_str()
+            }
+            (None, [only]) => only,
+            (None, []) => {
+                let supplies: Vec<&str> = supplies.iter().map(String::as_str).collect();
+                bail!("{root} shows no battery. Power supplies there: {}", listed(&supplies))
+            }
+            (None, several) => bail!("{root} shows several batteries; choose one with source.device: {}", several.join(", ")),
+        };
+        let folder = self.root.join(name);
+        let (found, missing): (Vec<&str>, Vec<&str>) = READ.iter().partition(|file| folder.join(file).exists());
+        info!("power_supply {name} shows {}; not there: {}", found.join(", "), missing.join(", "));
+        Ok(Box::new(Battery { name: name.to_owned(), folder, root: self.root.clone() }))
+    }
+}
+
+/// A battery of the kernel's.
+struct Battery {
+    name: String,
+    folder: PathBuf,
+    root: PathBuf,
+}
+
+impl Device for Battery {
+    fn name(&self) -> String {
+        format!("power_supply {}", self.name)
+    }
+
+    fn read(&mut self) -> anyhow::Result<Vec<Report>> {
+        ensure!(self.folder.exists(), "{} is gone", self.folder.display());
+        if self.number("present")? == Some(0.0) {
+            bail!("no battery is present");
+        }
+        let status = text(&self.folder.join("status"))?.unwrap_or_default();
+        // Drivers that cannot measure the voltage of a pack of many cells say 0.
+        let voltage_v = self.number("voltage_now")?.map(|uv| uv / 1e6).filter(|v| *v > 0.0);
+        let by_current = self.number("current_now")?.map(|ua| ua / 1e6);
+        let by_power = self.number("power_now")?.zip(voltage_v).map(|(uw, volts)| uw / 1e6 / volts);
+        let current_a = by_current.or(by_power).map(|shown_a| drawn(shown_a, &status));
+        let share = |now: &str, full: &str| -> anyhow::Result<Option<f64>> {
+            Ok(self.number(now)?.zip(self.number(full)?).filter(|(_, full)| *full > 0.0).map(|(now, full)| now / full))
+        };
+        let soc = match (share("charge_now", "charge_full")?, self.number("capacity")?) {
+            (Some(share), _) => Some(share),
+            (None, Some(percent)) => Some(percent / 100.0),
+            (None, None) => share("energy_now", "energy_full")?,
+        };
+        let temperature_degc = self.number("temp")?.map(|tenths| tenths / 10.0);
+        let supply = self.supply(&status)?;
+        let soc = soc.map(|soc| soc.clamp(0.0, 1.0));
+        Ok(vec![Report { at_s: None, voltage_v, current_a, temperature_degc, soc, soc_sigma: None, supply }])
+    }
+}
+
+impl Battery {
+    fn number(&self, file: &str) -> anyhow::Result<Option<f64>> {
+        let path = self.folder.join(file);
+        let Some(text) = text(&path)? else { return Ok(None) };
+        let number: f64 = text.parse().with_context(|| format!("{}: `{text}` is not a number", path.display()))?;
+        ensure!(number.is_finite(), "{}: {text} is no reading", path.display());
+        Ok(Some(number))
+    }
+
+    /// By the battery's own status, and by chargers that the kernel shows beside it.
+    fn supply(&self, status: &str) -> anyhow::Result<Supply> {
+        let mut chargers = Vec::new();
+        for name in supplies(&self.root)? {
+            let folder = self.root.join(name);
+            if text(&folder.join("type"))?.is_some_and(|kind| kind != "Battery") {
+                chargers.extend(text(&folder.join("online"))?);
+            }
+        }
+        let online = chargers.iter().any(|online| online != "0");
+        Ok(match status {
+            "Charging" | "Not charging" => Supply::Connected,
+            _ if online => Supply::Connected,
+            "Discharging" => Supply::Absent,
+            // A full battery stays full for a while after it was unplugged.
+            "Full" if !chargers.is_empty() => Supply::Absent,
+            _ => Supply::Unknown,
+        })
+    }
+}
+
+/// Drawn current from what a driver shows. The kernel counts discharge negative, but there are
+/// drivers that show sizes only: the status tells.
+fn drawn(shown_a: f64, status: &str) -> f64 {
+    match status {
+        "Discharging" => shown_a.abs(),
+        "Charging" => 0.0 - shown_a.abs(),
+        _ => 0.0 - shown_a,
+    }
+}
+
+/// Names of the power supplies, sorted.
+fn supplies(root: &Path) -> anyhow::Result<Vec<String>> {
+    let entries = std::fs::read_dir(root).with_context(|| format!("cannot read {}", root.display()))?;
+    let mut names: Vec<String> = entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    Ok(names)
+}
+
+/// A battery that feeds the machine, not one of a mouse.
+fn is_battery(folder: &Path) -> bool {
+    let says = |file: &str, what: &str| text(&folder.join(file)).ok().flatten().is_some_and(|said| said == what);
+    says("type", "Battery") && !says("scope", "Device")
+}
+
+/// What a file says; none where there is none, or where the driver has no data now.
+fn text(path: &Path) -> anyhow::Result<Option<String>> {
+    const ENODATA: i32 = 61;
+    const ENODEV: i32 = 19;
+    match std::fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text.trim().to_owned())),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) if matches!(error.raw_os_error(), Some(ENODATA | ENODEV)) => Ok(None),
+        Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tree as the kernel shows it: supply, file, content.
+    fn tree(files: &[(&str, &str, &str)]) -> tempfile::TempDir {
+        let root = tempfile::tempdir().unwrap();
+        for (supply, file, content) in files {
+            std::fs::create_dir_all(root.path().join(supply)).unwrap();
+            std::fs::write(root.path().join(supply).join(file), format!("{content}\n")).unwrap();
+        }
+        root
+    }
+
+    fn config(root: &tempfile::TempDir, device: Option<&str>) -> Config {
+        Config { device: device.map(str::to_owned), root: root.path().to_owned() }
+    }
+
+    fn read(root: &tempfile::TempDir) -> Report {
+        config(root, Some("BAT0")).open().unwrap().read().unwrap()[0]
+    }
+
+    /// What a bq27441 shows, as published by one of its users.
+    const BQ27441: [(&str, &str, &str); 8] = [
+        ("BAT0", "type", "Battery"),
+        ("BAT0", "status", "Discharging"),
+        ("BAT0", "voltage_now", "4164000"),
+        ("BAT0", "current_now", "-132000"),
+        ("BAT0", "charge_now", "1528000"),
+        ("BAT0", "charge_full", "1635000"),
+        ("BAT0", "capacity", "97"),
+        ("BAT0", "temp", "201"),
+    ];
+
+    #[test]
+    fn units_of_the_kernel_become_ours() {
+        let report = read(&tree(&BQ27441));
+        let wanted = Report {
+            voltage_v: Some(4.164),
+            current_a: Some(0.132),
+            temperature_degc: Some(20.1),
+            soc: Some(1528.0 / 1635.0),
+            supply: Supply::Absent,
+            ..Report::default()
+        };
+        assert_eq!(report, wanted);
+    }
+
+    #[test]
+    fn the_status_decides_where_a_driver_shows_sizes_only() {
+        let shown = |status: &str, microampere: &str| {
+            let mut files = BQ27441.to_vec();
+            files.extend([("BAT0", "status", status), ("BAT0", "current_now", microampere)]);
+            read(&tree(&files)).current_a.unwrap()
+        };
+        assert_eq!(shown("Discharging", "1000000"), 1.0);
+        assert_eq!(shown("Discharging", "-1000000"), 1.0);
+        assert_eq!(shown("Charging", "1000000"), -1.0);
+        assert_eq!(shown("Charging", "-1000000"), -1.0);
+        assert_eq!(shown("Unknown", "-1000000"), 1.0);
+        assert_eq!(shown("Full", "50000"), -0.05);
+    }
+
+    #[test]
+    fn a_battery_by_energy_and_power_alone_is_read_too() {
+        let report = read(&tree(&[
+            ("BAT0", "type", "Battery"),
+            ("BAT0", "status", "Charging"),
+            ("BAT0", "voltage_now", "12000000"),
+            ("BAT0", "power_now", "24000000"),
+            ("BAT0", "energy_now", "30000000"),
+            ("BAT0", "energy_full", "40000000"),
+        ]));
+        assert_eq!((report.current_a, report.soc, report.temperature_degc), (Some(-2.0), Some(0.75), None));
+        assert_eq!(report.supply, Supply::Connected);
+    }
+
+    #[test]
+    fn what_is_missing_is_none_and_a_voltage_of_nothing_is_missing() {
+        let report = read(&tree(&[("BAT0", "type", "Battery"), ("BAT0", "voltage_now", "0"), ("BAT0", "current_now", "-500000")]));
+        assert_eq!(report, Report { current_a: Some(0.5), ..Report::default() });
+    }
+
+    #[test]
+    fn a_charger_beside_it_tells_of_the_bay() {
+        let with = |status: &str, online: &str| {
+            let mut files = BQ27441.to_vec();
+            files.extend([("BAT0", "status", status), ("AC", "type", "Mains"), ("AC", "online", online)]);
+            read(&tree(&files)).supply
+        };
+        assert_eq!(with("Discharging", "1"), Supply::Connected);
+        assert_eq!(with("Discharging", "0"), Supply::Absent);
+        assert_eq!(with("Full", "1"), Supply::Connected);
+        assert_eq!(with("Full", "0"), Supply::Absent);
+    }
+
+    #[test]
+    fn the_battery_is_found_or_the_choice_is_told() {
+        let mouse = [("hid-1", "type", "Battery"), ("hid-1", "scope", "Device"), ("AC", "type", "Mains")];
+        let mut files = BQ27441.to_vec();
+        files.extend(mouse);
+        assert_eq!(config(&tree(&files), None).open().unwrap().name(), "power_supply BAT0");
+        let refused = |files: &[(&str, &str, &str)], device: Option<&str>| {
+            let root = tree(files);
+            config(&root, device).open().err().unwrap().to_string()
+        };
+        assert!(refused(&mouse, None).ends_with("shows no battery. Power supplies there: AC, hid-1"));
+        files.push(("BAT1", "type", "Battery"));
+        assert!(refused(&files, None).ends_with("choose one with source.device: BAT0, BAT1"));
+        let error = refused(&files, Some("BAT"));
+        assert!(error.contains("no such battery; did you mean `BAT") && error.ends_with(": BAT0, BAT1"), "{error}");
+    }
+
+    #[test]
+    fn a_battery_that_is_taken_out_or_shows_no_number_is_told() {
+        let root = tree(&BQ27441);
+        let mut battery = config(&root, None).open().unwrap();
+        std::fs::write(root.path().join("BAT0/temp"), "warm").unwrap();
+        assert!(battery.read().unwrap_err().to_string().contains("temp: `warm` is not a number"));
+        std::fs::write(root.path().join("BAT0/present"), "0\n").unwrap();
+        assert_eq!(battery.read().unwrap_err().to_string(), "no battery is present");
+        std::fs::remove_dir_all(root.path().join("BAT0")).unwrap();
+        assert!(battery.read().unwrap_err().to_string().ends_with("BAT0 is gone"));
+    }
+}

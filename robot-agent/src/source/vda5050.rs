@@ -1,0 +1,267 @@
+//! A vehicle that speaks VDA 5050 over MQTT: its `state` messages of 2.x (`batteryState`) and 3.x
+//! (`powerSupply`) come in, `startCharging` and `stopCharging` go out as instant actions. Orders stay
+//! with the fleet's own control: Tender drives no vehicle through it (see `[body] drive`).
+
+mod message;
+mod mqtt;
+
+use anyhow::{anyhow, bail, ensure};
+use proto::RobotId;
+use serde::{Deserialize, Serialize};
+use tracing::warn;
+
+use self::message::{Action, Header, InstantActions, State};
+use self::mqtt::Broker;
+use super::device::{Device, Report};
+
+/// `[source] kind = "vda5050"`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The MQTT broker, such as mqtt://127.0.0.1:1883.
+    pub broker: String,
+    /// Version of the protocol that the vehicle speaks.
+    #[serde(default = "default_version")]
+    pub version: String,
+    /// First level of its topics; left out: what the version's text proposes, `uagv` or `vda5050`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interface: Option<String>,
+    /// The vehicle's manufacturer, as in its topics.
+    pub manufacturer: String,
+    /// The vehicle's serial number, as in its topics.
+    pub serial_number: String,
+    /// User at the broker.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub username: Option<String>,
+    /// The user's password; the environment's TENDER_SET_SOURCE__PASSWORD keeps it out of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub password: Option<String>,
+}
+
+fn default_version() -> String {
+    "2.1.0".to_owned()
+}
+
+/// Looks at the vehicle after which an instant action is sent again that no state message mentions.
+const RESEND_LOOKS: u32 = 5;
+/// Times that an instant action is sent before somebody is told that the vehicle does not answer.
+const SENDS: u32 = 4;
+
+impl Config {
+    /// The vehicle whose topics begin so: `mqtt://HOST:PORT/INTERFACE/vN/MANUFACTURER/SERIAL`.
+    ///
+    /// # Errors
+    /// Says how it is written.
+    pub fn of(text: &str) -> anyhow::Result<Self> {
+        let parts: Vec<&str> = text.strip_prefix("mqtt://").map(|rest| rest.split('/').collect()).unwrap_or_default();
+        let [address, interface, major, manufacturer, serial_number] = parts.as_slice() else {
+            bail!("`{text}`: write mqtt://HOST:PORT/INTERFACE/vN/MANUFACTURER/SERIAL, such as mqtt://127.0.0.1:1883/uagv/v2/KIT/0001")
+        };
+        let version = match *major {
+            "v2" => "2.1.0",
+            "v3" => "3.0.0",
+            other => bail!("`{text}`: {other} is no version that is spoken here: v2 or v3"),
+        };
+        let config = Self {
+            broker: format!("mqtt://{address}"),
+            version: version.to_owned(),
+            interface: Some((*interface).to_owned()),
+            manufacturer: (*manufacturer).to_owned(),
+            serial_number: (*serial_number).to_owned(),
+            username: None,
+            password: None,
+        };
+        config.check()?;
+        Ok(config)
+    }
+
+    /// Checks what types cannot.
+    ///
+    /// # Errors
+    /// Names the key and what is allowed.
+    pub fn check(&self) -> anyhow::Result<()> {
+        mqtt::address(&self.broker)?;
+        self.major()?;
+        // '/' parts the levels of a topic; '+', '#' and '$' mean something to brokers.
+        for (key, level) in [
+            ("interface", self.interface.as_deref().unwrap_or("uagv")),
+            ("manufacturer", &self.manufacturer),
+            ("serial_number", &self.serial_number),
+        ] {
+            ensure!(!level.is_empty() && !level.contains(['/', '+', '#', '$']), "source.{key} = \"{level}\": must be without / + # $");
+        }
+        ensure!(self.password.is_none() || self.username.is_some(), "source.password: goes with source.username");
+        Ok(())
+    }
+
+    /// The major version: 2 or 3.
+    fn major(&self) -> anyhow::Result<u32> {
+        let numbers: Vec<u32> = self.version.split('.').map(str::parse).collect::<Result<_, _>>().unwrap_or_default();
+        match numbers.as_slice() {
+            [major @ (2 | 3), _, _] => Ok(*major),
+            _ => bail!("source.version = \"{}\": must be one of 2 or 3, such as 2.1.0 or 3.0.0", self.version),
+        }
+    }
+
+    fn topic(&self, name: &str) -> anyhow::Result<String> {
+        let major = self.major()?;
+        let interface = self.interface.as_deref().unwrap_or(if major == 2 { "uagv" } else { "vda5050" });
+        Ok(format!("{interface}/v{major}/{}/{}/{name}", self.manufacturer, self.serial_number))
+    }
+
+    /// Connects to the broker, and goes on trying. Needs a runtime around it.
+    ///
+    /// # Errors
+    /// When the configuration is not good.
+    pub fn open(&self, robot: &RobotId) -> anyhow::Result<Box<dyn Device>> {
+        self.check()?;
+        let broker = Broker::connect(self, &format!("tender-{robot}"))?;
+        Ok(Box::new(Vehicle { config: self.clone(), broker, headers: 0, pending: None, connection: None, any: false }))
+    }
+}
+
+/// A vehicle behind a broker.
+struct Vehicle {
+    config: Config,
+    broker: Broker,
+    /// Instant-action messages so far.
+    headers: u32,
+    pending: Option<Pending>,
+    /// What it last said of its connection.
+    connection: Option<String>,
+    /// Whether it has spoken at all.
+    any: bool,
+}
+
+/// An instant action that the vehicle has not answered yet.
+struct Pending {
+    action: Action,
+    looks: u32,
+    sends: u32,
+    /// Why it cannot be done; told until something else is asked.
+    failed: Option<String>,
+}
+
+impl Device for Vehicle {
+    fn name(&self) -> String {
+        format!("vda5050 {}/{}", self.config.manufacturer, self.config.serial_number)
+    }
+
+    fn read(&mut self) -> anyhow::Result<Vec<Report>> {
+        let (mut reports, mut wrong) = (Vec::new(), None);
+        while let Some((topic, bytes)) = self.broker.next() {
+            if topic.ends_with("/connection") {
+                self.connection = serde_json::from_slice::<message::Connection>(&bytes).ok().map(|said| said.connection_state);
+                continue;
+            }
+            match State::parse(&bytes).and_then(|state| Ok((state.report()?, state))) {
+                Ok((report, state)) => {
+                    self.answered(&state);
+                    reports.push(report);
+                }
+                Err(error) => wrong = Some(error),
+            }
+        }
+        self.any |= !reports.is_empty();
+        self.press()?;
+        match wrong {
+            Some(error) if reports.is_empty() => Err(error),
+            None if reports.is_empty() && !self.any => Err(anyhow!("{}", self.broker.status())),
+            // State messages are up to 30 s apart.
+            None if reports.is_empty() => match self.connection.as_deref() {
+                Some("ONLINE") | None => Ok(reports),
+                Some(other) => Err(anyhow!("the vehicle's connection is {other}")),
+            },
+            _ => Ok(reports),
+        }
+    }
+
+    fn charge(&mut self, on: bool) {
+        let action_type = if on { "startCharging" } else { "stopCharging" };
+        let action_id = format!("{action_type}-{}", node::clock::unix_ms());
+        self.pending = Some(Pending { action: Action::new(action_type, action_id), looks: 0, sends: 0, failed: None });
+        self.send();
+    }
+
+    fn trouble(&self) -> Option<String> {
+        self.pending.as_ref().and_then(|pending| pending.failed.clone())
+    }
+}
+
+impl Vehicle {
+    /// Sends the action that is pending, with its own id each time: the vehicle knows a copy.
+    fn send(&mut self) {
+        let Some(pending) = &mut self.pending else { return };
+        (pending.looks, pending.sends) = (0, pending.sends + 1);
+        let header = Header {
+            header_id: self.headers,
+            timestamp: proto::Timestamp::from_unix_ms(node::clock::unix_ms()).to_string(),
+            version: self.config.version.clone(),
+            manufacturer: self.config.manufacturer.clone(),
+            serial_number: self.config.serial_number.clone(),
+        };
+        self.headers = self.headers.wrapping_add(1);
+        let message = InstantActions { header, actions: vec![pending.action.clone()] };
+        match self.config.topic("instantActions").and_then(|topic| self.broker.publish(&topic, &message)) {
+            Ok(()) => {}
+            Err(error) => warn!("{} was not sent: {error:#}", pending.action.action_type),
+        }
+    }
+
+    /// Sends again what nobody has answered.
+    fn press(&mut self) -> anyhow::Result<()> {
+        let Some(pending) = self.pending.as_mut().filter(|pending| pending.failed.is_none()) else { return Ok(()) };
+        pending.looks += 1;
+        if pending.looks < RESEND_LOOKS {
+            return Ok(());
+        }
+        if pending.sends >= SENDS {
+            let action_type = &pending.action.action_type;
+            pending.failed = Some(format!("the vehicle does not answer {action_type}, which was sent {SENDS} times"));
+            return Ok(());
+        }
+        self.send();
+        Ok(())
+    }
+
+    /// Sees in a state message what became of the pending action.
+    fn answered(&mut self, state: &State) {
+        let Some(pending) = &mut self.pending else { return };
+        let Some(answer) = state.action(&pending.action.action_id) else { return };
+        match answer.action_status.as_str() {
+            "FINISHED" => self.pending = None,
+            "FAILED" | "RETRIABLE" => {
+                let why = answer.result().map(|why| format!(": {why}")).unwrap_or_default();
+                let what = format!("{} is {}{why}", pending.action.action_type, answer.action_status);
+                if pending.failed.replace(what.clone()).is_none() {
+                    warn!("{}/{}: {what}", self.config.manufacturer, self.config.serial_number);
+                }
+            }
+            // It is at it: nothing to send again.
+            _ => pending.looks = 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn topics_are_those_that_the_texts_propose() {
+        let config = Config::of("mqtt://127.0.0.1:1883/uagv/v2/KIT/0001").unwrap();
+        assert_eq!(config.topic("state").unwrap(), "uagv/v2/KIT/0001/state");
+        let config = Config { version: "3.0.0".to_owned(), interface: None, ..config };
+        assert_eq!(config.topic("instantActions").unwrap(), "vda5050/v3/KIT/0001/instantActions");
+    }
+
+    #[test]
+    fn what_is_no_vehicle_is_refused() {
+        let refused = |text: &str| Config::of(text).unwrap_err().to_string();
+        assert!(refused("uagv/v2/KIT/0001").contains("write mqtt://HOST:PORT/INTERFACE/vN/MANUFACTURER/SERIAL"));
+        assert!(refused("mqtt://127.0.0.1:1883/uagv/v1/KIT/0001").contains("v1 is no version that is spoken here"));
+        assert!(refused("mqtt://127.0.0.1:1883/uagv/v2/KIT/+").contains("source.serial_number = \"+\": must be without / + # $"));
+        let config = Config { version: "2".to_owned(), ..Config::of("mqtt://h:1883/uagv/v2/KIT/1").unwrap() };
+        assert!(config.check().unwrap_err().to_string().contains("such as 2.1.0 or 3.0.0"));
+    }
+}
