@@ -9,7 +9,7 @@ use proto::{
 
 use crate::forecast;
 use crate::models::from_wire;
-use crate::scheduler::capacity::{Question, capacity as count};
+use crate::scheduler::capacity::{Holding, Question, capacity as count};
 use crate::scheduler::{PackView, Plan, Planned, Solved, StationView, account};
 use crate::service_run::{How, ServiceRun};
 use crate::view::Basis;
@@ -133,7 +133,8 @@ fn question(basis: &Basis<'_>, robots: &[crate::scheduler::RobotView], index: us
         let gauge = known.packs.get(&pack.pack)?;
         // A pack that gave out, or that no model is known of, is in no plan.
         let usable_wh = free.get(&pack.pack).copied().unwrap_or(Estimate::exact(0.0));
-        Some((pack.pack.clone(), from_wire(gauge.remaining_wh), usable_wh))
+        let gain_wh = station.packs.iter().find(|planned| planned.pack == pack.pack).map_or(0.0, |planned| planned.gain_wh);
+        Some(Holding { pack: pack.pack.clone(), remaining_wh: from_wire(gauge.remaining_wh), usable_wh, gain_wh })
     });
     let mut coming: Vec<(f64, &crate::scheduler::RobotView)> = robots.iter().map(|robot| (robot.wanted_s, robot)).collect();
     coming.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.robot.cmp(&b.1.robot)));

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+pub use energy::forecast::ending::Draw;
 pub use energy::service::{Circumstances, Handling, Recharge};
 use energy::{Estimate, Model, Need, forecast, service};
 
@@ -60,4 +61,11 @@ pub fn spare_again(station: &StationModels, soc: Estimate, target_soc: f64) -> N
 #[must_use]
 pub fn usable_wh(pack: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_w: f64) -> Estimate {
     forecast::remaining_wh(pack, soc, temperature_degc, power_w)
+}
+
+/// How much more a pack that gives `steady_wh` at full power gives to a load that ends gently, where a full
+/// pack gives `gain_wh` more: one that holds less than the ending gives that much less of it.
+#[must_use]
+pub fn ending_gain_wh(steady_wh: f64, draw: &Draw, gain_wh: f64) -> f64 {
+    gain_wh * (steady_wh / draw.ending_wh().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }

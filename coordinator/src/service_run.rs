@@ -1,7 +1,8 @@
 //! A service that has begun, and the commands that carry it on.
 
 use proto::{
-    BayId, BayPhase, CommandId, PackId, RobotAction, RobotId, RobotPhase, ServiceStatus, SpareId, StationAction, StationId, Timestamp,
+    BayId, BayPhase, CommandId, PackId, RobotAction, RobotId, RobotPhase, ServiceStatus, SpareId, StationAction, StationId, StationState,
+    Timestamp,
 };
 
 use crate::fleet::{Robot, Station};
@@ -124,6 +125,12 @@ impl ServiceRun {
         }
         match (&self.how, self.stage, state.phase) {
             (_, Stage::Travelling, RobotPhase::Waiting) => Step::Enter(Stage::Waiting),
+            // Another command than ours took it in.
+            (How::Recharge { bay, .. }, Stage::Travelling | Stage::Waiting, RobotPhase::Docked)
+                if let Some(other) = self.bay_at(place).filter(|other| *other != bay) =>
+            {
+                Step::Fail(format!("it was taken into {other}"))
+            }
             // It drove into its bay by itself: no lift is asked to take it in.
             (How::Recharge { to_soc, .. }, Stage::Travelling | Stage::Waiting, RobotPhase::Docked) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::ChargingItself)
@@ -164,6 +171,11 @@ impl ServiceRun {
             (How::Swap { .. }, Stage::Swapping, RobotPhase::Working) => Step::Done,
             _ => Step::Wait,
         }
+    }
+
+    /// The bay in which the station says that it holds the robot.
+    fn bay_at<'a>(&self, station: &'a StationState) -> Option<&'a BayId> {
+        station.bays.iter().find(|bay| bay.robot.as_ref() == Some(&self.robot)).map(|bay| &bay.bay)
     }
 
     /// Whether the station says that it holds the robot in that bay.

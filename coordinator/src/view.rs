@@ -9,7 +9,7 @@ use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId,
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::fleet::{Fleet, Robot, Station};
-use crate::forecast;
+use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::Table;
 use crate::scheduler::{Begun, PackView, RobotView, SpareView, StationView, Tables, View};
@@ -260,16 +260,18 @@ impl Basis<'_> {
     /// Packs that hold something, in the order in which they are drained: the active one, then
     /// the fullest last, so that full packs stay full.
     fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
-        let power_w = self.working_power_w(id, models, state);
+        let draw = self.working_draw(id, models, state);
         let mut packs: Vec<PackView> = state
             .packs
             .iter()
             .filter(|pack| pack.connected && !pack.depleted)
             .filter_map(|pack| {
                 let (gauge, model) = (station.packs.get(&pack.pack)?, models.packs.get(&pack.pack)?);
-                let usable_wh = forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, power_w);
+                let usable_wh = forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, draw.power_w);
+                let gain_wh = self.tables.gain_wh(id, model, gauge.temperature_degc, &draw);
+                let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
                 let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor) })
+                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh })
             })
             .collect();
         let active = |pack: &PackId| state.active_pack.as_ref() == Some(pack);
@@ -277,19 +279,27 @@ impl Basis<'_> {
             let key = |pack: &PackView| (!active(&pack.pack), pack.usable_wh.value);
             key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)).then_with(|| a.pack.cmp(&b.pack))
         });
+        // Only the last one sees the end of the last charge.
+        if let Some(last) = packs.last_mut() {
+            last.usable_wh.value += std::mem::take(&mut last.gain_wh);
+        }
         packs
     }
 
-    /// Power out of the active pack while every bay charges: usable energy is counted at that.
+    /// Power out of the active pack while every bay charges, and how it falls at the end of that: usable
+    /// energy is counted for this load.
     #[must_use]
-    pub fn working_power_w(&self, id: &StationId, models: &StationModels, state: &StationState) -> f64 {
+    pub fn working_draw(&self, id: &StationId, models: &StationModels, state: &StationState) -> Draw {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
-        let Some(battery) = self.reference_battery() else { return overhead_w };
+        let Some(battery) = self.reference_battery() else { return Draw::steady(overhead_w) };
         let bays = state.bays.len();
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
         let table = self.tables.of(id, models, bays, battery, energy::units::REFERENCE_DEGC, levels);
         let service = table.at(self.settings.serve_below_soc);
-        overhead_w + bays as f64 * service.need_wh / (service.charge_s / S_PER_H).max(1e-6)
+        let each_w = service.need_wh / (service.charge_s / S_PER_H).max(1e-6);
+        let of_all_w = |each_w: f64| overhead_w + bays as f64 * each_w;
+        let ending = table.taper(each_w).into_iter().map(|(time_s, each_w)| (time_s, of_all_w(each_w)));
+        Draw { power_w: of_all_w(each_w), ending: ending.collect() }
     }
 
     /// What charging takes at a station, for a battery like those of its robots.

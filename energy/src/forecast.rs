@@ -3,6 +3,8 @@
 //! Usable energy is less than stored energy: it ends where the voltage under load meets the end
 //! of discharge (Kottas, section 3.1), so it is never a division.
 
+pub mod ending;
+
 use std::sync::Arc;
 
 use crate::pack::Battery;

@@ -9,7 +9,7 @@
 //!   draft.rs       a plan in the making: one way per robot, the books, a log to take back
 //!     |
 //!   policy/        one file per policy; optimise.rs is the default:
-//!     |              construct.rs at once, search.rs betters, prices.rs bounds and guides
+//!     |              construct.rs at once, turns.rs and search.rs better, prices.rs bounds and guides
 //!     |            replan.rs mends a plan and moves little
 //!     |
 //!   plan.rs        sessions, packs, what is proven, reasons.rs for who is left out
@@ -51,6 +51,7 @@ pub mod replan;
 mod search;
 pub mod solution;
 pub mod supply;
+mod turns;
 pub mod way;
 
 pub use capacity::{Capacity, capacity};

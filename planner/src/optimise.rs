@@ -3,7 +3,8 @@
 //! ```text
 //!   at once          several orders, the best is kept                            (construct)
 //!     |
-//!   strand few       search with what a way takes of its station as its cost     (thrifty ways)
+//!   strand few       search over orders of robots, in small fleets               (turns)
+//!     |              search with what a way takes of its station as its cost     (thrifty ways)
 //!     |
 //!   miss little      search by missed work, at most as many stranded,            (search)
 //!     |  ^            led by prices, which are bettered in between               (prices, guide)
@@ -20,6 +21,7 @@ use crate::guide::Guide;
 use crate::plan::{Levels, Plan};
 use crate::prices::{Level, Prices};
 use crate::search::Search;
+use crate::turns;
 use crate::way::Ways;
 
 /// How long to go on.
@@ -45,13 +47,21 @@ impl<F: FnMut(u64) -> f64> Budget for F {
 }
 
 /// Share of the budget after which the stranded are as few as they will be.
-const STRAND_SHARE: f64 = 0.25;
+const STRAND_SHARE: f64 = 0.4;
+/// The largest fleet for which orders are searched: beyond that, turning one into a plan takes too long.
+const TURNS_MAX: usize = 64;
+/// Share of the time for few stranded that goes to orders.
+const TURNS_SHARE: f64 = 0.9;
 /// Share of the search's time that goes to prices.
 const PRICES_SHARE: f64 = 0.25;
 /// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
 const HOT: [f64; 2] = [20.0, 64.0];
 /// Temperature at its end.
 const COLD: f64 = 0.3;
+/// A search of a small fleet is over long before its time: it is heated again so often, from its best plan.
+const HEATS: f64 = 4.0;
+/// The largest fleet for which that pays.
+const REHEATED_MAX: usize = 32;
 /// Both while the cost is what a way takes of its station.
 const THRIFTY_HEAT: [f64; 2] = [30.0, 0.5];
 /// Rounds of prices that bound the number of stranded robots.
@@ -169,9 +179,22 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 few = draft;
             }
         }
+        let until = start + STRAND_SHARE * (1.0 - start);
+        if self.ways.problem().robots.len() <= TURNS_MAX {
+            let first = start + TURNS_SHARE * (until - start);
+            let orders = ORDERS.map(|order| ranked(&thrifty, order));
+            let (budget, moves) = (&mut *self.budget, &mut self.moves);
+            let found = turns::few_stranded(&thrifty, &orders, least, &mut self.rng, |placed| {
+                *moves += placed;
+                budget.used(*moves) < first
+            });
+            if found.score < few.score {
+                few = found;
+            }
+        }
         let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
         let mut search = Search::new(few);
-        let until = start + STRAND_SHARE * (1.0 - start);
+        let start = self.used();
         loop {
             let at = self.used();
             if at >= until || search.best_score.stranded <= least {
@@ -188,7 +211,10 @@ impl<'w, 'p> Run<'w, 'p, '_> {
     /// Misses less work, strands no more.
     fn miss_little(&mut self, search: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) {
         let start = self.used();
-        let hot = (self.ways.problem().robots.len() as f64 / 4.0).clamp(HOT[0], HOT[1]);
+        let robots = self.ways.problem().robots.len();
+        let hot = (robots as f64 / 4.0).clamp(HOT[0], HOT[1]);
+        let heats = if robots <= REHEATED_MAX { HEATS } else { 1.0 };
+        let mut heated = 0.0;
         let (mut priced, mut searched) = (0.0, 0.0);
         loop {
             let at = self.used();
@@ -202,7 +228,12 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 self.moves += prices.improve(score.cost);
                 priced += self.used() - at;
             } else {
-                self.search(search, prices.guide(), heat([hot, COLD], (at - start) / (1.0 - start)));
+                let progress = heats * (at - start) / (1.0 - start);
+                if progress - heated >= 1.0 {
+                    heated = progress.floor();
+                    search.return_to_best();
+                }
+                self.search(search, prices.guide(), heat([hot, COLD], progress - heated));
                 searched += self.used() - at;
             }
         }

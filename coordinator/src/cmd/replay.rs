@@ -44,10 +44,10 @@ const LINES: usize = 10_000;
 /// # Errors
 /// When store or configuration cannot be read.
 pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
-    let config = Config::read(&args.config)?;
     let reader = Store::open_read_only(&args.store).await?;
     let starts = reader.starts().await?;
     anyhow::ensure!(!starts.is_empty(), "store {}: no start of a coordinator is in it", reader.path().display());
+    let config = Config::read(&args.config)?;
     let mut told = Vec::new();
     for (index, start) in starts.iter().enumerate().filter(|(_, start)| args.epoch.is_none_or(|epoch| start.epoch == epoch)) {
         told.push(replayed(&reader, &config, &args.config, *start, starts.get(index + 1).copied()).await?);

@@ -28,8 +28,8 @@ const TOLD_MAX: usize = 12;
 pub struct Question {
     /// Which.
     pub station: StationId,
-    /// Its packs: what the gauge says that it holds, and what it gives at the station's working power, Wh.
-    pub packs: Vec<(PackId, Estimate, Estimate)>,
+    /// Its packs.
+    pub packs: Vec<Holding>,
     /// Robots in the order in which they will want a service, and what each takes then.
     pub robots: Vec<(RobotId, Need)>,
     /// A service from where one is wanted to where it is done.
@@ -44,6 +44,19 @@ pub struct Question {
     pub overhead_per_h: Need,
     /// The same by cause, Wh.
     pub overhead_breakdown: BTreeMap<String, f64>,
+}
+
+/// What a pack holds.
+#[derive(Debug, Clone)]
+pub struct Holding {
+    /// Which.
+    pub pack: PackId,
+    /// What its gauge says, Wh.
+    pub remaining_wh: Estimate,
+    /// What it gives to services as one of the station's packs, Wh.
+    pub usable_wh: Estimate,
+    /// How much more it gives alone, Wh.
+    pub gain_wh: f64,
 }
 
 /// What one amount of energy is enough for.
@@ -69,8 +82,9 @@ pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capac
     }
 }
 
-fn of_pack(question: &Question, (pack, remaining_wh, usable_wh): &(PackId, Estimate, Estimate), confidence: f64) -> PackCapacity {
-    let count = question.count(*usable_wh, confidence);
+fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapacity {
+    let usable_wh = Estimate::new(holding.usable_wh.value + holding.gain_wh, holding.usable_wh.sigma);
+    let count = question.count(usable_wh, confidence);
     let per_service_h = question.service_s / S_PER_H / f64::from(question.bays.max(1));
     let mut breakdown_wh = question.breakdown_wh.clone();
     for (cause, w) in &question.overhead_breakdown {
@@ -79,9 +93,9 @@ fn of_pack(question: &Question, (pack, remaining_wh, usable_wh): &(PackId, Estim
     let service_wh = question.service.plus(&question.overhead_per_h.scaled(per_service_h)).estimate();
     PackCapacity {
         station: question.station.clone(),
-        pack: pack.clone(),
-        remaining_wh: node::wire(*remaining_wh),
-        usable_wh: node::wire(*usable_wh),
+        pack: holding.pack.clone(),
+        remaining_wh: node::wire(holding.remaining_wh),
+        usable_wh: node::wire(usable_wh),
         service_wh: node::wire(service_wh),
         breakdown_wh,
         robots_expected: count.expected,
@@ -94,7 +108,7 @@ fn of_pack(question: &Question, (pack, remaining_wh, usable_wh): &(PackId, Estim
 
 /// All packs of the station together: a service may begin on one and end on the next.
 fn of_station(question: &Question, confidence: f64) -> StationCapacity {
-    let together = question.packs.iter().fold(Need::default(), |sum, (_, _, usable_wh)| sum.plus(&Need::own(*usable_wh))).estimate();
+    let together = question.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
     let count = question.count(together, confidence);
     StationCapacity {
         station: question.station.clone(),
@@ -154,7 +168,10 @@ mod tests {
     use super::*;
 
     fn question(usable_wh: &[f64], bays: u32) -> Question {
-        let pack = |(n, wh): (usize, &f64)| (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh), Estimate::exact(*wh));
+        let pack = |(n, wh): (usize, &f64)| {
+            let (pack, wh) = (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh));
+            Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: 0.0 }
+        };
         Question {
             station: StationId::new("s").unwrap(),
             packs: usable_wh.iter().enumerate().map(pack).collect(),

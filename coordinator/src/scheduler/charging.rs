@@ -7,10 +7,11 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 use proto::StationId;
 
-use crate::forecast;
+use crate::forecast::{self, Draw};
 use crate::models::StationModels;
 
 /// Points of a table.
@@ -89,6 +90,19 @@ impl Table {
         }
     }
 
+    /// The end of a charge, from when it takes less than this power (W): how long (s) and how much (W), in
+    /// order, without the lift.
+    #[must_use]
+    pub fn taper(&self, below_w: f64) -> Vec<(f64, f64)> {
+        let stretch = |pair: &[Point]| {
+            let (time_s, wh) = (pair[0].charge_s - pair[1].charge_s, pair[0].need_wh - pair[1].need_wh);
+            (time_s > 0.0).then(|| (time_s, wh.max(0.0) / time_s * S_PER_H))
+        };
+        let stretches: Vec<(f64, f64)> = self.points.windows(2).filter_map(stretch).collect();
+        let full = stretches.iter().rposition(|&(_, power_w)| power_w >= below_w).map_or(0, |last| last + 1);
+        stretches[full..].to_vec()
+    }
+
     /// What a service from an uncertain state of charge takes; its shared doubt is `wider` times that of
     /// the station's model.
     #[must_use]
@@ -120,6 +134,8 @@ type Kind = (StationId, usize, usize, i32);
 #[derive(Debug, Default)]
 pub struct Tables {
     known: Mutex<BTreeMap<Kind, Arc<Table>>>,
+    /// What gentle endings gain: station, kind of pack, power (mW), temperature step.
+    gains: Mutex<BTreeMap<(StationId, usize, i64, i32), f64>>,
 }
 
 impl Tables {
@@ -135,10 +151,22 @@ impl Tables {
         temperature_degc: f64,
         [from_soc, to_soc]: [f64; 2],
     ) -> Arc<Table> {
-        let step = (temperature_degc / TEMPERATURE_STEP_DEGC).round();
+        let step = step_of(temperature_degc);
         let kind = (id.clone(), Arc::as_ptr(battery).addr(), at_once, step as i32);
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let made = || Arc::new(Table::new(station, at_once, battery, step * TEMPERATURE_STEP_DEGC, from_soc, to_soc));
         Arc::clone(known.entry(kind).or_insert_with(made))
     }
+    /// How much more a pack of this kind gives because the station's load ends gently, Wh.
+    #[must_use]
+    pub fn gain_wh(&self, id: &StationId, pack: &Arc<Model>, temperature_degc: f64, draw: &Draw) -> f64 {
+        let step = step_of(temperature_degc);
+        let kind = (id.clone(), Arc::as_ptr(pack).addr(), (draw.power_w * 1e3) as i64, step as i32);
+        let mut gains = self.gains.lock().unwrap_or_else(PoisonError::into_inner);
+        *gains.entry(kind).or_insert_with(|| energy::forecast::ending::gain_wh(pack, step * TEMPERATURE_STEP_DEGC, draw))
+    }
+}
+
+fn step_of(temperature_degc: f64) -> f64 {
+    (temperature_degc / TEMPERATURE_STEP_DEGC).round()
 }

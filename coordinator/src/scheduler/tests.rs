@@ -26,8 +26,11 @@ fn table() -> Arc<Table> {
 
 fn station(name: &str, bays: usize, usable_wh: &[f64], spares: &[f64]) -> StationView {
     let bay = |n: usize| BayId::new(format!("bay-{n}")).unwrap();
-    let pack =
-        |(n, wh): (usize, &f64)| PackView { pack: PackId::new(format!("pack-{n}")).unwrap(), usable_wh: Estimate::new(*wh, 0.01 * wh) };
+    let pack = |(n, wh): (usize, &f64)| PackView {
+        pack: PackId::new(format!("pack-{n}")).unwrap(),
+        usable_wh: Estimate::new(*wh, 0.01 * wh),
+        gain_wh: 0.0,
+    };
     let spare = |(n, soc): (usize, &f64)| SpareView { spare: SpareId::new(format!("spare-{n}")).unwrap(), soc: *soc, ready_s: 0.0 };
     StationView {
         station: StationId::new(name).unwrap(),
