@@ -12,10 +12,7 @@ use crate::models::from_wire;
 use crate::scheduler::capacity::{Holding, Question, capacity as count};
 use crate::scheduler::{PackView, Plan, Planned, Solved, StationView, account};
 use crate::service_run::{How, ServiceRun};
-use crate::view::Basis;
-
-/// A station is handed over when its active pack lasts no longer than this at the present power, s.
-const HANDOVER_S: f64 = 60.0;
+use crate::view::{Basis, HANDOVER_S};
 
 /// The plan made at `basis.now`, and the services that have begun.
 #[must_use]

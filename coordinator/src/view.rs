@@ -21,6 +21,8 @@ use crate::watch::{Subject, Watch};
 const QUEUE_SHARE: f64 = 0.9;
 /// Share of the usual caution with which a robot's time is judged that was promised a service.
 const HELD_CAUTION: f64 = 0.5;
+/// A station is handed over when its active pack lasts no longer than this at the present power, s.
+pub const HANDOVER_S: f64 = 60.0;
 /// A spare that should have been charged by now is counted on after this time, s.
 const SPARE_LATE_S: f64 = 300.0;
 
@@ -279,9 +281,15 @@ impl Basis<'_> {
             let key = |pack: &PackView| (!active(&pack.pack), pack.usable_wh.value);
             key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)).then_with(|| a.pack.cmp(&b.pack))
         });
-        // Only the last one sees the end of the last charge.
-        if let Some(last) = packs.last_mut() {
+        // Only the last one sees the end of the last charge. The others are left a little before they give out.
+        let left_wh = HANDOVER_S / S_PER_H * draw.power_w;
+        if let Some((last, before)) = packs.split_last_mut() {
             last.usable_wh.value += std::mem::take(&mut last.gain_wh);
+            for pack in before {
+                let left_wh = left_wh.min(pack.usable_wh.value);
+                pack.usable_wh.value -= left_wh;
+                pack.gain_wh += left_wh;
+            }
         }
         packs
     }

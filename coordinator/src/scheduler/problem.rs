@@ -109,7 +109,8 @@ pub struct SpareView {
 pub struct PackView {
     /// Which.
     pub pack: PackId,
-    /// What it still gives at the station's working power, Wh; the last pack, until that power has tapered off.
+    /// What it still gives at the station's working power until the selector leaves it, Wh; the last pack, until
+    /// that power has tapered off.
     pub usable_wh: Estimate,
     /// How much more it would give if it were the last, Wh.
     pub gain_wh: f64,

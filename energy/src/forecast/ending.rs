@@ -13,7 +13,7 @@ use crate::units::S_PER_H;
 use crate::{Channel, Model, Pack, Start};
 
 /// Halvings of the step in which the last moment for the ending lies.
-const HALVINGS: u32 = 3;
+const HALVINGS: u32 = 6;
 
 /// A load that ends gently.
 #[derive(Debug, Clone, PartialEq, Default)]
