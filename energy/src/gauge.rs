@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   coulomb.rs       counts charge, corrected at rest          |  counter.rs, ledger.rs  a charge count and its errors
-//!   impedance.rs     and learns resistance and capacity        |  follow.rs, rest.rs, ocv_error.rs, power.rs, cycles.rs
+//!   impedance.rs     and learns resistance and capacity        |  follow.rs, rest.rs, equilibrium.rs, ocv_error.rs, power.rs, cycles.rs
 //!   sigma_point.rs   a filter over all that the model is       |  prediction.rs  energy and times from what is believed
 //!                    unsure of                                 |
 //! ```
@@ -13,6 +13,7 @@
 mod coulomb;
 mod counter;
 mod cycles;
+mod equilibrium;
 mod follow;
 mod impedance;
 mod kind;
@@ -90,12 +91,11 @@ pub trait Gauge: Send {
 /// State of charge of a rested pack from its voltage, with the deviation that the OCV table and
 /// the voltage sensor leave.
 #[must_use]
-pub fn soc_at_rest(model: &Model, voltage_v: f64) -> Estimate {
-    let facts = model.battery();
-    let per_cell_v = voltage_v / f64::from(facts.series);
-    let soc = facts.ocv.soc(per_cell_v);
+pub fn soc_at_rest(model: &Arc<Model>, voltage_v: f64) -> Estimate {
+    let (facts, curve) = (model.battery(), equilibrium::curve(model));
+    let soc = curve.soc(voltage_v / f64::from(facts.series));
     let sensor = model.sensor(Channel::VoltageV);
     let sensor_v = sensor.floor().hypot(sensor.offset_sigma) / f64::from(facts.series);
-    let slope = facts.ocv.slope_v(soc).max(1e-3);
+    let slope = curve.slope_v(soc).max(1e-3);
     Estimate::new(soc, (model.uncertainty.ocv_sigma_v.hypot(sensor_v) / slope).clamp(1e-4, 0.5))
 }

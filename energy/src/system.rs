@@ -232,6 +232,13 @@ impl BatteryFacts {
         self.full_v_per_cell * f64::from(self.series)
     }
 
+    /// Open-circuit voltage of a cell as it is now, V: age has moved it along the table.
+    #[inline(always)]
+    pub(crate) fn cell_ocv_v<S: Real>(&self, soc: S, now: &Channels<S>) -> S {
+        let (empty, full) = (now[Channel::OcvShiftEmpty], now[Channel::OcvShiftFull]);
+        self.ocv.voltage_v(soc + empty + (full - empty) * soc)
+    }
+
     /// Energy between full and empty at no current, Wh: the integral of OCV over charge.
     #[must_use]
     pub fn stored_wh(&self) -> f64 {

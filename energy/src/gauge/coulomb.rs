@@ -96,11 +96,11 @@ impl Gauge for CoulombCounter {
             let seen = Seen {
                 cell_v: rested.cell_v,
                 noise_v2: rested.noise_v2,
-                overpotential_v: followed.drop_v,
+                below_v: followed.shift_v + followed.drop_v,
                 load: None,
                 teaches_capacity: false,
             };
-            self.0.ledger.see(&self.0.model.battery().ocv, &seen);
+            self.0.ledger.see(&self.0.ocv, &seen);
         }
     }
 

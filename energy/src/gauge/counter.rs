@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::Sample;
 use super::follow::{Followed, Follower, leak_per_s};
 use super::ledger::{CAPACITY, Ledger, SOC};
 use super::prediction::Watch;
 use super::rest::{RestDetector, Rested};
+use super::{Sample, equilibrium};
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model};
+use crate::{Channel, Estimate, Model, OcvTable};
 
 /// See the module's text.
 #[derive(Debug, Clone)]
@@ -19,6 +19,8 @@ pub(crate) struct Counter {
     pub(crate) model: Arc<Model>,
     pub(crate) ledger: Ledger,
     pub(crate) watch: Watch,
+    /// The curve that a rest is read by.
+    pub(crate) ocv: OcvTable,
     follower: Follower,
     rest: RestDetector,
 }
@@ -32,6 +34,7 @@ impl Counter {
             follower: Follower::new(&model, soc.value, temperature_degc),
             watch: Watch::new(temperature_degc),
             rest: RestDetector::default(),
+            ocv: equilibrium::curve(&model),
             model,
         }
     }
@@ -61,6 +64,7 @@ impl Counter {
         // The run has the current per capacity of the model, its resistances have the pack's own.
         followed.drop_v *= capacity;
         followed.cell_a *= capacity;
+        followed.shift_v = self.ocv.voltage_v(followed.soc) - followed.ocv_v;
         let drawn = current_a * sample.dt_s / S_PER_H / followed.capacity_ah;
         self.watch.update(sample, self.soc().value, drawn);
         (followed, drawn)

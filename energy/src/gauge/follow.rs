@@ -22,6 +22,12 @@ pub(crate) struct Follower {
 pub(crate) struct Followed {
     /// Share of capacity that left the cells, also unseen.
     pub(crate) moved: f64,
+    /// State of charge after it.
+    pub(crate) soc: f64,
+    /// Open-circuit voltage of a cell after it, V.
+    pub(crate) ocv_v: f64,
+    /// How far that lies below the curve that the gauge reads, V: what the temperature shifts.
+    pub(crate) shift_v: f64,
     /// How far the voltage of a cell lies below its open-circuit voltage, V.
     pub(crate) drop_v: f64,
     /// Current through one cell, A.
@@ -59,10 +65,13 @@ pub(crate) fn follow(run: &mut Run<f64>, sample: &Sample, current_a: f64, soc: f
     run.channels[Channel::CycleCount] = cycles;
     run.channels[Channel::CurrentA] = current_a;
     run.step(sample.dt_s);
-    let series = f64::from(run.model().battery().series);
+    let facts = run.model().battery();
     Followed {
         moved: soc - run.states()[0],
-        drop_v: run.channels[Channel::OcvV] - run.channels[Channel::VoltageV] / series,
+        soc: run.states()[0],
+        ocv_v: run.channels[Channel::OcvV],
+        shift_v: 0.0,
+        drop_v: run.channels[Channel::OcvV] - run.channels[Channel::VoltageV] / f64::from(facts.series),
         cell_a: run.channels[Channel::CellCurrentA],
         capacity_ah: run.channels[Channel::CapacityAh],
     }

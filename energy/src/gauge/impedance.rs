@@ -157,13 +157,13 @@ impl ImpedanceTrack {
         self.quiet_s >= SLEEP_AFTER_S
     }
 
-    fn learn_at_rest(&mut self, sample: &Sample, drop_v: f64) {
+    fn learn_at_rest(&mut self, sample: &Sample, below_v: f64) {
         let Some(rested) = self.counter.rested(sample) else { return };
         let soc = self.counter.ledger.state(SOC).value;
         let teaches_capacity = self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC);
         let (cell_v, noise_v2) = (rested.cell_v, rested.noise_v2);
-        let seen = Seen { cell_v, noise_v2, overpotential_v: drop_v, load: None, teaches_capacity };
-        self.counter.ledger.see(&self.counter.model.battery().ocv, &seen);
+        let seen = Seen { cell_v, noise_v2, below_v, load: None, teaches_capacity };
+        self.counter.ledger.see(&self.counter.ocv, &seen);
         if teaches_capacity || self.anchor.is_none() {
             self.anchor = Some(self.counter.ledger.state(SOC).value);
         }
@@ -173,7 +173,7 @@ impl ImpedanceTrack {
         let facts = self.counter.model.battery();
         let soc = self.counter.ledger.state(SOC).value;
         let cell_v = sample.voltage_v / f64::from(facts.series);
-        let modelled_v = facts.ocv.voltage_v(soc) - followed.drop_v;
+        let modelled_v = self.counter.ocv.voltage_v(soc) - followed.shift_v - followed.drop_v;
         let none_a = LOAD_SHARE * facts.capacity_ah / f64::from(facts.parallel);
         if followed.cell_a < none_a {
             (self.load, self.mark) = (Load::default(), None);
@@ -202,16 +202,16 @@ impl ImpedanceTrack {
         let seen = Seen {
             cell_v: seen_v,
             noise_v2: floor_v * floor_v / self.load.samples + MODEL_V * MODEL_V + (MODEL_SHARE * followed.drop_v).powi(2),
-            overpotential_v: followed.drop_v,
+            below_v: followed.shift_v + followed.drop_v,
             load: Some((self.load.cell_a * self.factor.1, &shares)),
             teaches_capacity: self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC),
         };
-        if self.counter.ledger.see(&facts.ocv, &seen).abs() > SURPRISE {
+        if self.counter.ledger.see(&self.counter.ocv, &seen).abs() > SURPRISE {
             // Not the pack that was thought of: read again as soon as there is a new mean.
             self.mark = Some(-1);
         }
         // The means are of what was measured: they stay where the state of charge is moved.
-        let moved_v = facts.ocv.voltage_v(self.counter.ledger.state(SOC).value) - facts.ocv.voltage_v(soc);
+        let moved_v = self.counter.ocv.voltage_v(self.counter.ledger.state(SOC).value) - self.counter.ocv.voltage_v(soc);
         self.load.modelled_v += moved_v;
         self.load.residual_v -= moved_v;
     }
@@ -276,7 +276,7 @@ impl Gauge for ImpedanceTrack {
         }
         let asleep = self.asleep(sample);
         let followed = self.count(sample, asleep);
-        self.learn_at_rest(sample, followed.drop_v);
+        self.learn_at_rest(sample, followed.shift_v + followed.drop_v);
         self.learn_under_load(sample, &followed);
     }
 

@@ -59,8 +59,8 @@ pub(crate) struct Seen<'a> {
     pub(crate) cell_v: f64,
     /// Variance of it that is not in the ledger's states, V².
     pub(crate) noise_v2: f64,
-    /// What the model says it lies below its open-circuit voltage, V.
-    pub(crate) overpotential_v: f64,
+    /// How far the model says it lies below the voltage of the open-circuit table, V.
+    pub(crate) below_v: f64,
     /// Current through one cell, A, for the resistances; with each one's share there.
     pub(crate) load: Option<(f64, &'a [f64])>,
     /// Whether capacity, current sensor and self-discharge may be learned from it.
@@ -226,7 +226,7 @@ impl Ledger {
             let (slope, mean_v, bend_v2) = chord(ocv, at, sigma);
             h[SOC] = slope;
             let error_v = (1.0 - share) * self.x[OCV + knot] + share * self.x[OCV + knot + 1];
-            let expected_v = mean_v + slope * (self.x[SOC] - at) + error_v + self.x[VOLTAGE_OFFSET] - seen.overpotential_v - resistance_v;
+            let expected_v = mean_v + slope * (self.x[SOC] - at) + error_v + self.x[VOLTAGE_OFFSET] - seen.below_v - resistance_v;
             line = (seen.cell_v - expected_v, seen.noise_v2 + bend_v2);
             let ph = &self.p * &h;
             let expected_v2 = (ph.dot(&h) + line.1).max(1e-12);
@@ -271,7 +271,7 @@ mod tests {
     }
 
     fn at_rest(cell_v: f64) -> Seen<'static> {
-        Seen { cell_v, noise_v2: 1e-8, overpotential_v: 0.0, load: None, teaches_capacity: true }
+        Seen { cell_v, noise_v2: 1e-8, below_v: 0.0, load: None, teaches_capacity: true }
     }
 
     #[test]

@@ -249,6 +249,8 @@ fn gather(strands: &[Strand], groups: &[Range<usize>], model: &Model, now: &mut 
         Channel::CellCurrentA,
         Channel::LostCurrentA,
         Channel::SocPerA,
+        Channel::OcvShiftEmpty,
+        Channel::OcvShiftFull,
         Channel::EntropyVPerK,
         Channel::OcvV,
         Channel::HeatW,

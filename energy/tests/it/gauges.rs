@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::gauge::{Gauge, ImpedanceTrack, Kind, Sample};
+use energy::gauge::{Gauge, ImpedanceTrack, Kind, Sample, soc_at_rest};
 use energy::load::Terminals as _;
 use energy::{Channel, Estimate, Facts, Model, Run, Start};
 
@@ -56,6 +56,28 @@ fn capacity_follows_from_two_rests_and_stays_within_its_sigma() {
     let learned = gauge.capacity_ah();
     assert!((learned.value - 0.97 * 1.32).abs() < 0.5 * 0.03 * 1.32, "{learned:?}");
     assert!((learned.value - 0.97 * 1.32).abs() < 2.5 * learned.sigma && learned.sigma < 0.8 * before.sigma, "{learned:?}");
+}
+
+/// Age has moved the curve by tens of millivolts, and the model says so: at rest every gauge reads the
+/// cell as it is, not the table of the new one.
+#[test]
+fn a_rest_is_read_by_the_curve_of_the_aged_cell() {
+    let text = energy::built_in(PACK).unwrap().to_owned()
+        + "\n[[effect]]\nid = \"electrode_balance\"\nshift_empty = { value = 0.06, source = \"test\" }\nshift_full = { value = -0.05, source = \"test\" }\n";
+    let read = |table: &str| energy::built_in(table).map(str::to_owned).ok_or_else(|| "not built in".to_owned());
+    let aged = Arc::new(Model::parse("aged", &text, &read).unwrap());
+    for soc in [0.15, 0.5, 0.9] {
+        let mut pack = Run::new(Arc::clone(&aged), Start::at_soc(soc));
+        pack.step(1.0);
+        let from_voltage = soc_at_rest(&aged, pack.channels[Channel::VoltageV]).value;
+        assert!((from_voltage - soc).abs() < 1e-4, "{from_voltage} at {soc}");
+        for &kind in Kind::ALL {
+            let mut gauge = kind.open(Arc::clone(&aged), Estimate::new(soc - 0.1, 0.1), 25.0);
+            watch(&mut pack, gauge.as_mut(), 0.0, 3600.0);
+            let read = gauge.soc();
+            assert!((read.value - soc).abs() < 0.012, "{kind:?} reads {read:?} at {soc}");
+        }
+    }
 }
 
 #[test]

@@ -150,8 +150,8 @@ impl Measured {
             let mut run = Run::new(Arc::clone(&self.model), Start::at_soc(soc.value));
             run.channels[Channel::CurrentA] = current_a;
             run.step(for_s);
-            let rested = Run::new(Arc::clone(&self.model), Start::at_soc(run.channels[Channel::Soc]));
-            soc = soc_at_rest(&self.model, voltage_v + rested.channels[Channel::VoltageV] - run.channels[Channel::VoltageV]);
+            let rested_v = run.channels[Channel::OcvV] * f64::from(self.model.battery().series);
+            soc = soc_at_rest(&self.model, voltage_v + rested_v - run.channels[Channel::VoltageV]);
         }
         soc
     }

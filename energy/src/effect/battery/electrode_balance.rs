@@ -4,7 +4,8 @@
 //! new one stood at SoC a, a full one (z = 1) where it stood at SoC 1 + b. Lithium bound in the
 //! anode's film slides the electrodes' curves along one another; seen from a table of the whole
 //! cell, that is a shift and a stretch of its axis. What is beyond the ends of the table is its
-//! end segments continued.
+//! end segments continued. Every effect that reads the curve at another charge than the mean one
+//! (diffusion at the particles' surface, a weak cell) reads the moved curve.
 //!
 //! Absence: in an aged cell the residual at rest follows the slope of the OCV curve, steps and
 //! plateaus included, and rests of a new cell leave none.
@@ -58,9 +59,9 @@ impl Physics for ElectrodeBalance {
     #[inline]
     fn step<S: Real>(&self, facts: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let Facts::Battery(battery) = facts else { return };
-        let (soc, [empty, full]) = (channels[Channel::Soc], [own.parameters[0], own.parameters[1]]);
-        let shifted = soc + empty + (full - empty) * soc;
-        let share_v = battery.ocv.voltage_v(shifted) - battery.ocv.voltage_v(soc);
+        let soc = channels[Channel::Soc];
+        (channels[Channel::OcvShiftEmpty], channels[Channel::OcvShiftFull]) = (own.parameters[0], own.parameters[1]);
+        let share_v = battery.cell_ocv_v(soc, channels) - battery.ocv.voltage_v(soc);
         channels.add(Channel::OcvV, share_v);
     }
 }

@@ -113,7 +113,7 @@ impl Physics for SurfaceDiffusion {
         let Facts::Battery(battery) = facts else { return };
         let flux = own.prepared[2 * PAIRS] * channels[Channel::CellCurrentA] / channels[Channel::CapacityAh];
         let (soc, ahead) = (channels[Channel::Soc], step_pairs(own.states, own.prepared, flux));
-        let share_v = battery.ocv.voltage_v(soc) - battery.ocv.voltage_v(soc - ahead);
+        let share_v = battery.cell_ocv_v(soc, channels) - battery.cell_ocv_v(soc - ahead, channels);
         channels.add(Channel::OverpotentialV, own.parameters[0] * share_v);
     }
 }
@@ -145,6 +145,22 @@ mod tests {
             let ours: Complex<f64> = GROUPS.iter().map(|&(gain, rate)| gain * rate / (p + rate)).sum();
             assert!((ours / exact - 1.0).norm() < 0.03, "{p}: {ours} {exact}");
         }
+    }
+
+    /// By hand: a curve that is a straight line of 1 V over SoC, shortened by a fifth at its full
+    /// end, is 0.8 V over SoC, and so is what the surface makes of it.
+    #[test]
+    fn an_aged_cell_reads_its_own_curve_at_the_surface() {
+        let lag_v = |aged: &[(&str, &[(&str, f64)])]| {
+            let mut effects: Vec<(&str, &[(&str, f64)])> = vec![("surface_diffusion", &[("share", 1.0), ("tau_d_s", 1000.0)])];
+            effects.extend(aged);
+            let mut run = cell(1, &effects, Start::at_soc(0.8));
+            run.channels[Channel::CurrentA] = 1.0;
+            run.step(600.0);
+            run.channels[Channel::OverpotentialV]
+        };
+        let aged_v = lag_v(&[("electrode_balance", &[("shift_empty", 0.0), ("shift_full", -0.2)])]);
+        assert!((aged_v / lag_v(&[]) - 0.8).abs() < 1e-9, "{aged_v}");
     }
 
     /// A cell of 2 Ah whose OCV is a straight line of 1 V over SoC.

@@ -89,7 +89,7 @@ impl Physics for WeakCell {
         let current_a = channels[Channel::CellCurrentA];
         own.states[0] -= own.prepared[0] * (current_a + channels[Channel::LostCurrentA]) / channels[Channel::CapacityAh];
         let (soc, others_v) = (channels[Channel::Soc], channels[Channel::CellVoltageV]);
-        let share_v = battery.ocv.voltage_v(soc + own.states[0]) - battery.ocv.voltage_v(soc) - own.parameters[2] * current_a;
+        let share_v = battery.cell_ocv_v(soc + own.states[0], channels) - battery.cell_ocv_v(soc, channels) - own.parameters[2] * current_a;
         let weak_v = others_v + share_v;
         let (low_v, high_v) = if share_v.re() < 0.0 { (weak_v, others_v) } else { (others_v, weak_v) };
         channels[Channel::CellMinV] = low_v;
@@ -121,6 +121,18 @@ mod tests {
         assert!((run.channels[Channel::CellMinV] - (3.375 - 0.02)).abs() < 1e-12);
         assert!((run.channels[Channel::VoltageV] - (3.5 + 3.5 + 3.355)).abs() < 1e-12);
         assert!((3.0 * run.channels[Channel::CellVoltageV] - run.channels[Channel::VoltageV]).abs() < 1e-12);
+    }
+
+    /// By hand: in aged cells whose curve spans 0.8 V, 0.1 of charge less is 80 mV.
+    #[test]
+    fn a_weak_cell_ages_with_the_others() {
+        let aged: &[(&str, &[(&str, f64)])] = &[
+            ("electrode_balance", &[("shift_empty", 0.0), ("shift_full", -0.2)]),
+            ("weak_cell", &[("capacity_deficit", 0.0), ("soc_offset", -0.1), ("extra_resistance_ohm", 0.0)]),
+        ];
+        let mut run = cell(3, aged, Start::at_soc(0.5));
+        run.step(1.0);
+        assert!((run.channels[Channel::VoltageV] - (3.0 * 3.4 - 0.08)).abs() < 1e-12);
     }
 
     /// An offset is seen at rest, before any current has flowed, and comes back after a cycle.
