@@ -1,5 +1,6 @@
 //! What holds for every model, whatever its effects.
 
+mod allocation;
 mod converter_data;
 mod coverage;
 mod dual;
