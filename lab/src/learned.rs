@@ -144,16 +144,16 @@ const OCV_LEAST_V: f64 = 2e-5;
 
 fn moved_ocv(state: &State) -> Option<MovedOcv> {
     let Facts::Battery(facts) = &state.frame.model.facts else { return None };
-    let errors = state.frame.ocv_error(&state.x);
+    let (first, last) = (facts.ocv.points().0[0], *facts.ocv.points().0.last()?);
+    // What lies beyond the table's ends would change the line that goes on from them.
+    let mut errors = state.frame.ocv_error(&state.x);
+    errors.retain(|(soc, _)| (first..=last).contains(soc));
     let most_v = errors.iter().map(|(_, error)| *error).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
     if most_v.abs() < OCV_LEAST_V {
         return None;
     }
     let knots: Vec<f64> = errors.iter().map(|(soc, _)| *soc).collect();
-    let (first, last) = (facts.ocv.points().0[0], *facts.ocv.points().0.last()?);
-    // Knots beyond the table's ends would change the line that goes on from them.
-    let within = knots.iter().copied().filter(|knot| (first..=last).contains(knot));
-    let mut soc: Vec<f64> = facts.ocv.points().0.iter().copied().chain(within).collect();
+    let mut soc: Vec<f64> = facts.ocv.points().0.iter().copied().chain(knots).collect();
     soc.sort_by(f64::total_cmp);
     soc.dedup_by(|a, b| *a - *b < 1e-9);
     let moved = |&soc: &f64| facts.ocv.voltage_v(soc) + straight(&errors, soc);

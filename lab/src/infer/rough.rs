@@ -93,11 +93,18 @@ pub(super) fn temperature_is_judged(log: &Prepared) -> bool {
 const KNOTS: [f64; 22] =
     [0.0, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0];
 
-/// States of charge between which the error of an OCV table runs straight: the table's own where
-/// it has few.
+/// How far beyond its ends a table's error goes on to change: a cell that is charged to its limit, or
+/// whose charge at the start was stated a little too high, is there for a while, and where a table's
+/// last line leads is known no better than the table.
+const BEYOND: f64 = 0.05;
+
+/// States of charge at which the error of an OCV table is a number of its own: the table's own where it
+/// has few, and one beyond each end.
 #[must_use]
 pub fn knots(table_soc: &[f64]) -> Vec<f64> {
-    if table_soc.len() <= KNOTS.len() { table_soc.to_vec() } else { KNOTS.to_vec() }
+    let own = if table_soc.len() <= KNOTS.len() { table_soc } else { &KNOTS };
+    let ends = own.first().map(|first| first - BEYOND).into_iter();
+    ends.chain(own.iter().copied()).chain(own.last().map(|last| last + BEYOND)).collect()
 }
 
 /// The knots about a state of charge with their weights, which sum to one: a cubic between two
