@@ -135,6 +135,11 @@ pub trait Physics: Send + Sync {
         0
     }
 
+    /// Whether it reads the open-circuit curve at another charge than the mean one of the cells.
+    fn reads_curve(&self) -> bool {
+        false
+    }
+
     /// Calculates what depends on parameters and the length of a step only, such as
     /// `exp(-dt / tau)`. Called when one of these changes, not at every step.
     fn prepare<S: Real>(&self, _facts: &Facts, _dt_s: f64, _parameters: &[S], _prepared: &mut [S]) {}
@@ -176,6 +181,8 @@ pub trait Effect: Steps<f64> + Steps<Dual> {
     fn spec(&self) -> &'static EffectSpec;
     /// [`Physics::prepared_len`].
     fn prepared_len(&self) -> usize;
+    /// [`Physics::reads_curve`].
+    fn reads_curve(&self) -> bool;
 }
 
 impl<T: Physics> Effect for T {
@@ -184,6 +191,9 @@ impl<T: Physics> Effect for T {
     }
     fn prepared_len(&self) -> usize {
         Physics::prepared_len(self)
+    }
+    fn reads_curve(&self) -> bool {
+        Physics::reads_curve(self)
     }
 }
 

@@ -52,6 +52,25 @@ impl OcvTable {
                 ));
             }
         }
+        Ok(Self::kept(soc, voltage_v))
+    }
+
+    /// The same table with an error added, V over SoC: a straight line between its own points and these
+    /// further ones. Unlike a table that is read, it may fall where the error does.
+    ///
+    /// # Panics
+    /// When a further point is not finite.
+    #[must_use]
+    pub fn moved(&self, further: &[f64], error_v: impl Fn(f64) -> f64) -> Self {
+        assert!(further.iter().all(|soc| soc.is_finite()), "points of an error are numbers");
+        let mut soc: Vec<f64> = self.soc.iter().chain(further).copied().collect();
+        soc.sort_by(f64::total_cmp);
+        soc.dedup_by(|a, b| *a - *b < 1e-9);
+        let voltage_v = soc.iter().map(|&soc| self.voltage_v(soc) + error_v(soc)).collect();
+        Self::kept(soc, voltage_v)
+    }
+
+    fn kept(soc: Vec<f64>, voltage_v: Vec<f64>) -> Self {
         let slope = |(s, v): (&[f64], &[f64])| (v[1] - v[0]) / (s[1] - s[0]);
         let slopes_v = soc.windows(2).zip(voltage_v.windows(2)).map(slope).collect();
         let (first, last) = (soc[0], soc[soc.len() - 1]);
@@ -62,7 +81,7 @@ impl OcvTable {
             .map(|soc| table.soc.partition_point(|&knot| knot <= soc).clamp(1, table.soc.len() - 1) - 1)
             .map(|segment| segment as u16)
             .collect();
-        Ok(table)
+        table
     }
 
     /// Points of the table.
@@ -143,6 +162,14 @@ mod tests {
     fn voltage_gives_back_the_soc_it_came_from() {
         for soc in [0.0_f64, 0.1, 0.5, 0.77, 1.0] {
             assert!((table().soc(table().voltage_v(soc)) - soc).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn an_error_is_added_between_the_points_and_where_the_table_goes_on() {
+        let moved = table().moved(&[-0.1, 0.25, 1.1], |soc| 0.1 * soc);
+        for soc in [-0.05, 0.1, 0.25, 0.6, 1.05_f64] {
+            assert!((moved.voltage_v(soc) - table().voltage_v(soc) - 0.1 * soc).abs() < 1e-12, "{soc}");
         }
     }
 

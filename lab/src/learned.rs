@@ -10,7 +10,7 @@ use energy::{Channel, Facts, Model, OcvTable};
 use serde::Serialize;
 
 use crate::infer::certainty::range_sigma;
-use crate::infer::rough::Rough;
+use crate::infer::rough::{Rough, straight};
 use crate::infer::state::State;
 use crate::model_edit::{Change, EditError, append, edit, ocv_of_file, set_number, set_ocv};
 use crate::report::quantity::{quantity, unit_of};
@@ -170,16 +170,6 @@ fn moved_ocv(state: &State) -> Option<MovedOcv> {
     let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     let squares: Vec<f64> = errors.iter().map(|(_, error)| error.powi(2)).collect();
     Some(MovedOcv { table: OcvTable::new(soc, voltage_v).ok()?, rms_v: mean(&squares).sqrt(), most_v, sigma_v: mean(&variances).sqrt() })
-}
-
-/// The value at `x` on straight lines through the points, which lie in order; beyond them the last.
-fn straight(points: &[(f64, f64)], x: f64) -> f64 {
-    let high = points.partition_point(|(at, _)| *at <= x);
-    match (high.checked_sub(1).map(|low| points[low]), points.get(high)) {
-        (Some((x0, y0)), Some((x1, y1))) => y0 + (y1 - y0) * (x - x0) / (x1 - x0),
-        (Some((_, y)), None) | (None, Some(&(_, y))) => y,
-        (None, None) => 0.0,
-    }
 }
 
 /// The nearest values that do not fall, by pooling neighbours that do (isotonic regression).

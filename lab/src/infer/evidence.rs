@@ -68,6 +68,8 @@ pub struct Evidence {
     pub floors: Vec<(Channel, f64)>,
     /// How a model walks each log to show what is judged.
     pub(super) courses: Vec<Course>,
+    /// The same with a step for every row.
+    pub(super) fine: Vec<Course>,
     /// The parameters of the model that the logs are held against, as they were given.
     pub(super) given: Vec<Parameter>,
     /// The same evidence row by row, where `segments` hold means of rows.
@@ -119,8 +121,9 @@ impl Evidence {
                 floors.push((segment.channel, white));
             }
         }
-        let courses = logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
-        Evidence { logs: Arc::new(logs), segments, floors, courses, given: model.parameters().to_vec(), whole: None }
+        let courses = || logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
+        let (courses, fine) = (courses(), courses());
+        Evidence { logs: Arc::new(logs), segments, floors, courses, fine, given: model.parameters().to_vec(), whole: None }
     }
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
@@ -132,10 +135,11 @@ impl Evidence {
         let jumps: Vec<Vec<bool>> = whole.logs.iter().map(|log| jumps(log, model)).collect();
         let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
         place(&mut segments);
-        let logs = whole.logs.iter().enumerate();
-        let courses = logs.map(|(index, log)| Course::in_means(index, log, &segments, |channel| model.sensor(channel))).collect();
+        let logs = || whole.logs.iter().enumerate();
+        let courses = logs().map(|(index, log)| Course::in_means(index, log, &segments, |channel| model.sensor(channel))).collect();
+        let fine = logs().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (floors, given) = (whole.floors.clone(), whole.given.clone());
-        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, given, whole: Some(Arc::new(whole)) }
+        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, fine, given, whole: Some(Arc::new(whole)) }
     }
 
     /// Judged rows.

@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use energy::{Channel, Channels, Facts, Model, Start, System};
 
+use super::course::Course;
 use super::evidence::Evidence;
-use super::rough::{Known, Rough, knots, rough, weights};
+use super::rough::{Known, Rough, knots, rough, straight, weights};
 use super::walk::{drives, walk};
 use crate::prepare::predicted_channels;
 
@@ -26,6 +27,12 @@ pub struct Frame {
     pub known: Vec<Known>,
     /// Where the error of an OCV table may bend.
     knots: Vec<f64>,
+    /// States of charge between which that error is taken for a straight line, with the weight of every
+    /// knot that counts there.
+    between: Vec<(f64, [(usize, f64); 4])>,
+    /// Whether the model reads its OCV table elsewhere than at the mean charge: then it bends where the
+    /// mean does not say, and only steps of a row each follow it.
+    reads_curve: bool,
 }
 
 impl Frame {
@@ -38,7 +45,13 @@ impl Frame {
             Facts::Battery(facts) => knots(facts.ocv.points().0),
             _ => Vec::new(),
         };
-        Frame { model, evidence, free, known, knots }
+        let parts = knots.windows(2).flat_map(|pair| {
+            let part = move |part| pair[0] + (pair[1] - pair[0]) * f64::from(part) / f64::from(POINTS_BETWEEN);
+            (0..POINTS_BETWEEN).map(part)
+        });
+        let between = parts.chain(knots.last().copied()).map(|soc| (soc, weights(&knots, soc))).collect();
+        let reads_curve = model.effects().any(|effect| effect.reads_curve());
+        Frame { model, evidence, free, known, knots, between, reads_curve }
     }
 
     /// Number of unknowns.
@@ -85,12 +98,8 @@ impl Frame {
         if errors.is_empty() {
             return Vec::new();
         }
-        let between = self
-            .knots
-            .windows(2)
-            .flat_map(|pair| (0..POINTS_BETWEEN).map(move |point| pair[0] + (pair[1] - pair[0]) * point as f64 / POINTS_BETWEEN as f64));
-        let all = between.chain(self.knots.last().copied());
-        all.map(|soc| (soc, weights(&self.knots, soc).iter().map(|&(knot, weight)| errors[knot] * weight).sum())).collect()
+        let error = |weights: &[(usize, f64)]| weights.iter().map(|&(knot, weight)| errors[knot] * weight).sum();
+        self.between.iter().map(|(soc, weights)| (*soc, error(weights))).collect()
     }
 
     /// Error of the OCV table at every knot, V per cell; empty when the table is exact.
@@ -183,15 +192,21 @@ impl Frame {
         input && !predicted_channels(&self.model).contains(&channel)
     }
 
-    /// The model with the capacity of these unknowns.
+    /// The model with the capacity and the OCV table of these unknowns. Effects that read the table
+    /// elsewhere than at the mean charge read the same one.
     fn model_at(&self, x: &[f64]) -> Arc<Model> {
-        let share = self.error(x, Rough::Capacity);
-        if share == 0.0 {
+        let (share, errors) = (self.error(x, Rough::Capacity), self.ocv_error(x));
+        let table_errs = errors.iter().any(|&(_, error)| error != 0.0);
+        if share == 0.0 && !table_errs {
             return Arc::clone(&self.model);
         }
         let mut model = Model::clone(&self.model);
         if let Facts::Battery(facts) = &mut model.facts {
             facts.capacity_ah *= 1.0 + share;
+            if table_errs {
+                let soc: Vec<f64> = errors.iter().map(|&(soc, _)| soc).collect();
+                facts.ocv = facts.ocv.moved(&soc, |soc| straight(&errors, soc));
+            }
         }
         Arc::new(model)
     }
@@ -217,7 +232,7 @@ impl Frame {
             (None, None) => None,
             (offset, gain) => Some((offset.unwrap_or(zero), gain.unwrap_or(zero))),
         };
-        let (prepared, course) = (&self.evidence.logs[log], &self.evidence.courses[log]);
+        let (prepared, course) = (&self.evidence.logs[log], self.course(log));
         let mut start: Start<S> = prepared.start.lifted();
         start.soc += lifted(Rough::SocInitial(log)).unwrap_or(zero);
         start.temperature_degc += self.error(x, Rough::TemperatureInitial(log));
@@ -226,6 +241,12 @@ impl Frame {
             Steps::Course => (&course.time_s, &course.inputs),
         };
         walk(model, parameters, start, time_s, &drives(model, inputs, shift), at);
+    }
+
+    /// How the model walks a log to show what is judged.
+    fn course(&self, log: usize) -> &Course {
+        let courses = if self.reads_curve { &self.evidence.fine } else { &self.evidence.courses };
+        &courses[log]
     }
 
     fn cells(&self) -> f64 {
@@ -249,7 +270,7 @@ enum Steps {
 /// an effect.
 const ROUGH_MAX: f64 = 3.0;
 /// Straight lines that stand for the curve between two knots.
-const POINTS_BETWEEN: usize = 4;
+const POINTS_BETWEEN: u32 = 4;
 
 mod slopes;
 #[cfg(test)]

@@ -56,6 +56,10 @@ impl Physics for ElectrodeBalance {
         &SPEC
     }
 
+    fn reads_curve(&self) -> bool {
+        true
+    }
+
     #[inline]
     fn step<S: Real>(&self, facts: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let Facts::Battery(battery) = facts else { return };

@@ -95,6 +95,10 @@ impl Physics for SurfaceDiffusion {
         &SPEC
     }
 
+    fn reads_curve(&self) -> bool {
+        true
+    }
+
     fn prepared_len(&self) -> usize {
         2 * PAIRS + 1
     }

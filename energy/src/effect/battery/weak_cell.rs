@@ -70,6 +70,10 @@ impl Physics for WeakCell {
         &SPEC
     }
 
+    fn reads_curve(&self) -> bool {
+        true
+    }
+
     fn start<S: Real>(&self, _: &Facts, parameters: &[S], states: &mut [S], _: &Channels<S>) {
         states[0] = parameters[1];
     }

@@ -8,11 +8,13 @@ use energy::{Channel, Channels, Facts, Model};
 use nalgebra::DMatrix;
 
 use super::{Frame, Steps};
-use crate::infer::rough::{Rough, curve, weights};
+use crate::infer::rough::{Rough, weights};
 use crate::infer::state::observed;
 
 /// Share of the capacity over which its derivative is taken.
 const CAPACITY_STEP: f64 = 1e-4;
+/// Step over which the derivative by the open-circuit voltage at a knot is taken, V.
+const OCV_STEP_V: f64 = 1e-5;
 /// Step over which the derivative by a temperature is taken, K.
 const TEMPERATURE_STEP_K: f64 = 1e-3;
 
@@ -112,6 +114,8 @@ impl Frame {
         for (place, &unknown) in by.iter().enumerate() {
             let (step, logs) = match self.what(unknown) {
                 Some(Rough::Capacity) => (CAPACITY_STEP, 0..self.evidence.logs.len()),
+                // The mean charge alone does not say where the table is read.
+                Some(Rough::Ocv(_)) if self.reads_curve => (OCV_STEP_V, 0..self.evidence.logs.len()),
                 Some(Rough::TemperatureInitial(log)) => (TEMPERATURE_STEP_K, log..log + 1),
                 _ => continue,
             };
@@ -140,7 +144,7 @@ impl Frame {
         error: impl Fn(Rough, f64) -> S,
         mut at: impl FnMut(&Share<S>),
     ) {
-        let (ocv, cells) = (self.knot_errors(x), self.cells());
+        let cells = self.cells();
         let source = |channel| {
             let unpredicted = channel == Channel::TemperatureDegc && !model.predicts_temperature();
             if unpredicted { Channel::AmbientDegc } else { channel }
@@ -156,23 +160,15 @@ impl Frame {
                 source: source(segment.channel),
                 offset: self.error(x, Rough::Offset(segment.channel)),
                 gain: self.error(x, Rough::Gain(segment.channel)),
-                corrected: segment.channel == Channel::VoltageV && ocv.iter().any(|&error| error != 0.0),
             })
             .collect();
         // What each segment showed before and shows now, with the state of charge then.
         let none = (S::from(0.0), 0.0);
         let mut shown = vec![(none, none); own.len()];
-        let (course, segments) = (&self.evidence.courses[log], &self.evidence.segments);
+        let (course, segments) = (self.course(log), &self.evidence.segments);
         self.walk_log(log, Steps::Course, x, parameters, model, error, |step, now: &Channels<S>| {
             let soc = now[Channel::Soc];
-            let show = |seen: &Seen| {
-                let mut value = now[seen.source];
-                if seen.corrected {
-                    let (error, slope) = curve(&self.knots, &ocv, soc.re());
-                    value += soc.chain(error, slope) * cells;
-                }
-                value * (1.0 + seen.gain) + seen.offset
-            };
+            let show = |seen: &Seen| now[seen.source] * (1.0 + seen.gain) + seen.offset;
             for (shown, seen) in shown.iter_mut().zip(&own) {
                 shown.0 = shown.1;
                 shown.1 = (show(seen), soc.re());
@@ -182,7 +178,7 @@ impl Frame {
                 let index = own.iter().position(|seen| seen.place == share.segment).unwrap_or(0);
                 let (before, (now, soc)) = shown[index];
                 if share.before > 0.0 {
-                    let bent = self.bend(segments[share.segment].channel, before.1, soc, share.rows);
+                    let bent = bend(model, segments[share.segment].channel, before.1, soc, share.rows);
                     let (volts, slope) = (bent.0 * cells * share.each / share.now, bent.1 * cells * share.each / share.now);
                     let now = now + now_soc.chain(volts, slope);
                     at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
@@ -192,28 +188,6 @@ impl Frame {
                 }
             }
         });
-    }
-
-    /// How far the open-circuit voltages of a step's rows, summed up, lie from the straight line
-    /// between its ends, V per cell, and how that changes with the state of charge of all of them.
-    fn bend(&self, channel: Channel, begin: f64, end: f64, rows: usize) -> (f64, f64) {
-        let Facts::Battery(facts) = &self.model.facts else { return (0.0, 0.0) };
-        if channel != Channel::VoltageV || rows < 2 {
-            return (0.0, 0.0);
-        }
-        let at = |soc: f64| {
-            let soc: Dual = facts.ocv.voltage_v(variable(soc, 0));
-            (soc.re, derivative(&soc, 0))
-        };
-        let (first, last) = (at(begin), at(end));
-        let (mut volts, mut slope) = (0.0, 0.0);
-        for row in 1..rows {
-            let share = row as f64 / rows as f64;
-            let here = at(begin + share * (end - begin));
-            volts += here.0 - first.0 - share * (last.0 - first.0);
-            slope += here.1 - first.1 - share * (last.1 - first.1);
-        }
-        (volts, slope)
     }
 
     /// Shows every target as it was a little later or, for a negative lag, earlier: on the line
@@ -251,14 +225,34 @@ impl Frame {
     }
 }
 
+/// How far the open-circuit voltages of a step's rows, summed up, lie from the straight line
+/// between its ends, V per cell, and how that changes with the state of charge of all of them.
+fn bend(model: &Model, channel: Channel, begin: f64, end: f64, rows: usize) -> (f64, f64) {
+    let Facts::Battery(facts) = &model.facts else { return (0.0, 0.0) };
+    if channel != Channel::VoltageV || rows < 2 {
+        return (0.0, 0.0);
+    }
+    let at = |soc: f64| {
+        let soc: Dual = facts.ocv.voltage_v(variable(soc, 0));
+        (soc.re, derivative(&soc, 0))
+    };
+    let (first, last) = (at(begin), at(end));
+    let (mut volts, mut slope) = (0.0, 0.0);
+    for row in 1..rows {
+        let share = row as f64 / rows as f64;
+        let here = at(begin + share * (end - begin));
+        volts += here.0 - first.0 - share * (last.0 - first.0);
+        slope += here.1 - first.1 - share * (last.1 - first.1);
+    }
+    (volts, slope)
+}
+
 /// How a segment's channel is shown.
 struct Seen {
     place: usize,
     source: Channel,
     offset: f64,
     gain: f64,
-    /// Whether the error of the OCV table counts.
-    corrected: bool,
 }
 
 /// Unknowns that are added to what the model predicts: the places of their derivatives.
