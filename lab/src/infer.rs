@@ -25,6 +25,7 @@
 //!   judge      accepted or not, also by logs that the fit has not seen
 //!     v
 //!   discover   one after the other until the model is complete, or nothing explains what is left
+//!     |          prune   effects that a later one made needless
 //!     |
 //!   answer       all of that in numbers and names, for the terminal, JSON and the report
 //!
@@ -45,6 +46,7 @@ pub mod judge;
 mod lens;
 pub mod noise;
 pub mod propose;
+mod prune;
 pub mod rough;
 pub mod score;
 pub mod state;

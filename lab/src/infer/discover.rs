@@ -7,6 +7,7 @@ use energy::{Channel, Model};
 use super::candidate::{Candidate, Untested, candidates};
 use super::evidence::Evidence;
 use super::judge::{ABSORBED, Refusal, explained, refusals, squares, threshold};
+use super::prune::shorter;
 use super::score::{Score, Scoring};
 use super::state::State;
 use super::trial::{Trial, held_out};
@@ -87,13 +88,26 @@ impl Step {
             alike.into_iter().for_each(|place| refit(place, &mut trials));
             trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
         }
-        let mut judged: Vec<(Trial, Vec<Refusal>)> = trials
-            .into_iter()
-            .map(|trial| {
-                let refusals = refusals(&base, &trial, &base_holdout, holdout, able.len());
-                (trial, refusals)
-            })
-            .collect();
+        let judge = |trial: Trial| {
+            let refusals = refusals(&base, &trial, &base_holdout, holdout, able.len());
+            (trial, refusals)
+        };
+        let mut judged: Vec<(Trial, Vec<Refusal>)> = trials.into_iter().map(judge).collect();
+        // An effect that begins as something the base model has (a weak cell, as another charge at the
+        // start) shows at its real size only: before nothing is found, those are tried as well.
+        if judged.iter().all(|(_, refusals)| !refusals.is_empty()) && !explained(&base) {
+            let tried = |place: usize| judged.iter().any(|(trial, _)| trial.spec.id == scored[place].0.spec.id);
+            let begins_alike: Vec<usize> =
+                (0..scored.len()).filter(|&place| scored[place].0.uniqueness < ABSORBED && !tried(place)).collect();
+            let mut more = Vec::new();
+            let promising = begins_alike.into_iter().filter(|&place| {
+                let (score, candidate) = &scored[place];
+                base.cost - Trial::glance(&base, candidate, score) > 0.5 * threshold(able.len())
+            });
+            promising.for_each(|place| refit(place, &mut more));
+            more.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+            judged.extend(more.into_iter().map(judge));
+        }
         // The accepted ones come first, and of those that do as well the simplest.
         judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
         let accepted = judged.iter().take_while(|(_, refusals)| refusals.is_empty()).count();
@@ -179,14 +193,19 @@ const EFFECTS_MAX: usize = 8;
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
     let mut state = State::of_model(model, evidence);
     let mut steps = Vec::new();
-    loop {
+    for look in 0.. {
         let step = Step::look(state, holdout);
-        let go_on = matches!(step.outcome, Outcome::Missing(_)) && steps.len() < EFFECTS_MAX;
-        let next = if go_on { step.trials[0].state.clone() } else { step.base.clone() };
+        let go_on = matches!(step.outcome, Outcome::Missing(_)) && look < EFFECTS_MAX;
+        let last = if go_on { step.trials[0].state.clone() } else { step.base.clone() };
         steps.push(step);
-        state = next;
         if !go_on {
-            return Search { steps, last: state };
+            return Search { steps, last };
+        }
+        state = last;
+        while let Some(way) = shorter(&steps, holdout) {
+            steps = way;
+            state = steps[steps.len() - 1].trials[0].state.clone();
         }
     }
+    unreachable!("a search ends")
 }

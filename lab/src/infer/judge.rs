@@ -38,6 +38,9 @@ const EXPLAINED: f64 = 1.05;
 /// whatever a decision would notice.
 const SEEN: f64 = 2.0;
 
+/// Share of a reading's noise below which a change of the predictions is none.
+const HARDLY: f64 = 0.2;
+
 /// The evidence that one of so many effects must bring.
 pub(super) fn threshold(tried: usize) -> f64 {
     DELTA_BIC + 2.0 * (tried.max(1) as f64).ln()
@@ -54,7 +57,9 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout:
     let evidence = &base.frame.evidence;
     let unit = |channel: Channel| unit_of(channel.name());
     let mut alike = evidence.floors.iter().filter(|(channel, _)| unit(*channel) == unit(trial.spec.channel));
-    if trial.change < trial.spec.matters && alike.all(|(_, floor)| trial.change < SEEN * floor) {
+    let unseen = trial.change < trial.spec.matters && alike.all(|(_, floor)| trial.change < SEEN * floor);
+    let relieves = strain(base) - strain(&trial.state) > threshold(tried);
+    if unseen || !relieves && hardly_moves(base, &trial.state) {
         all.push(Refusal::TooSmall);
     }
     if !all.is_empty() {
@@ -82,6 +87,29 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout:
         }
     }
     all
+}
+
+/// Whether no prediction of a measured channel moves by a fifth of what one reading can show, over all
+/// rows: so little is left by tables that are straight between their points, by means of rows and by the
+/// noise of inputs.
+fn hardly_moves(base: &State, other: &State) -> bool {
+    let evidence = &base.frame.evidence;
+    evidence.floors.iter().all(|&(channel, floor)| {
+        let (mut squares, mut count) = (0.0, 0.0);
+        for segment in evidence.segments.iter().filter(|segment| segment.channel == channel) {
+            for (row, rows) in segment.range().zip(&segment.counts) {
+                squares += rows * (base.residual[row] - other.residual[row]).powi(2);
+                count += rows;
+            }
+        }
+        squares < (HARDLY * floor).powi(2) * count
+    })
+}
+
+/// How far everything that is only roughly known is from what is known of it: squares of deviations.
+fn strain(state: &State) -> f64 {
+    let (known, free) = (&state.frame.known, state.frame.free.len());
+    known.iter().zip(&state.x[free..]).map(|(known, error)| (error / known.sigma).powi(2)).sum()
 }
 
 /// Whether every channel is at its floor.

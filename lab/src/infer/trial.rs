@@ -56,6 +56,16 @@ impl Trial {
         Trial::of(base, state.or_with_other_starts().with_what_is_open_as_before(), candidate.spec, score.uniqueness, holdout)
     }
 
+    /// Cost of a first refit with the candidate at its usual size: cheap, and enough to see that an
+    /// effect does nothing for the base model.
+    #[must_use]
+    pub fn glance(base: &State, candidate: &Candidate, score: &Score) -> f64 {
+        let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
+        let own: Vec<f64> = candidate.spec.parameters.iter().map(usual).collect();
+        let start = start(&frame, base, &score.base_x, candidate, &own);
+        State::fit(frame, &start, &base.noise).cost
+    }
+
     /// Whether the other effect is this one under another name, or this one with more freedom: with the
     /// numbers that it has in common with this one, and the rest of its own at an end of their ranges,
     /// it predicts the same.
@@ -94,7 +104,7 @@ impl Trial {
         })
     }
 
-    fn of(base: &State, state: State, spec: &'static EffectSpec, uniqueness: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
+    pub(super) fn of(base: &State, state: State, spec: &'static EffectSpec, uniqueness: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
         let parameters = state.frame.model.parameters().iter().enumerate();
         let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();

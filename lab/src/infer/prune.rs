@@ -1,0 +1,72 @@
+//! Effects that a later one made needless.
+//!
+//! A search adds the effect that explains most by itself. Where two are missing, or where the right one
+//! only shows once its size is right, the first to be taken may be a stand-in: a slow polarisation for a
+//! weak cell, say. So after every effect each of the earlier ones is left out once. What the logs do not
+//! miss by more than they must speak for an effect that is added, goes.
+
+use std::sync::Arc;
+
+use super::discover::{Outcome, Step};
+use super::evidence::Evidence;
+use super::frame::Frame;
+use super::judge::threshold;
+use super::state::State;
+use super::trial::Trial;
+
+/// The way to the last state without the earlier effect that the logs miss least; none where they miss
+/// every one of them.
+pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option<Vec<Step>> {
+    let (newest, earlier) = steps.split_last()?;
+    let last = &newest.trials[0].state;
+    let without = |place: usize| {
+        let later = steps[place + 1..].iter();
+        let state = later.clone().try_fold(steps[place].base.clone(), |state, step| added(&state, step.trials[0].spec.id, last));
+        state.map(|state| (place, state))
+    };
+    let cost = |(place, state): &(usize, State)| state.bic() - last.bic() - threshold(steps[*place].scores.len());
+    let needless = (0..earlier.len()).filter_map(without).filter(|one| cost(one) < 0.0);
+    let (place, _) = needless.min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+    let mut way: Vec<Step> = steps[..place].to_vec();
+    let mut base = steps[place].base.clone();
+    for (index, step) in steps.iter().enumerate().skip(place + 1) {
+        let found = &step.trials[0];
+        let state = added(&base, found.spec.id, last)?;
+        let trial = Trial::of(&base, state, found.spec, found.uniqueness, holdout);
+        let next = trial.state.clone();
+        // The first look at this base is told as it was, with what was taken in the end before all else.
+        let before = if index == place + 1 { steps[place].clone() } else { Step { base, scores: Vec::new(), ..step.clone() } };
+        way.push(taken(before, trial));
+        base = next;
+    }
+    Some(way)
+}
+
+/// A look whose best is this trial.
+fn taken(mut step: Step, trial: Trial) -> Step {
+    let others = step.trials.iter().position(|known| known.spec.id == trial.spec.id);
+    if let Some(place) = others {
+        step.trials.remove(place);
+        step.refusals.remove(place);
+    }
+    step.trials.insert(0, trial);
+    step.refusals.insert(0, Vec::new());
+    step.outcome = Outcome::Missing(Vec::new());
+    step
+}
+
+/// A state with one more effect, all numbers beginning where another has them.
+fn added(state: &State, id: &str, like: &State) -> Option<State> {
+    let model = state.frame.model.with(id).ok()?;
+    let frame = Arc::new(Frame::new(Arc::new(model), Arc::clone(&state.frame.evidence)));
+    let (known, values) = (like.frame.model.parameters(), like.frame.values(&like.x));
+    let value = |index: &usize| {
+        let parameter = &frame.model.parameters()[*index];
+        let place = known.iter().position(|other| other.effect == parameter.effect && other.name == parameter.name);
+        place.map_or(parameter.value, |place| values[place])
+    };
+    let free = frame.free.iter().map(value);
+    let rough = frame.known.iter().map(|known| like.frame.error(&like.x, known.what));
+    let start: Vec<f64> = free.chain(rough).collect();
+    Some(State::search(frame, &start, f64::NEG_INFINITY).or_with_other_starts())
+}
