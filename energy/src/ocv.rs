@@ -100,6 +100,7 @@ impl OcvTable {
 
     /// dOCV/dSoC at `soc`, V.
     #[must_use]
+    #[inline]
     pub fn slope_v(&self, soc: f64) -> f64 {
         self.slopes_v[self.segment(soc)]
     }

@@ -186,6 +186,7 @@ real! {
 
 /// A variable of the given value whose derivative with respect to itself sits in `lane`.
 #[must_use]
+#[inline]
 pub fn variable(value: f64, lane: usize) -> Dual {
     let mut lanes = [0.0; LANES];
     lanes[lane] = 1.0;
@@ -194,6 +195,7 @@ pub fn variable(value: f64, lane: usize) -> Dual {
 
 /// The derivative in `lane`; zero where the number does not depend on it.
 #[must_use]
+#[inline]
 pub fn derivative(dual: &Dual, lane: usize) -> f64 {
     dual.lanes()[lane]
 }

@@ -46,8 +46,9 @@ impl Frame {
             _ => Vec::new(),
         };
         let parts = knots.windows(2).flat_map(|pair| {
-            let part = move |part| pair[0] + (pair[1] - pair[0]) * f64::from(part) / f64::from(POINTS_BETWEEN);
-            (0..POINTS_BETWEEN).map(part)
+            let width = pair[1] - pair[0];
+            let count = (width / PART).ceil() as u32;
+            (0..count).map(move |part| pair[0] + width * f64::from(part) / f64::from(count))
         });
         let between = parts.chain(knots.last().copied()).map(|soc| (soc, weights(&knots, soc))).collect();
         let reads_curve = model.effects().any(|effect| effect.reads_curve());
@@ -269,8 +270,9 @@ enum Steps {
 /// Deviations that a rough number may be off: what would need more is not rough knowledge, it is
 /// an effect.
 const ROUGH_MAX: f64 = 3.0;
-/// Straight lines that stand for the curve between two knots.
-const POINTS_BETWEEN: u32 = 4;
+/// Length of the straight lines that stand for the curve between two knots: a quarter of their usual
+/// distance.
+const PART: f64 = 0.0125;
 
 mod slopes;
 #[cfg(test)]

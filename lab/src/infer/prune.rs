@@ -68,5 +68,5 @@ fn added(state: &State, id: &str, like: &State) -> Option<State> {
     let free = frame.free.iter().map(value);
     let rough = frame.known.iter().map(|known| like.frame.error(&like.x, known.what));
     let start: Vec<f64> = free.chain(rough).collect();
-    Some(State::search(frame, &start, f64::NEG_INFINITY).or_with_other_starts())
+    Some(State::fit(frame, &start, &like.noise))
 }

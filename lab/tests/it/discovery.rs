@@ -155,8 +155,8 @@ fn a_log_with_fewer_rows_than_unknowns_is_refused() {
     fs::write(&log, "time_s,current_a,voltage_v\n0,1,4.10\n1,1,4.09\n2,1,4.08\n3,1,4.07\n").unwrap();
     let outcome = lab(&[&["discover"], &MODEL[..], &["--soc-initial", "1", "--log", log.to_str().unwrap()]].concat());
     assert_eq!((outcome.code, outcome.stdout.as_str()), (2, ""), "{}", outcome.stderr);
-    // One resistance, the capacity, the charge at the start and the table's 22 knots.
-    assert!(outcome.stderr.contains("short: 3 rows count, and 25 numbers are free or only roughly known"), "{}", outcome.stderr);
+    // One resistance, the capacity, the charge at the start and the table's 24 knots: 22, and one beyond each end.
+    assert!(outcome.stderr.contains("short: 3 rows count, and 27 numbers are free or only roughly known"), "{}", outcome.stderr);
 }
 
 #[test]

@@ -15,6 +15,8 @@ use crate::infer::state::observed;
 const CAPACITY_STEP: f64 = 1e-4;
 /// Step over which the derivative by the open-circuit voltage at a knot is taken, V.
 const OCV_STEP_V: f64 = 1e-5;
+/// Of so many knots one behind the other, each has a walk of its own.
+const APART: usize = 8;
 /// Step over which the derivative by a temperature is taken, K.
 const TEMPERATURE_STEP_K: f64 = 1e-3;
 
@@ -61,6 +63,7 @@ impl Frame {
     #[must_use]
     pub fn linearise(&self, x: &[f64], by: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
         let mut all = vec![0.0; self.evidence.rows()];
+        let mut soc = vec![0.0; all.len()];
         let mut slopes = DMatrix::zeros(by.len(), all.len());
         let model = self.model_at(x);
         let added = Added::new(self, x, by);
@@ -76,6 +79,7 @@ impl Frame {
                     |_, value| value,
                     |share: &Share<f64>| {
                         all[share.row] += share.shown * share.weight;
+                        soc[share.row] = share.soc;
                         added.add(share.segment, share.soc, share.shown, share.weight, slopes.column_mut(share.row).as_mut_slice());
                     },
                 );
@@ -96,6 +100,7 @@ impl Frame {
                     }
                     if pass == 0 {
                         all[share.row] += share.shown.re * share.weight;
+                        soc[share.row] = share.soc;
                         added.add(share.segment, share.soc, share.shown.re, share.weight, of_row);
                     }
                 });
@@ -103,6 +108,7 @@ impl Frame {
         }
         self.delay_slopes(x, &all, by, &mut slopes);
         self.differences(x, &all, by, &mut slopes);
+        self.table_differences(x, &all, &soc, by, &mut slopes);
         self.delay(x, &mut all);
         (all, slopes)
     }
@@ -114,8 +120,6 @@ impl Frame {
         for (place, &unknown) in by.iter().enumerate() {
             let (step, logs) = match self.what(unknown) {
                 Some(Rough::Capacity) => (CAPACITY_STEP, 0..self.evidence.logs.len()),
-                // The mean charge alone does not say where the table is read.
-                Some(Rough::Ocv(_)) if self.reads_curve => (OCV_STEP_V, 0..self.evidence.logs.len()),
                 Some(Rough::TemperatureInitial(log)) => (TEMPERATURE_STEP_K, log..log + 1),
                 _ => continue,
             };
@@ -130,6 +134,39 @@ impl Frame {
             self.delay(&beside, &mut moved);
             for (row, (after, before)) in moved.iter().zip(&shown).enumerate() {
                 slopes[(place, row)] = (after - before) / step;
+            }
+        }
+    }
+
+    /// Derivatives by the errors of a table that the model reads elsewhere than at the mean charge. What a
+    /// row shows is linear in them, and only knots near its charge count: those far from one another
+    /// share a walk, and a row's change is put down to the nearest.
+    fn table_differences(&self, x: &[f64], prompt: &[f64], soc: &[f64], by: &[usize], slopes: &mut DMatrix<f64>) {
+        if !self.reads_curve {
+            return;
+        }
+        let places: Vec<(usize, usize)> = by
+            .iter()
+            .enumerate()
+            .filter_map(|(place, &unknown)| match self.what(unknown) {
+                Some(Rough::Ocv(knot)) => Some((place, knot)),
+                _ => None,
+            })
+            .collect();
+        let mut shown = prompt.to_vec();
+        self.delay(x, &mut shown);
+        for first in 0..APART.min(places.len()) {
+            let group: Vec<(usize, usize)> = places.iter().copied().skip(first).step_by(APART).collect();
+            let mut beside = x.to_vec();
+            group.iter().for_each(|&(place, _)| beside[by[place]] += OCV_STEP_V);
+            let moved = self.predict(&beside);
+            group.iter().for_each(|&(place, _)| slopes.row_mut(place).fill(0.0));
+            for (row, (after, before)) in moved.iter().zip(&shown).enumerate() {
+                let far = |&&(_, knot): &&(usize, usize)| (self.knots[knot] - soc[row]).abs();
+                let nearest = group.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+                if let Some(&(place, _)) = nearest {
+                    slopes[(place, row)] = (after - before) / OCV_STEP_V;
+                }
             }
         }
     }
@@ -232,11 +269,12 @@ fn bend(model: &Model, channel: Channel, begin: f64, end: f64, rows: usize) -> (
     if channel != Channel::VoltageV || rows < 2 {
         return (0.0, 0.0);
     }
-    let at = |soc: f64| {
-        let soc: Dual = facts.ocv.voltage_v(variable(soc, 0));
-        (soc.re, derivative(&soc, 0))
-    };
+    let at = |soc: f64| (facts.ocv.voltage_v(soc), facts.ocv.slope_v(soc));
     let (first, last) = (at(begin), at(end));
+    if first.1.to_bits() == last.1.to_bits() {
+        // One and the same line of the table.
+        return (0.0, 0.0);
+    }
     let (mut volts, mut slope) = (0.0, 0.0);
     for row in 1..rows {
         let share = row as f64 / rows as f64;
