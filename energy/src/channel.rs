@@ -66,10 +66,6 @@ channels! {
     CellDegc = "cell_degc",
     /// Open-circuit voltage of one cell, V.
     OcvV = "ocv_v",
-    /// SoC of the table at which the cell, as it is now, is empty.
-    OcvShiftEmpty = "ocv_shift_empty",
-    /// SoC of the table, less 1, at which the cell, as it is now, is full.
-    OcvShiftFull = "ocv_shift_full",
     /// Change of a cell's equilibrium voltage with its temperature, V/K: also makes reversible heat.
     EntropyVPerK = "entropy_v_per_k",
     /// Sum of all voltage drops inside one cell, V (Kottas, Eq. C.1, taken under load).
@@ -124,6 +120,11 @@ channels! {
     PackVoltageV = "pack_voltage_v",
     /// Power out of the station's active pack, W.
     PackPowerW = "pack_power_w",
+    // Battery: what few models use, behind what every step of a cell touches.
+    /// SoC of the table at which the cell, as it is now, is empty.
+    OcvShiftEmpty = "ocv_shift_empty",
+    /// SoC of the table, less 1, at which the cell, as it is now, is full.
+    OcvShiftFull = "ocv_shift_full",
 }
 
 impl Channel {
