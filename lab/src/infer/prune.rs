@@ -35,7 +35,12 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
         let trial = Trial::of(&base, state, found.spec, found.uniqueness, holdout);
         let next = trial.state.clone();
         // The first look at this base is told as it was, with what was taken in the end before all else.
-        let before = if index == place + 1 { steps[place].clone() } else { Step { base, scores: Vec::new(), ..step.clone() } };
+        let before = match way.last() {
+            Some(found) if index > place + 1 => {
+                Step { base_holdout: found.trials[0].holdout.clone(), base, scores: Vec::new(), ..step.clone() }
+            }
+            _ => steps[place].clone(),
+        };
         way.push(taken(before, trial));
         base = next;
     }

@@ -24,3 +24,21 @@ fn the_lab_answers_in_the_form_of_its_contract() {
         assert!(table::markdown(&tally(&marks)).lines().count() > 3);
     }
 }
+
+/// Cases in which the obvious answer is a stand-in: a slow polarisation for readings that come late and
+/// for a weak cell, a moved curve for a table that errs beyond full, near empty.
+#[test]
+fn a_stand_in_does_not_stay() {
+    for (only, hidden) in [
+        ("single/battery/current_skew/large", "current_skew"),
+        ("single/battery/weak_cell/middle", "weak_cell"),
+        ("single/battery/resistance_growth/small", "resistance_growth"),
+    ] {
+        let choice = Choice { seed_from: DEVELOPMENT_SEED, only: Some(only.to_owned()), ..Choice::default() };
+        let outcomes = run(&choice, &ask, &|| 0.0, &|_| {});
+        assert_eq!(outcomes.len(), 1, "{only}");
+        let answer = &outcomes[0].answer;
+        assert_eq!(answer.selected, [hidden], "{only}: {answer:?}");
+        assert!(answer.verdict == "missing" || answer.verdict == "ambiguous", "{only}: {answer:?}");
+    }
+}
