@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
@@ -20,7 +21,10 @@ fn browser() -> Option<(PathBuf, PathBuf)> {
         eprintln!("skipped: the dashboard is looked at where chromium, node and npm are installed");
         return None;
     };
-    Some((chromium, driver().expect("the browser's driver comes from npm")))
+    // Tests run side by side, and npm takes away what it puts anew: one of them fetches the driver for all.
+    static DRIVER: OnceLock<PathBuf> = OnceLock::new();
+    let driver = DRIVER.get_or_init(|| driver().expect("the browser's driver comes from npm"));
+    Some((chromium, driver.clone()))
 }
 
 /// A copy of `tests/browser` with what npm installs, made once.
