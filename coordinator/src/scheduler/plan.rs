@@ -142,6 +142,11 @@ impl<'a> Ledger<'a> {
         let robot = &task.view.robots[session.robot];
         let [start, end] = [session.start, session.end].map(|tick| task.grid.time(tick));
         let travel_s = robot.travel.iter().find(|(station, _, _)| *station == self.index).map_or(0.0, |(_, travel_s, _)| *travel_s);
+        let who = &task.problem.robots[session.robot];
+        let first = who.travel.iter().find(|travel| travel.station == self.index).map_or(0, |travel| travel.ticks);
+        // Who comes in the first tick in which it can be there, and is late already, leaves at once: the
+        // rest of a tick is the planner's rounding, and each new plan would round up anew.
+        let at_once = session.start <= first && who.not_before < first;
         let need = task.need(session.robot, self.index, session.start, session.mode);
         let (start_s, end_s) = (start.seconds_since(now), end.seconds_since(now));
         let before_wh = self.need.mean_wh + self.overhead(self.until_s.max(start_s)).mean_wh;
@@ -158,7 +163,7 @@ impl<'a> Ledger<'a> {
             bay: session.bay.and_then(|bay| self.station.bays.get(bay as usize).cloned()),
             spare,
             to_soc,
-            leave: start.plus_s(-travel_s).max(now),
+            leave: if at_once { now } else { start.plus_s(-travel_s).max(now) },
             start,
             end,
             need,

@@ -188,3 +188,25 @@ fn an_account_names_who_is_in_the_way_and_what_else_would_cost() {
     let settled = account(&solved.task, &solved.sessions, &RobotId::new(blocker).unwrap());
     assert!(!settled.earlier.is_empty(), "{settled:?}");
 }
+
+/// A plan a second, from a begin that lies anywhere in a tick: nobody is put off from plan to plan.
+#[test]
+fn who_is_wanted_leaves_within_a_tick_however_often_is_planned() {
+    // 60 s away; late already, and wanted in 500 s. With a plan until it is empty, a tick is 15 s here.
+    for (soc, latest_s) in [(0.099, 0.0), (0.1 + 0.3 * 500.0 / HOUR, 440.0 + 15.0)] {
+        let (mut before, mut left_s) = (Vec::new(), None);
+        for second in 0..600 {
+            let passed_s = f64::from(second);
+            let late = robot("r", soc - 0.3 / HOUR * passed_s, &[(0, 60.0)]);
+            let mut view = view(vec![late], vec![station("s", 1, &[80.0], &[])]);
+            view.now = view.now.plus_s(0.35 + passed_s);
+            let found = solve(view.clone(), &settings(), &before, Effort::Better);
+            if found.plan.planned[0].leave <= view.now {
+                left_s = Some(passed_s);
+                break;
+            }
+            before = found.plan.planned;
+        }
+        assert!(left_s.is_some_and(|left_s| left_s <= latest_s), "{left_s:?} of {latest_s}");
+    }
+}
