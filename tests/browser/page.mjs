@@ -78,13 +78,22 @@ async function numbers(page) {
     }
   }
   same(await page.locator("#capacity-headline").textContent(), `${capacity.robots_promised} more at ${(capacity.confidence * 100).toFixed(0)} %`, "capacity");
-  const rows = page.locator("#capacity tbody tr");
-  for (const [n, pack] of capacity.packs.entries()) {
-    const [label, usable, service, expected, promised] = await rows.nth(n).locator("th, td").allTextContents();
-    same(label, `${pack.station} ${pack.pack}`, "pack");
-    sameQuantity(usable, pack.usable_wh.value, pack.usable_wh.sigma, `usable energy of ${label}`);
-    sameQuantity(service, pack.service_wh.value, pack.service_wh.sigma, `one service of ${label}`);
-    same(`${expected} ${promised}`, `${pack.robots_expected} ${pack.robots_promised}`, `robots of ${label}`);
+  const counts = [...capacity.packs.map((pack) => [`${pack.station} ${pack.pack}`, pack]), ...capacity.stations.map((station) => [`${station.station} together`, station])];
+  for (const [label, wanted] of counts) {
+    const row = page.locator("#capacity tbody tr").filter({ has: page.locator("th", { hasText: new RegExp(`^${label}$`) }) });
+    if (label.endsWith(" together") && (await row.count()) === 0) {
+      check(capacity.packs.filter((pack) => pack.station === wanted.station).length === 1, `${label} has no row`);
+      continue;
+    }
+    const [, usable, service, expected, promised, , odds] = await row.locator("th, td").allTextContents();
+    sameQuantity(usable, wanted.usable_wh.value, wanted.usable_wh.sigma, `usable energy of ${label}`);
+    if (wanted.service_wh) sameQuantity(service, wanted.service_wh.value, wanted.service_wh.sigma, `one service of ${label}`);
+    same(`${expected} ${promised}`, `${wanted.robots_expected} ${wanted.robots_promised}`, `robots of ${label}`);
+    for (const [, number, sign, percent] of odds.matchAll(/(\d+) at (> )?(\d+) %/g)) {
+      const probability = 100 * wanted.promises[number - 1].probability;
+      check(sign ? probability > 99 : Math.abs(probability - percent) <= 0.500001 || (percent === "1" && probability < 1), `${label}: the page says ${number} at ${percent} %, the API ${probability}`);
+    }
+    check((odds === "") === ((wanted.promises ?? []).length === 0), `${label}: "${odds}" for ${JSON.stringify(wanted.promises)}`);
   }
   const past = await page.locator(".bar.past, .bar.failed").count();
   const done = (await api("events?last=500")).filter((event) => event.kind === "service_done" || event.kind === "service_failed").length;

@@ -43,6 +43,13 @@ pub fn percent(fraction: Estimate) -> Quantity {
     quantity(Estimate::new(100.0 * fraction.value, 100.0 * fraction.sigma), "%")
 }
 
+/// A probability in percent. Nothing is certain, and nothing that is told is impossible.
+#[must_use]
+pub fn likely(probability: f64) -> String {
+    let percent = 100.0 * probability;
+    if percent > 99.5 { "> 99 %".to_owned() } else { format!("{:.0} %", percent.max(1.0)) }
+}
+
 /// What a sensor shows: no sigma goes with it on the wire.
 #[must_use]
 pub fn reading(value: f64, unit: &'static str, digits: usize) -> Quantity {

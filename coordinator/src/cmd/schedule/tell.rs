@@ -4,6 +4,7 @@ use comfy_table::{Cell, CellAlignment};
 use proto::{Capacity, Event, Explanation, Mode, Promise, Quality, Schedule};
 
 use crate::cmd::{say_text, table, text};
+use crate::web::number::likely;
 
 /// The time of day.
 pub(super) fn clock(at: proto::Timestamp) -> String {
@@ -133,10 +134,7 @@ fn in_order(promises: &[Promise]) -> String {
     let one = |(count, promise): (usize, &Promise)| {
         let plus = if count == 0 { "" } else { "+ " };
         let who = promise.robot.as_ref().map_or_else(|| "one more".to_owned(), ToString::to_string);
-        let percent = promise.probability * 100.0;
-        // Nothing is certain, and nothing that is told is impossible.
-        let percent = if percent > 99.5 { "> 99".to_owned() } else { format!("{:.0}", percent.max(1.0)) };
-        format!("{} at {percent} % ({plus}{who})", count + 1)
+        format!("{} at {} ({plus}{who})", count + 1, likely(promise.probability))
     };
     promises.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }

@@ -13,10 +13,13 @@ function renderCapacity(capacity) {
   setText(byId("capacity-headline"), capacity.headline);
   setText(byId("capacity-note"), capacity.note);
   setText(byId("capacity-promised"), capacity.certain);
-  const names = ["label", "usable", "service", "expected", "promised", "short"];
+  const names = ["label", "usable", "service", "expected", "promised", "short", "odds"];
   keyed(byId("capacity").tBodies[0], capacity.packs, (pack) => pack.label,
-    () => h("tr", {}, h("th", { scope: "row", "data-part": "label" }), ...names.slice(1).map((name) => h("td", { class: names.indexOf(name) > 2 ? "number num" : "num", "data-part": name }))),
-    (element, pack) => names.forEach((name) => setText(part(element, name), String(pack[name].text ?? pack[name]))));
+    () => h("tr", {}, h("th", { scope: "row", "data-part": "label" }), ...names.slice(1).map((name) => h("td", { class: name === "odds" ? "odds" : names.indexOf(name) > 2 ? "number num" : "num", "data-part": name }))),
+    (element, pack) => {
+      for (const name of names) setText(part(element, name), String(pack[name]?.text ?? pack[name] ?? ""));
+      part(element, "odds").title = pack.who;
+    });
   keyed(byId("causes"), capacity.causes, (cause) => cause.cause,
     () => h("li", {}, h("span", { class: "bar-label", "data-part": "cause" }), h("span", { class: "bar-track", "aria-hidden": "true" }, h("i", { "data-part": "bar" })), h("span", { class: "num", "data-part": "number" })),
     (element, cause) => {

@@ -1,11 +1,14 @@
 //! How many robots more the packs can service.
 
-use proto::{Capacity, PackCapacity};
+use proto::{Capacity, PackCapacity, Promise, StationCapacity};
 use serde::Serialize;
 
 use super::Tone;
 use crate::models::from_wire;
-use crate::web::number::{Quantity, quantity};
+use crate::web::number::{Quantity, likely, quantity};
+
+/// A promise beyond this needs no number of its own when the next is as good.
+const SURE: f64 = 0.995;
 
 /// The panel.
 #[derive(Debug, Clone, Serialize)]
@@ -16,7 +19,7 @@ pub struct CapacityPanel {
     pub note: String,
     /// Head of the column of promised services: `At 95 %`.
     pub certain: String,
-    /// Pack by pack.
+    /// Pack by pack; after the last of a station that has several, all of them together.
     pub packs: Vec<PackRow>,
     /// Where the energy of one service goes, the largest part first.
     pub causes: Vec<Cause>,
@@ -27,20 +30,22 @@ pub struct CapacityPanel {
 /// What one pack can pay for.
 #[derive(Debug, Clone, Serialize)]
 pub struct PackRow {
-    /// `mds-1 pack-2`.
+    /// `mds-1 pack-2`, or `mds-1 together`.
     pub label: String,
-    /// Left in it.
-    pub remaining: Quantity,
     /// Can go into services beyond those that have begun.
     pub usable: Quantity,
-    /// What one service takes.
-    pub service: Quantity,
+    /// What one service takes; none for packs together.
+    pub service: Option<Quantity>,
     /// Services to expect.
     pub expected: u32,
     /// Services that hold with the confidence asked for.
     pub promised: u32,
-    /// Lacking for one more: `2.5 Wh short of one more`.
+    /// Lacking for one more: `2.5 Wh`.
     pub short: String,
+    /// How certainly it does for how many: `3 at > 99 %, 4 at 23 %`.
+    pub odds: String,
+    /// Which robots these are: `1: explorer-3, 2: one more`.
+    pub who: String,
     /// How it stands.
     pub tone: Tone,
 }
@@ -71,23 +76,75 @@ pub(super) fn panel(capacity: &Capacity) -> CapacityPanel {
         headline: format!("{} more at {percent:.0} %", capacity.robots_promised),
         note,
         certain: format!("At {percent:.0} %"),
-        packs: capacity.packs.iter().map(row).collect(),
+        packs: rows(capacity),
         causes: capacity.packs.first().map_or_else(Vec::new, causes),
         service: capacity.packs.first().map(|pack| quantity(from_wire(pack.service_wh), "Wh")),
     }
 }
 
+/// Packs, station by station.
+fn rows(capacity: &Capacity) -> Vec<PackRow> {
+    let mut rows: Vec<PackRow> = Vec::new();
+    let mut told = Vec::new();
+    for station in &capacity.stations {
+        let before = rows.len();
+        rows.extend(capacity.packs.iter().filter(|pack| pack.station == station.station).map(row));
+        if rows.len() > before + 1 {
+            rows.push(together(station));
+        }
+        told.push(&station.station);
+    }
+    rows.extend(capacity.packs.iter().filter(|pack| !told.contains(&&pack.station)).map(row));
+    rows
+}
+
 fn row(pack: &PackCapacity) -> PackRow {
     PackRow {
         label: format!("{} {}", pack.station, pack.pack),
-        remaining: quantity(from_wire(pack.remaining_wh), "Wh"),
         usable: quantity(from_wire(pack.usable_wh), "Wh"),
-        service: quantity(from_wire(pack.service_wh), "Wh"),
+        service: Some(quantity(from_wire(pack.service_wh), "Wh")),
         expected: pack.robots_expected,
         promised: pack.robots_promised,
         short: format!("{:.1} Wh", pack.short_for_next_wh),
-        tone: if pack.robots_promised == 0 { Tone::Warn } else { Tone::Good },
+        odds: odds(&pack.promises),
+        who: who(&pack.promises),
+        tone: tone(pack.robots_promised),
     }
+}
+
+fn together(station: &StationCapacity) -> PackRow {
+    PackRow {
+        label: format!("{} together", station.station),
+        usable: quantity(from_wire(station.usable_wh), "Wh"),
+        service: None,
+        expected: station.robots_expected,
+        promised: station.robots_promised,
+        short: format!("{:.1} Wh", station.short_for_next_wh),
+        odds: odds(&station.promises),
+        who: who(&station.promises),
+        tone: tone(station.robots_promised),
+    }
+}
+
+fn tone(promised: u32) -> Tone {
+    if promised == 0 { Tone::Warn } else { Tone::Good }
+}
+
+/// Up to which number of services there is hardly a doubt, and how certain those after it are.
+fn odds(promises: &[Promise]) -> String {
+    let sure = promises.iter().take_while(|promise| promise.probability > SURE).count();
+    let from = sure.saturating_sub(1);
+    let one = |(before, promise): (usize, &Promise)| format!("{} at {}", before + 1, likely(promise.probability));
+    promises.iter().enumerate().skip(from).map(one).collect::<Vec<_>>().join(", ")
+}
+
+/// The robot that each of them would be.
+fn who(promises: &[Promise]) -> String {
+    let one = |(before, promise): (usize, &Promise)| match &promise.robot {
+        Some(robot) => format!("{}: {robot}", before + 1),
+        None => format!("{}: one more", before + 1),
+    };
+    promises.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
 
 fn causes(pack: &PackCapacity) -> Vec<Cause> {
