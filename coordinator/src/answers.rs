@@ -1,16 +1,18 @@
-//! What the coordinator tells: schedule, capacity, explanations, as they go on the wire.
+//! What the coordinator tells: schedule and capacity as they go on the wire; explanations in `explain.rs`.
+
+mod explain;
+
+use std::collections::BTreeSet;
 
 use energy::Estimate;
 use energy::units::S_PER_H;
-use proto::{
-    Alternative, Capacity, Explanation, Mode, PackId, Quality, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction,
-    StationId, Unserved,
-};
+use proto::{Capacity, Mode, PackId, Quality, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction, StationId, Unserved};
 
+pub use self::explain::{Explainer, changes};
 use crate::forecast;
 use crate::models::from_wire;
 use crate::scheduler::capacity::{Holding, Question, capacity as count};
-use crate::scheduler::{PackView, Plan, Planned, Solved, StationView, account};
+use crate::scheduler::{PackView, Plan, Planned, StationView};
 use crate::service_run::{How, ServiceRun};
 use crate::view::{Basis, HANDOVER_S};
 
@@ -48,11 +50,11 @@ fn quality(plan: &Plan) -> Quality {
 
 /// Robots that no plan can reach where they are: in a bay without power, say.
 fn stuck<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unserved> + 'a {
-    basis.fleet.robots.iter().filter_map(|(id, robot)| {
+    let planned = plan.planned.iter().map(|planned| &planned.robot);
+    let in_plan: BTreeSet<&RobotId> = planned.chain(plan.rejected.iter().map(|rejected| &rejected.robot)).collect();
+    basis.fleet.robots.iter().filter_map(move |(id, robot)| {
         let (_, state) = robot.known()?;
-        let told = basis.running.contains_key(id)
-            || plan.planned.iter().any(|planned| planned.robot == *id)
-            || plan.rejected.iter().any(|rejected| rejected.robot == *id);
+        let told = basis.running.contains_key(id) || in_plan.contains(id);
         let place = state.station.as_ref().map_or_else(String::new, |station| format!(" at {station}"));
         let note = state.note.as_ref().map_or_else(String::new, |note| format!(": {note}"));
         // Between two plans a robot that was just let go is in neither list.
@@ -164,92 +166,6 @@ fn free_wh(packs: &[PackView], begun: Estimate) -> std::collections::BTreeMap<Pa
         (pack.pack.clone(), Estimate::new(pack.usable_wh.value - paid_wh, sigma))
     };
     packs.iter().map(free).collect()
-}
-
-/// Why a robot is serviced as it is, from the problem that the last plan solved. `changed` is what is
-/// different from the plan before.
-///
-/// # Errors
-/// When the robot is not known, with the nearest that is.
-pub fn explain(
-    basis: &Basis<'_>,
-    solved: Option<&Solved>,
-    schedule: &Schedule,
-    robot: &RobotId,
-    changed: &[String],
-) -> Result<Explanation, String> {
-    let Some(belief) = basis.fleet.robots.get(robot) else {
-        let known = || basis.fleet.robots.keys().map(AsRef::as_ref);
-        let hint = energy::document::hint(robot.as_ref(), known());
-        return Err(format!("robot {robot} is not known{hint} Known: {}", known().collect::<Vec<_>>().join(", ")));
-    };
-    let service = schedule.services.iter().find(|service| service.robot == *robot).cloned();
-    let mut reasons = Vec::new();
-    if let Some((gauge, state)) = belief.known() {
-        let (soc, left) = (gauge.soc, gauge.remaining_wh);
-        reasons.push(format!(
-            "{} at {:.1} ± {:.1} % charge, {:.1} ± {:.1} Wh left",
-            state.phase,
-            soc.value * 100.0,
-            soc.sigma * 100.0,
-            left.value,
-            left.sigma
-        ));
-    } else {
-        reasons.push("it has not been heard, or was lost".to_owned());
-    }
-    reasons
-        .extend(basis.trust.fault(basis.now, robot).map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
-    match (&service, schedule.unserved.iter().find(|unserved| unserved.robot == *robot)) {
-        (Some(service), _) => reasons.extend(service.why.iter().cloned()),
-        (None, Some(unserved)) => reasons.extend(unserved.reasons.iter().cloned()),
-        (None, None) => reasons.push("no service is planned".to_owned()),
-    }
-    let at = service.as_ref().map(|service| service.station.clone());
-    // What a service rests on: the robot's own models, and those of its station.
-    let concerns = |doubt: &proto::Doubt| doubt.robot.as_ref() == Some(robot) || doubt.station.is_some() && doubt.station == at;
-    let doubts = basis.watch.doubts(basis.fleet, basis.models).into_iter().filter(concerns).collect();
-    // What has begun is kept: there is nothing else to it.
-    let begun = basis.running.contains_key(robot);
-    let told = solved.filter(|_| !begun).map(|solved| account(&solved.task, &solved.sessions, robot)).unwrap_or_default();
-    let alternatives = told.others.into_iter().map(|other| Alternative {
-        station: other.station,
-        mode: other.mode.to_owned(),
-        start: other.start,
-        why_not: other.why_not,
-    });
-    Ok(Explanation {
-        at: basis.now,
-        robot: robot.clone(),
-        service,
-        reasons,
-        alternatives: alternatives.collect(),
-        doubts,
-        earlier: told.earlier,
-        changed: changed.to_vec(),
-    })
-}
-
-/// What is different for a robot between two schedules, in a sentence; none when nothing is. Services that
-/// began as planned are no difference.
-#[must_use]
-pub fn change(before: &Schedule, after: &Schedule, robot: &RobotId) -> Option<String> {
-    let service = |schedule: &Schedule| schedule.services.iter().find(|service| service.robot == *robot).cloned();
-    let told = |service: &Service| {
-        let start: String = service.start.to_string().chars().skip(11).take(8).collect();
-        let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-        format!("{start} at {}{bay}", service.station)
-    };
-    let because = format!("plan {}, because {}", after.plan, after.trigger);
-    match (service(before), service(after)) {
-        (None, Some(new)) => Some(format!("{because}: it was given a service, {}", told(&new))),
-        (Some(old), None) if old.status == ServiceStatus::Planned => Some(format!("{because}: it lost its service, {}", told(&old))),
-        (Some(old), Some(new)) if new.status == ServiceStatus::Planned => {
-            let moved = old.station != new.station || old.start != new.start || old.mode != new.mode;
-            moved.then(|| format!("{because}: it was moved from {} to {}", told(&old), told(&new)))
-        }
-        _ => None,
-    }
 }
 
 /// The pack that a station should be handed over to now, if its active one is about to give out.

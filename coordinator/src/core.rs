@@ -15,8 +15,10 @@ mod hear;
 mod serve;
 mod strays;
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
+use planner::Ways;
 use proto::{
     Capacity, CommandId, CommandReply, Event, EventKind, Explanation, Gauge, PackId, RobotCommand, RobotId, RobotState, Schedule,
     StationCommand, StationId, StationState, Timestamp,
@@ -24,10 +26,10 @@ use proto::{
 
 use ask::Asked;
 
-use crate::answers;
+use crate::answers::{self, Explainer};
 use crate::fleet::Fleet;
 use crate::models::{Models, Settings};
-use crate::scheduler::{Effort, Plan, Solved, Tables, solve};
+use crate::scheduler::{Accounts, Effort, Plan, Solved, Tables, solve};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
 use crate::trust::Trust;
@@ -59,10 +61,19 @@ pub enum Input {
     Reply(CommandReply),
     /// Time passed. To be given about once a second.
     Tick,
+    /// Something came that says nothing new, an old copy say: in a journal that is told again.
+    Nothing,
     /// Something came that could not be read.
     Refused(String),
     /// Somebody asks for a new plan, and says why.
     Replan(String),
+}
+
+/// Whose services a message may carry on.
+enum Concerned {
+    Robot(RobotId),
+    Station(StationId),
+    Everybody,
 }
 
 /// What the coordinator wants done.
@@ -174,26 +185,52 @@ impl Core {
         if let Some(last) = self.last.replace(now).filter(|last| now < *last) {
             self.set_back(last.unix_ms() - now.unix_ms());
         }
-        match input {
-            Input::RobotGauge(id, gauge) => self.robot_gauge(now, id, gauge),
-            Input::RobotState(id, state) => self.robot_state(now, id, state),
-            Input::RobotAlive(id, alive) => self.robot_alive(now, id, alive),
-            Input::StationState(id, state) => self.station_state(now, id, state),
-            Input::PackGauge(id, pack, gauge) => self.pack_gauge(now, id, pack, gauge),
-            Input::StationAlive(id, alive) => self.station_alive(now, id, alive),
-            Input::Reply(reply) => self.replied(now, &reply),
-            Input::Tick => {}
-            Input::Refused(what) => self.refuse(now, what),
-            Input::Replan(why) => self.replan(why),
+        let Some(concerned) = self.take_in(now, input) else { return };
+        // What only time can change is looked at with the clock: a message costs the same in any fleet.
+        let everybody = matches!(concerned, Concerned::Everybody);
+        if everybody {
+            self.doubt_gauges(now);
+            self.resend(now);
         }
-        self.doubt_gauges(now);
-        self.resend(now);
-        self.carry_on(now);
-        self.find_strays(now);
-        if self.plan_due(now) {
+        self.carry_on(now, &concerned);
+        if everybody {
+            self.find_strays(now);
+        }
+        let due = self.plan_due(now);
+        if due {
             self.make_plan(now);
         }
-        self.begin(now);
+        if due || everybody {
+            self.begin(now);
+        }
+    }
+
+    /// Notes what an input says, and whose services it may carry on; none when it says nothing new.
+    fn take_in(&mut self, now: Timestamp, input: Input) -> Option<Concerned> {
+        let robot = Concerned::Robot;
+        let station = Concerned::Station;
+        match input {
+            Input::RobotGauge(id, gauge) => self.robot_gauge(now, &id, gauge).then(|| robot(id)),
+            Input::RobotState(id, state) => self.robot_state(now, &id, state).then(|| robot(id)),
+            Input::RobotAlive(id, alive) => self.robot_alive(now, &id, alive).then(|| robot(id)),
+            Input::StationState(id, state) => self.station_state(now, &id, state).then(|| station(id)),
+            Input::PackGauge(id, pack, gauge) => self.pack_gauge(now, &id, pack, gauge).then(|| station(id)),
+            Input::StationAlive(id, alive) => self.station_alive(now, &id, alive).then(|| station(id)),
+            Input::Reply(reply) => {
+                self.replied(now, &reply);
+                Some(Concerned::Everybody)
+            }
+            Input::Tick => Some(Concerned::Everybody),
+            Input::Replan(why) => {
+                self.replan(why);
+                Some(Concerned::Everybody)
+            }
+            Input::Refused(what) => {
+                self.refuse(now, what);
+                None
+            }
+            Input::Nothing => None,
+        }
     }
 
     /// The next thing to be done, until there is none.
@@ -218,8 +255,16 @@ impl Core {
     /// # Errors
     /// When the robot is not known, with the nearest that is.
     pub fn explain(&self, now: Timestamp, robot: &RobotId) -> Result<Explanation, String> {
-        let changed = self.changed.get(robot).map_or(&[][..], Vec::as_slice);
-        answers::explain(&self.basis(now), self.solved.as_ref(), &self.schedule, robot, changed)
+        self.explain_all(now, std::iter::once(robot)).pop().expect("an answer for one robot")
+    }
+
+    /// The same for many, in order.
+    fn explain_all<'a>(&self, now: Timestamp, robots: impl Iterator<Item = &'a RobotId>) -> Vec<Result<Explanation, String>> {
+        let ways = self.solved.as_ref().map(|solved| Ways::new(&solved.task.problem));
+        let accounts = self.solved.as_ref().zip(ways.as_ref());
+        let accounts = accounts.map(|(solved, ways)| Accounts::new(&solved.task, ways, &solved.sessions));
+        let mut explainer = Explainer::new(self.basis(now), accounts, &self.schedule);
+        robots.map(|robot| explainer.explain(robot, self.changed.get(robot).map_or(&[], Vec::as_slice))).collect()
     }
 
     /// What is believed of robots and stations.
@@ -245,6 +290,7 @@ impl Core {
             promised: &self.promised,
             watch: &self.watch,
             trust: &self.trust,
+            in_reach: OnceCell::new(),
         }
     }
 
@@ -297,17 +343,14 @@ impl Core {
         self.record(Record::Plan(schedule.clone()));
         self.schedule = schedule;
         self.record(Record::Capacity(self.capacity(now)));
-        let known: Vec<RobotId> = self.fleet.robots.keys().cloned().collect();
-        let explanations = known.iter().filter_map(|robot| self.explain(now, robot).ok()).collect();
+        let explanations = self.explain_all(now, self.fleet.robots.keys()).into_iter().flatten().collect();
         self.record(Record::Explanations(explanations));
     }
 
     /// Keeps what is different for each robot, and which message brought it about.
     fn note_changes(&mut self, new: &Schedule) {
-        for robot in self.fleet.robots.keys() {
-            if let Some(text) = answers::change(&self.schedule, new, robot) {
-                self.changed.insert(robot.clone(), vec![text]);
-            }
+        for (robot, text) in answers::changes(&self.schedule, new) {
+            self.changed.insert(robot, vec![text]);
         }
     }
 

@@ -124,7 +124,8 @@ impl Inputs {
         let gone =
             || format!("input {} of epoch {}: its telemetry is no longer in the journal: {:?}", heard.number, heard.epoch, heard.what);
         Ok(match heard.what.clone() {
-            What::Nothing => Input::Tick,
+            What::Nothing => Input::Nothing,
+            What::Tick => Input::Tick,
             What::RobotAlive(robot, alive) => Input::RobotAlive(robot, alive),
             What::StationAlive(station, alive) => Input::StationAlive(station, alive),
             What::Reply(reply) => Input::Reply(reply),

@@ -29,7 +29,7 @@ pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, PackView, RobotView, SpareView, StationView, View};
 pub use solve::{Effort, Solved, solve};
 pub use translate::{Grid, Task};
-pub use words::{Account, account};
+pub use words::{Account, Accounts};
 
 #[cfg(test)]
 mod tests;

@@ -110,20 +110,12 @@ impl Trust {
         track.jumped.filter(|(at, _)| now.seconds_since(*at) < JUMP_FORGOTTEN_S).map(|(at, by)| Fault::Jumped(at, by))
     }
 
-    /// Gauges of which something else is to be told than before: `(robot, fault or none)`.
-    pub fn news(&mut self, now: Timestamp) -> Vec<(RobotId, Option<Fault>)> {
-        let robots: Vec<RobotId> = self.robots.keys().cloned().collect();
-        let mut news = Vec::new();
-        for robot in robots {
-            let fault = self.fault(now, &robot);
-            if let Some(track) = self.robots.get_mut(&robot)
-                && track.told != fault
-            {
-                track.told = fault;
-                news.push((robot, fault));
-            }
-        }
-        news
+    /// What is to be told of a gauge, if that is something else than before: its fault, or that it has
+    /// none any more.
+    pub fn news(&mut self, now: Timestamp, robot: &RobotId) -> Option<Option<Fault>> {
+        let fault = self.fault(now, robot);
+        let track = self.robots.get_mut(robot)?;
+        (std::mem::replace(&mut track.told, fault) != fault).then_some(fault)
     }
 
     /// State of charge and energy (Wh) that a robot is believed to have: its gauge's, or less and less
@@ -207,8 +199,8 @@ mod tests {
             let mut trust = Trust::default();
             (0..200).for_each(|n| trust.heard(&robot(), &gauge(f64::from(n), 0.5, 11.1), Some(phase), false));
             assert_eq!(trust.fault(at(200.0), &robot()).is_some(), frozen, "{phase}");
-            assert_eq!(trust.news(at(200.0)).len(), usize::from(frozen));
-            assert!(trust.news(at(201.0)).is_empty(), "told once");
+            assert_eq!(trust.news(at(200.0), &robot()).is_some(), frozen);
+            assert!(trust.news(at(201.0), &robot()).is_none(), "told once");
         }
     }
 }

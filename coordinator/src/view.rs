@@ -1,5 +1,6 @@
 //! Makes the planning view from beliefs, models and services that have begun.
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -27,7 +28,6 @@ pub const HANDOVER_S: f64 = 60.0;
 const SPARE_LATE_S: f64 = 300.0;
 
 /// Everything that a view is made from.
-#[derive(Clone, Copy)]
 pub struct Basis<'a> {
     /// Now.
     pub now: Timestamp,
@@ -47,6 +47,8 @@ pub struct Basis<'a> {
     pub(crate) watch: &'a Watch,
     /// Doubts in gauges.
     pub(crate) trust: &'a Trust,
+    /// Robots that can come to each station, counted when first asked for.
+    pub(crate) in_reach: OnceCell<BTreeMap<StationId, usize>>,
 }
 
 impl Basis<'_> {
@@ -202,8 +204,16 @@ impl Basis<'_> {
     #[must_use]
     pub fn side_by_side(&self, id: &StationId) -> usize {
         let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map_or(1, |state| state.bays.len());
-        let reaches = |robot: &&Robot| robot.known().is_some_and(|(_, state)| state.travel.contains_key(id));
-        bays.min(self.fleet.robots.values().filter(reaches).count()).max(1)
+        let in_reach = self.in_reach.get_or_init(|| {
+            let mut in_reach: BTreeMap<StationId, usize> = BTreeMap::new();
+            let ways = self.fleet.robots.values().filter_map(Robot::known).flat_map(|(_, state)| state.travel.keys());
+            ways.for_each(|station| match in_reach.get_mut(station) {
+                Some(robots) => *robots += 1,
+                None => drop(in_reach.insert(station.clone(), 1)),
+            });
+            in_reach
+        });
+        bays.min(in_reach.get(id).copied().unwrap_or(0)).max(1)
     }
 
     /// Whether a bay works, and is free or held by a service that has begun. If somebody is in it whom no

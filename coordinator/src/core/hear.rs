@@ -8,29 +8,33 @@ use crate::service_run::{How, Stage};
 use crate::store::Record;
 use crate::watch::{Change, News};
 
+/// Each says whether there was anything new.
 impl Core {
-    pub(super) fn robot_gauge(&mut self, now: Timestamp, id: RobotId, gauge: Gauge) {
+    pub(super) fn robot_gauge(&mut self, now: Timestamp, id: &RobotId, gauge: Gauge) -> bool {
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if newer((gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
-            let first = robot.gauge.is_none();
-            robot.gauge = Some(gauge.clone());
-            let phase = robot.phase();
-            let swapped = phase == Some(RobotPhase::Swapping)
-                || self.running.get(&id).is_some_and(|run| matches!(run.how, How::Swap { .. }) && run.stage == Stage::Swapping);
-            self.trust.heard(&id, &gauge, phase, swapped);
-            self.record(Record::RobotGauge { robot: id.clone(), gauge });
-            if first {
-                self.heard_robot(now, &id);
-            }
-            let name = self.fleet.robots[&id].state.as_ref().map(|state| state.battery.as_str());
-            let model = name.and_then(|name| self.models.battery(&id, name));
-            let news = self.watch.robot_gauge(&id, model, self.fleet.robots[&id].gauge.as_ref().expect("it was just heard"));
-            self.doubted(now, news);
+        if !newer((gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
+            return false;
         }
+        let first = robot.gauge.is_none();
+        robot.gauge = Some(gauge.clone());
+        let phase = robot.phase();
+        let swapped = phase == Some(RobotPhase::Swapping)
+            || self.running.get(id).is_some_and(|run| matches!(run.how, How::Swap { .. }) && run.stage == Stage::Swapping);
+        self.trust.heard(id, &gauge, phase, swapped);
+        self.doubt_gauge(now, id);
+        let name = self.fleet.robots[id].state.as_ref().map(|state| state.battery.as_str());
+        let model = name.and_then(|name| self.models.battery(id, name));
+        let news = self.watch.robot_gauge(id, model, &gauge);
+        self.record(Record::RobotGauge { robot: id.clone(), gauge });
+        if first {
+            self.heard_robot(now, id);
+        }
+        self.doubted(now, news);
+        true
     }
 
-    pub(super) fn robot_state(&mut self, now: Timestamp, id: RobotId, state: RobotState) {
-        if self.models.battery(&id, &state.battery).is_none() {
+    pub(super) fn robot_state(&mut self, now: Timestamp, id: &RobotId, state: RobotState) -> bool {
+        if self.models.battery(id, &state.battery).is_none() {
             self.refuse(
                 now,
                 format!(
@@ -38,30 +42,31 @@ impl Core {
                     state.battery
                 ),
             );
-            return;
+            return false;
         }
         let robot = self.fleet.robots.entry(id.clone()).or_default();
         if !newer((state.at, state.seq), robot.state.as_ref().map(|known| (known.at, known.seq))) {
-            return;
+            return false;
         }
         let before = robot.phase();
         let phase = state.phase;
         robot.state = Some(state.clone());
         robot.lost = false;
-        let news = self.watch.robot_state(&id, &state);
+        let news = self.watch.robot_state(id, &state);
         self.doubted(now, news);
         self.record(Record::RobotState { robot: id.clone(), state: state.clone() });
         match before {
-            None => self.heard_robot(now, &id),
+            None => self.heard_robot(now, id),
             Some(before) if before != phase => {
                 let why = state.note.filter(|_| phase == RobotPhase::Stranded).map_or_else(String::new, |note| format!(": {note}"));
-                self.event(now, EventKind::PhaseChanged, Some(&id), None, None, format!("{id}: {before} -> {phase}{why}"));
+                self.event(now, EventKind::PhaseChanged, Some(id), None, None, format!("{id}: {before} -> {phase}{why}"));
                 if phase == RobotPhase::Stranded {
                     self.replan(format!("{id} is stranded"));
                 }
             }
             Some(_) => {}
         }
+        true
     }
 
     pub(super) fn heard_robot(&mut self, now: Timestamp, id: &RobotId) {
@@ -71,24 +76,26 @@ impl Core {
         }
     }
 
-    pub(super) fn robot_alive(&mut self, now: Timestamp, id: RobotId, alive: bool) {
-        let Some(robot) = self.fleet.robots.get_mut(&id) else { return };
-        if robot.lost == alive {
+    pub(super) fn robot_alive(&mut self, now: Timestamp, id: &RobotId, alive: bool) -> bool {
+        let Some(robot) = self.fleet.robots.get_mut(id) else { return false };
+        let new = robot.lost == alive;
+        if new {
             robot.lost = !alive;
             let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
-            self.event(now, kind, Some(&id), None, None, format!("{id} {verb}"));
+            self.event(now, kind, Some(id), None, None, format!("{id} {verb}"));
             self.replan(format!("{id} {verb}"));
         }
+        new
     }
 
-    pub(super) fn station_state(&mut self, now: Timestamp, id: StationId, state: StationState) {
-        if !self.models.stations.contains_key(&id) {
+    pub(super) fn station_state(&mut self, now: Timestamp, id: &StationId, state: StationState) -> bool {
+        if !self.models.stations.contains_key(id) {
             self.refuse(now, format!("station {id} is not configured"));
-            return;
+            return false;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
         if !newer((state.at, state.seq), station.state.as_ref().map(|known| (known.at, known.seq))) {
-            return;
+            return false;
         }
         let before = station.state.replace(state.clone());
         station.lost = false;
@@ -102,7 +109,7 @@ impl Core {
         }
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
         let Some(before) = before else {
-            let modelled = &self.models.stations[&id].packs;
+            let modelled = &self.models.stations[id].packs;
             let unknown: Vec<String> = state.packs.iter().filter(|p| !modelled.contains_key(&p.pack)).map(|p| p.pack.to_string()).collect();
             if !unknown.is_empty() {
                 self.refuse(
@@ -110,23 +117,23 @@ impl Core {
                     format!("station {id}: no model is configured for {}; they are left out of every plan", unknown.join(", ")),
                 );
             }
-            self.event(now, EventKind::Joined, None, Some(&id), None, format!("{id} joined"));
+            self.event(now, EventKind::Joined, None, Some(id), None, format!("{id} joined"));
             self.replan(format!("{id} joined"));
-            return;
+            return true;
         };
         let told =
             |state: &StationState| (state.bays.clone(), state.lift_busy, state.powered, state.active_pack.clone(), state.packs.clone());
         if told(&before) != told(&state) {
-            self.watch.station_changed(&id, &before, &state);
+            self.watch.station_changed(id, &before, &state);
         }
         if before.powered && !state.powered {
-            self.event(now, EventKind::StationDark, None, Some(&id), None, format!("{id} has no power left"));
+            self.event(now, EventKind::StationDark, None, Some(id), None, format!("{id} has no power left"));
             self.replan(format!("{id} has no power left"));
         }
         if before.active_pack != state.active_pack
             && let Some(pack) = &state.active_pack
         {
-            self.event(now, EventKind::PackSelected, None, Some(&id), Some(pack), format!("{id} runs on {pack}"));
+            self.event(now, EventKind::PackSelected, None, Some(id), Some(pack), format!("{id} runs on {pack}"));
             self.replan(format!("{id} switched to {pack}"));
         }
         for (was, is) in before.packs.iter().zip(&state.packs) {
@@ -134,23 +141,26 @@ impl Core {
                 self.replan(format!("{} of {id} {}", is.pack, if is.connected { "is there again" } else { "is away" }));
             }
             if is.depleted && !was.depleted && is.pack == was.pack {
-                self.event(now, EventKind::PackDepleted, None, Some(&id), Some(&is.pack), format!("{} of {id} is depleted", is.pack));
+                self.event(now, EventKind::PackDepleted, None, Some(id), Some(&is.pack), format!("{} of {id} is depleted", is.pack));
                 self.replan(format!("{} of {id} is depleted", is.pack));
             }
         }
+        true
     }
 
-    pub(super) fn pack_gauge(&mut self, now: Timestamp, id: StationId, pack: PackId, gauge: Gauge) {
-        if !self.models.stations.contains_key(&id) {
-            return;
+    pub(super) fn pack_gauge(&mut self, now: Timestamp, id: &StationId, pack: PackId, gauge: Gauge) -> bool {
+        if !self.models.stations.contains_key(id) {
+            return false;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if newer((gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
-            station.packs.insert(pack.clone(), gauge.clone());
-            let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[&id], &id, &pack, &gauge);
-            self.record(Record::PackGauge { station: id, pack, gauge });
-            self.doubted(now, news);
+        if !newer((gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
+            return false;
         }
+        station.packs.insert(pack.clone(), gauge.clone());
+        let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[id], id, &pack, &gauge);
+        self.record(Record::PackGauge { station: id.clone(), pack, gauge });
+        self.doubted(now, news);
+        true
     }
 
     /// Tells of models that began or ceased to be doubted, and plans anew: forecasts are less or more
@@ -171,30 +181,37 @@ impl Core {
         }
     }
 
-    pub(super) fn station_alive(&mut self, now: Timestamp, id: StationId, alive: bool) {
-        let Some(station) = self.fleet.stations.get_mut(&id) else { return };
-        if station.lost == alive {
+    pub(super) fn station_alive(&mut self, now: Timestamp, id: &StationId, alive: bool) -> bool {
+        let Some(station) = self.fleet.stations.get_mut(id) else { return false };
+        let new = station.lost == alive;
+        if new {
             station.lost = !alive;
             let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
-            self.event(now, kind, None, Some(&id), None, format!("{id} {verb}"));
+            self.event(now, kind, None, Some(id), None, format!("{id} {verb}"));
             self.replan(format!("{id} {verb}"));
         }
+        new
     }
 
     /// Tells of gauges that began or ceased to be doubted, and plans anew.
     pub(super) fn doubt_gauges(&mut self, now: Timestamp) {
-        for (robot, fault) in self.trust.news(now) {
-            // Who is lost says nothing, and that is told already.
-            if self.fleet.robots.get(&robot).is_none_or(|belief| belief.lost) {
-                continue;
-            }
-            let (kind, text) = match fault {
-                Some(fault) => (EventKind::GaugeDoubted, format!("the gauge of {robot} {fault}")),
-                None => (EventKind::GaugeTrusted, format!("the gauge of {robot} is believed again")),
-            };
-            self.event(now, kind, Some(&robot), None, None, text.clone());
-            self.replan(text);
+        for robot in self.fleet.robots.keys().cloned().collect::<Vec<_>>() {
+            self.doubt_gauge(now, &robot);
         }
+    }
+
+    fn doubt_gauge(&mut self, now: Timestamp, robot: &RobotId) {
+        let Some(fault) = self.trust.news(now, robot) else { return };
+        // Who is lost says nothing, and that is told already.
+        if self.fleet.robots.get(robot).is_none_or(|belief| belief.lost) {
+            return;
+        }
+        let (kind, text) = match fault {
+            Some(fault) => (EventKind::GaugeDoubted, format!("the gauge of {robot} {fault}")),
+            None => (EventKind::GaugeTrusted, format!("the gauge of {robot} is believed again")),
+        };
+        self.event(now, kind, Some(robot), None, None, text.clone());
+        self.replan(text);
     }
 
     /// Says once what is wrong with an input, however often it comes.

@@ -1,8 +1,8 @@
 //! Begins services when their robots must leave, and carries them on as far as beliefs allow.
 
-use proto::{EventKind, RobotAction, RobotId, RobotPhase, StationAction, Timestamp};
+use proto::{EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
 
-use super::Core;
+use super::{Concerned, Core};
 use crate::answers;
 use crate::fleet::{Robot, Station};
 use crate::scheduler::Planned;
@@ -42,9 +42,16 @@ impl Core {
         }
     }
 
-    /// Carries on every service as far as the newest beliefs allow.
-    pub(super) fn carry_on(&mut self, now: Timestamp) {
-        for robot in self.running.keys().cloned().collect::<Vec<_>>() {
+    /// Carries on the services that a message concerns as far as the newest beliefs allow.
+    pub(super) fn carry_on(&mut self, now: Timestamp, concerned: &Concerned) {
+        let robots: Vec<RobotId> = match concerned {
+            Concerned::Robot(robot) => self.running.contains_key(robot).then(|| robot.clone()).into_iter().collect(),
+            Concerned::Station(station) => {
+                self.running.values().filter(|run| run.station == *station).map(|run| run.robot.clone()).collect()
+            }
+            Concerned::Everybody => self.running.keys().cloned().collect(),
+        };
+        for robot in robots {
             let Some(run) = self.running.get(&robot) else { continue };
             if run.asked.is_some() {
                 continue;
@@ -65,7 +72,12 @@ impl Core {
                 Step::Fail(why) => self.fail(now, &robot, &why),
             }
         }
-        self.select_packs(now);
+        let stations: Vec<StationId> = match concerned {
+            Concerned::Robot(_) => Vec::new(),
+            Concerned::Station(station) => vec![station.clone()],
+            Concerned::Everybody => self.models.stations.keys().cloned().collect(),
+        };
+        self.select_packs(now, &stations);
     }
 
     pub(super) fn enter(&mut self, now: Timestamp, robot: &RobotId, stage: Stage) {
@@ -113,15 +125,15 @@ impl Core {
         }
     }
 
-    /// Hands a station over to its next pack before the active one gives out.
-    pub(super) fn select_packs(&mut self, now: Timestamp) {
-        for id in self.models.stations.keys().cloned().collect::<Vec<_>>() {
-            let Some(next) = answers::next_pack(&self.basis(now), &id) else { continue };
+    /// Hands stations over to their next pack before the active one gives out.
+    fn select_packs(&mut self, now: Timestamp, stations: &[StationId]) {
+        for id in stations {
+            let Some(next) = answers::next_pack(&self.basis(now), id) else { continue };
             // The station's word that it has switched takes a while: ask again only after that.
-            let waiting = self.selected.get(&id).is_some_and(|asked| now.seconds_since(*asked) < self.settings.deadline_s);
+            let waiting = self.selected.get(id).is_some_and(|asked| now.seconds_since(*asked) < self.settings.deadline_s);
             if !waiting {
                 self.selected.insert(id.clone(), now);
-                self.ask_station(now, &id, StationAction::SelectPack { pack: next }, None);
+                self.ask_station(now, id, StationAction::SelectPack { pack: next }, None);
             }
         }
     }

@@ -2,6 +2,8 @@
 //! put them there: a coordinator before it did, or a command whose answer was lost, or robot and
 //! station by themselves while no coordinator was heard.
 
+use std::collections::BTreeMap;
+
 use energy::Need;
 use proto::{BayId, BayPhase, EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
 
@@ -22,13 +24,14 @@ impl Core {
     /// Takes over what can be carried on, and frees what cannot. Before it frees anything it waits
     /// for longer than any command lives, so that no answer is under way.
     pub(super) fn find_strays(&mut self, now: Timestamp) {
-        let robots: Vec<RobotId> = self.fleet.robots.keys().cloned().collect();
-        for robot in robots {
-            match self.stray(&robot) {
+        let mut held = self.held();
+        for robot in self.fleet.robots.keys().cloned().collect::<Vec<_>>() {
+            let place = held.remove(&robot).unwrap_or(Held::Nowhere);
+            match self.stray(&robot, &place) {
                 Some(phase) => {
                     let since = *self.strays.entry(robot.clone()).or_insert(now);
                     let settled = now.seconds_since(since) > self.settings.deadline_s + self.settings.resend_s;
-                    self.settle(now, &robot, phase, settled);
+                    self.settle(now, &robot, phase, place, settled);
                 }
                 None => drop(self.strays.remove(&robot)),
             }
@@ -36,7 +39,7 @@ impl Core {
     }
 
     /// What a robot without a service does, if that is anything that needs looking after.
-    fn stray(&self, robot: &RobotId) -> Option<RobotPhase> {
+    fn stray(&self, robot: &RobotId, place: &Held) -> Option<RobotPhase> {
         if self.running.contains_key(robot) {
             return None;
         }
@@ -44,29 +47,31 @@ impl Core {
         match state.phase {
             RobotPhase::Stranded => None,
             // It plans like any other, unless a station believes to have it.
-            RobotPhase::Working | RobotPhase::Waiting => (!matches!(self.held(robot), Held::Nowhere)).then_some(state.phase),
+            RobotPhase::Working | RobotPhase::Waiting => (!matches!(place, Held::Nowhere)).then_some(state.phase),
             phase => Some(phase),
         }
     }
 
-    fn held(&self, robot: &RobotId) -> Held {
+    /// Where stations say that robots are; of two that say so, the first.
+    fn held(&self) -> BTreeMap<RobotId, Held> {
+        let mut held = BTreeMap::new();
         for (id, station) in &self.fleet.stations {
             let Some(state) = station.known() else { continue };
-            if state.swapping.as_ref() == Some(robot) {
-                return Held::Moving;
+            if let Some(robot) = &state.swapping {
+                held.entry(robot.clone()).or_insert(Held::Moving);
             }
-            match state.bays.iter().find(|bay| bay.robot.as_ref() == Some(robot)) {
-                Some(bay) if bay.phase == BayPhase::Occupied => return Held::InBay(id.clone(), bay.bay.clone()),
-                Some(_) => return Held::Moving,
-                None => {}
+            for bay in &state.bays {
+                let Some(robot) = &bay.robot else { continue };
+                let in_bay = || Held::InBay(id.clone(), bay.bay.clone());
+                held.entry(robot.clone()).or_insert_with(|| if bay.phase == BayPhase::Occupied { in_bay() } else { Held::Moving });
             }
         }
-        Held::Nowhere
+        held
     }
 
-    fn settle(&mut self, now: Timestamp, robot: &RobotId, phase: RobotPhase, settled: bool) {
+    fn settle(&mut self, now: Timestamp, robot: &RobotId, phase: RobotPhase, place: Held, settled: bool) {
         use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
-        match (phase, self.held(robot)) {
+        match (phase, place) {
             (Docked, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Loading),
             (Charging | Charged, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Charging),
             (Travelling, _) => {

@@ -181,11 +181,13 @@ fn an_account_names_who_is_in_the_way_and_what_else_would_cost() {
     let robots: Vec<RobotView> = ["a", "b"].map(|name| robot(name, 0.12, &[(0, 60.0), (1, 900.0)])).to_vec();
     let solved = solved(robots, vec![station("near", 1, &[90.0], &[]), station("far", 1, &[90.0], &[])]);
     let far = solved.plan.planned.iter().find(|planned| planned.station.as_str() == "far").expect("one goes far");
-    let told = account(&solved.task, &solved.sessions, &far.robot);
+    let ways = planner::Ways::new(&solved.task.problem);
+    let mut accounts = Accounts::new(&solved.task, &ways, &solved.sessions);
+    let told = accounts.of(&far.robot);
     let near = told.others.iter().find(|other| other.station.as_str() == "near").expect("the other station");
     let blocker = if far.robot.as_str() == "a" { "b" } else { "a" };
     assert!(near.why_not[0].contains(&format!("planned for {blocker}")), "{near:?}");
-    let settled = account(&solved.task, &solved.sessions, &RobotId::new(blocker).unwrap());
+    let settled = accounts.of(&RobotId::new(blocker).unwrap());
     assert!(!settled.earlier.is_empty(), "{settled:?}");
 }
 

@@ -1,5 +1,7 @@
 //! Why a robot is serviced as it is, why not otherwise, and what would have to change.
 
+use std::collections::BTreeMap;
+
 use planner::book::Clash;
 use planner::problem::Tick;
 use planner::reasons::Why;
@@ -146,17 +148,73 @@ fn clash_in_words(task: &Task, station: usize, start: Tick, clash: Clash, blocke
     }
 }
 
-/// What else there was for a robot, and why its service does not come earlier.
-#[must_use]
-pub fn account(task: &Task, sessions: &[Session], robot: &RobotId) -> Account {
-    let Some(index) = task.view.robots.iter().position(|view| view.robot == *robot) else { return Account::default() };
-    let ways = Ways::new(&task.problem);
-    let Explained { cost, others, earlier, .. } = Explainer::new(&ways, sessions).explain(index);
-    let session = sessions.iter().find(|session| session.robot == index);
-    let others = others.iter().map(|other| alternative(task, other, cost));
-    Account {
-        others: others.collect(),
-        earlier: session.map_or_else(Vec::new, |session| vec![why_not_earlier(task, session, earlier.as_ref())]),
+/// A plan of which one can ask for every robot what else there was, and why its service does not come
+/// earlier. Opening it takes as long as a few robots' answers: it serves for all of them.
+#[derive(Debug)]
+pub struct Accounts<'w, 'p> {
+    task: &'p Task,
+    ways: &'w Ways<'p>,
+    explainer: Explainer<'w, 'p>,
+    sessions: BTreeMap<usize, Session>,
+    robots: BTreeMap<&'p RobotId, usize>,
+}
+
+impl<'w, 'p> Accounts<'w, 'p> {
+    /// Opens the plan of these sessions; `ways` are those of the task's problem.
+    #[must_use]
+    pub fn new(task: &'p Task, ways: &'w Ways<'p>, sessions: &[Session]) -> Self {
+        Self {
+            task,
+            ways,
+            explainer: Explainer::new(ways, sessions),
+            sessions: sessions.iter().map(|session| (session.robot, *session)).collect(),
+            robots: task.view.robots.iter().enumerate().map(|(index, view)| (&view.robot, index)).collect(),
+        }
+    }
+
+    /// What can be told of a robot; nothing of one that the plan did not concern.
+    pub fn of(&mut self, robot: &RobotId) -> Account {
+        let Some(&index) = self.robots.get(robot) else { return Account::default() };
+        let Explained { cost, others, earlier, .. } = self.explainer.explain(index);
+        let others = others.iter().map(|other| alternative(self.task, other, cost));
+        let session = self.sessions.get(&index);
+        Account {
+            others: others.collect(),
+            earlier: session.map_or_else(Vec::new, |session| vec![self.why_not_earlier(session, earlier.as_ref())]),
+        }
+    }
+
+    /// What would have to change for a robot to be serviced earlier.
+    fn why_not_earlier(&self, session: &Session, earlier: Option<&Other>) -> String {
+        let task = self.task;
+        let robot = &task.problem.robots[session.robot];
+        match earlier {
+            Some(other) => match other.clash {
+                Some(clash) => format!(
+                    "to begin at {} instead: {}",
+                    clock(task.grid.time(other.start)),
+                    clash_in_words(task, other.station, other.start, clash, &other.blockers)
+                ),
+                None => format!(
+                    "it could begin at {}, and would miss {:.1} min more of work: a service is wanted later",
+                    clock(task.grid.time(other.start)),
+                    (task.work_s(other.cost) - task.work_s(self.cost_of(session))) / 60.0
+                ),
+            },
+            None if robot.not_before >= session.start => {
+                format!(
+                    "not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it",
+                    clock(task.grid.time(robot.wanted.unwrap_or(0)))
+                )
+            }
+            None => "not earlier: the robot is on its way as soon as it can be".to_owned(),
+        }
+    }
+
+    fn cost_of(&self, session: &Session) -> i64 {
+        let choices = self.ways.of(session.robot);
+        let way = choices.find(session.station, session.start, session.mode);
+        way.map_or(i64::from(choices.unserved_cost), |way| i64::from(choices.ways[way].cost))
     }
 }
 
@@ -176,39 +234,6 @@ fn alternative(task: &Task, other: &Other, cost: i64) -> Alternative {
         start: other.clash.is_none().then(|| task.grid.time(other.start)),
         why_not: vec![beyond],
     }
-}
-
-/// What would have to change for a robot to be serviced earlier.
-fn why_not_earlier(task: &Task, session: &Session, earlier: Option<&Other>) -> String {
-    let robot = &task.problem.robots[session.robot];
-    match earlier {
-        Some(other) => match other.clash {
-            Some(clash) => format!(
-                "to begin at {} instead: {}",
-                clock(task.grid.time(other.start)),
-                clash_in_words(task, other.station, other.start, clash, &other.blockers)
-            ),
-            None => format!(
-                "it could begin at {}, and would miss {:.1} min more of work: a service is wanted later",
-                clock(task.grid.time(other.start)),
-                (task.work_s(other.cost) - task.work_s(cost_of(task, session))) / 60.0
-            ),
-        },
-        None if robot.not_before >= session.start => {
-            format!(
-                "not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it",
-                clock(task.grid.time(robot.wanted.unwrap_or(0)))
-            )
-        }
-        None => "not earlier: the robot is on its way as soon as it can be".to_owned(),
-    }
-}
-
-fn cost_of(task: &Task, session: &Session) -> i64 {
-    let ways = Ways::new(&task.problem);
-    let choices = ways.of(session.robot);
-    let way = choices.find(session.station, session.start, session.mode);
-    way.map_or(i64::from(choices.unserved_cost), |way| i64::from(choices.ways[way].cost))
 }
 
 /// The time of day, to the minute.

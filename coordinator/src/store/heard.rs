@@ -21,8 +21,10 @@ pub struct Heard {
 /// What was heard. Telemetry stands in tables of its own: here is only which row it was.
 #[derive(Debug, Clone, PartialEq)]
 pub enum What {
-    /// Time passed, or something came that changed nothing: an old copy, say.
+    /// Something came that changed nothing: an old copy, say.
     Nothing,
+    /// Time passed.
+    Tick,
     /// A robot's gauge.
     RobotGauge(RobotId, Timestamp, u64),
     /// A robot's state.
@@ -48,7 +50,8 @@ impl Heard {
     #[must_use]
     pub fn of((epoch, number): (u64, u64), at: Timestamp, input: Input, came: &[Record]) -> Self {
         let what = match input {
-            Input::Tick => What::Nothing,
+            Input::Nothing => What::Nothing,
+            Input::Tick => What::Tick,
             Input::RobotAlive(robot, alive) => What::RobotAlive(robot, alive),
             Input::StationAlive(station, alive) => What::StationAlive(station, alive),
             Input::Reply(reply) => What::Reply(reply),

@@ -27,6 +27,7 @@ pub(super) fn row(heard: &Heard) -> Vec<Value> {
     let of_station = |station| Line { station: Some(station), ..Line::default() };
     let (kind, line) = match &heard.what {
         What::Nothing => ("nothing", none),
+        What::Tick => ("tick", none),
         What::RobotGauge(robot, at, seq) => ("robot_gauge", Line { message: Some((*at, *seq)), ..of_robot(robot) }),
         What::RobotState(robot, at, seq) => ("robot_state", Line { message: Some((*at, *seq)), ..of_robot(robot) }),
         What::RobotAlive(robot, alive) => (if *alive { "robot_there" } else { "robot_lost" }, of_robot(robot)),
@@ -65,6 +66,7 @@ pub(super) fn heard(row: &AnyRow) -> Result<Heard, sqlx::Error> {
     let seq = || row.try_get::<i64, _>("message_seq").map(i64::cast_unsigned);
     let what = match row.try_get::<String, _>("kind")?.as_str() {
         "nothing" => What::Nothing,
+        "tick" => What::Tick,
         "robot_gauge" => What::RobotGauge(robot()?, at()?, seq()?),
         "robot_state" => What::RobotState(robot()?, at()?, seq()?),
         "robot_there" => What::RobotAlive(robot()?, true),

@@ -1,0 +1,117 @@
+//! Why robots are serviced as they are, and what has changed for them.
+
+use std::collections::BTreeMap;
+
+use proto::{Alternative, Doubt, Explanation, RobotId, Schedule, Service, ServiceStatus, Unserved};
+
+use crate::scheduler::Accounts;
+use crate::view::Basis;
+
+/// Explains robot after robot from one plan.
+pub struct Explainer<'a, 'w> {
+    basis: Basis<'a>,
+    accounts: Option<Accounts<'w, 'a>>,
+    services: BTreeMap<&'a RobotId, &'a Service>,
+    unserved: BTreeMap<&'a RobotId, &'a Unserved>,
+    doubts: Vec<Doubt>,
+}
+
+impl<'a, 'w> Explainer<'a, 'w> {
+    /// Of what is believed now, the problem that the last plan solved, and what it came to.
+    #[must_use]
+    pub fn new(basis: Basis<'a>, accounts: Option<Accounts<'w, 'a>>, schedule: &'a Schedule) -> Self {
+        Self {
+            services: services(schedule),
+            unserved: schedule.unserved.iter().map(|unserved| (&unserved.robot, unserved)).collect(),
+            doubts: basis.watch.doubts(basis.fleet, basis.models),
+            basis,
+            accounts,
+        }
+    }
+
+    /// Why a robot is serviced as it is. `changed` is what is different from the plan before.
+    ///
+    /// # Errors
+    /// When the robot is not known, with the nearest that is.
+    pub fn explain(&mut self, robot: &RobotId, changed: &[String]) -> Result<Explanation, String> {
+        let basis = &self.basis;
+        let Some(belief) = basis.fleet.robots.get(robot) else {
+            let known = || basis.fleet.robots.keys().map(AsRef::as_ref);
+            let hint = energy::document::hint(robot.as_ref(), known());
+            return Err(format!("robot {robot} is not known{hint} Known: {}", known().collect::<Vec<_>>().join(", ")));
+        };
+        let service = self.services.get(robot).copied();
+        let mut reasons = Vec::new();
+        if let Some((gauge, state)) = belief.known() {
+            let (soc, left) = (gauge.soc, gauge.remaining_wh);
+            reasons.push(format!(
+                "{} at {:.1} ± {:.1} % charge, {:.1} ± {:.1} Wh left",
+                state.phase,
+                soc.value * 100.0,
+                soc.sigma * 100.0,
+                left.value,
+                left.sigma
+            ));
+        } else {
+            reasons.push("it has not been heard, or was lost".to_owned());
+        }
+        let fault = basis.trust.fault(basis.now, robot);
+        reasons.extend(fault.map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
+        match (service, self.unserved.get(robot)) {
+            (Some(service), _) => reasons.extend(service.why.iter().cloned()),
+            (None, Some(unserved)) => reasons.extend(unserved.reasons.iter().cloned()),
+            (None, None) => reasons.push("no service is planned".to_owned()),
+        }
+        let at = service.map(|service| &service.station);
+        // What a service rests on: the robot's own models, and those of its station.
+        let concerns = |doubt: &&Doubt| doubt.robot.as_ref() == Some(robot) || doubt.station.is_some() && doubt.station.as_ref() == at;
+        let doubts = self.doubts.iter().filter(concerns).cloned().collect();
+        // What has begun is kept: there is nothing else to it.
+        let begun = basis.running.contains_key(robot);
+        let told = self.accounts.as_mut().filter(|_| !begun).map(|accounts| accounts.of(robot)).unwrap_or_default();
+        let alternatives = told.others.into_iter().map(|other| Alternative {
+            station: other.station,
+            mode: other.mode.to_owned(),
+            start: other.start,
+            why_not: other.why_not,
+        });
+        Ok(Explanation {
+            at: basis.now,
+            robot: robot.clone(),
+            service: service.cloned(),
+            reasons,
+            alternatives: alternatives.collect(),
+            doubts,
+            earlier: told.earlier,
+            changed: changed.to_vec(),
+        })
+    }
+}
+
+fn services(schedule: &Schedule) -> BTreeMap<&RobotId, &Service> {
+    schedule.services.iter().map(|service| (&service.robot, service)).collect()
+}
+
+/// What is different for robots between two schedules, a sentence each. Services that began as planned are
+/// no difference.
+#[must_use]
+pub fn changes(before: &Schedule, after: &Schedule) -> Vec<(RobotId, String)> {
+    let told = |service: &Service| {
+        let start: String = service.start.to_string().chars().skip(11).take(8).collect();
+        let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
+        format!("{start} at {}{bay}", service.station)
+    };
+    let because = format!("plan {}, because {}", after.plan, after.trigger);
+    let (old, new) = (services(before), services(after));
+    let gained = new.iter().filter_map(|(robot, new)| match old.get(robot) {
+        None => Some((*robot, format!("{because}: it was given a service, {}", told(new)))),
+        Some(old) if new.status == ServiceStatus::Planned => {
+            let moved = old.station != new.station || old.start != new.start || old.mode != new.mode;
+            moved.then(|| (*robot, format!("{because}: it was moved from {} to {}", told(old), told(new))))
+        }
+        Some(_) => None,
+    });
+    let lost = old.iter().filter(|(robot, old)| !new.contains_key(*robot) && old.status == ServiceStatus::Planned);
+    let lost = lost.map(|(robot, old)| (*robot, format!("{because}: it lost its service, {}", told(old))));
+    gained.chain(lost).map(|(robot, what)| (robot.clone(), what)).collect()
+}
