@@ -195,11 +195,11 @@ impl<'w, 'p> Accounts<'w, 'p> {
                     clock(task.grid.time(other.start)),
                     clash_in_words(task, other.station, other.start, clash, &other.blockers)
                 ),
-                None => format!(
-                    "it could begin at {}, and would miss {:.1} min more of work: a service is wanted later",
-                    clock(task.grid.time(other.start)),
-                    (task.work_s(other.cost) - task.work_s(self.cost_of(session))) / 60.0
-                ),
+                None => {
+                    let more_s = task.work_s(other.cost - self.cost_of(session));
+                    let why = if more_s < 0.0 { NOT_MOVED } else { "a service is wanted later" };
+                    format!("it could begin at {}, and would miss {}: {why}", clock(task.grid.time(other.start)), missed(more_s))
+                }
             },
             None if robot.not_before >= session.start => {
                 format!(
@@ -222,11 +222,11 @@ fn alternative(task: &Task, other: &Other, cost: i64) -> Alternative {
     let mode = if matches!(other.mode, Mode::Charge(_)) { "recharge" } else { "swap" };
     let beyond = match other.clash {
         Some(clash) => clash_in_words(task, other.station, other.start, clash, &other.blockers),
-        None => format!(
-            "it would miss {:.1} min more of work and takes {:.1} Wh",
-            task.work_s(other.cost - cost) / 60.0,
-            task.problem.wh(other.energy)
-        ),
+        None => {
+            let more_s = task.work_s(other.cost - cost);
+            let but = if more_s < 0.0 { format!(": {NOT_MOVED}") } else { String::new() };
+            format!("it would miss {} and takes {:.1} Wh{but}", missed(more_s), task.problem.wh(other.energy))
+        }
     };
     Alternative {
         station: task.view.stations[other.station].station.clone(),
@@ -234,6 +234,13 @@ fn alternative(task: &Task, other: &Other, cost: i64) -> Alternative {
         start: other.clash.is_none().then(|| task.grid.time(other.start)),
         why_not: vec![beyond],
     }
+}
+
+/// Why what is better by itself is not chosen: the planner weighs what it moves (`planner::replan`).
+const NOT_MOVED: &str = "too little to move a service for that was told already";
+
+fn missed(more_s: f64) -> String {
+    format!("{:.1} min {} of work", more_s.abs() / 60.0, if more_s < 0.0 { "less" } else { "more" })
 }
 
 /// The time of day, to the minute.
