@@ -61,7 +61,7 @@ pub use optimise::{Budget, Moves};
 pub use plan::{Levels, Plan, Session, Unserved};
 pub use policy::{Policy, policies, policy};
 pub use problem::Problem;
-pub use replan::{Replanned, renew, replan};
+pub use replan::{Replanned, hold, renew, replan};
 pub use way::{Mode, Ways};
 
 /// Why there is no plan.

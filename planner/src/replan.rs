@@ -16,7 +16,7 @@ use crate::plan::{Plan, Session};
 use crate::prices::{Level, Prices};
 use crate::problem::Problem;
 use crate::search::Search;
-use crate::way::{Commitment, Ways};
+use crate::way::{Commitment, Way, Ways};
 
 /// Neighbours whose promises may come into question.
 const NEIGHBOURS_MAX: usize = 32;
@@ -35,6 +35,58 @@ pub struct Replanned {
     /// Robots that had a session and now have another, or none, in order; those that changed
     /// themselves are among them.
     pub moved: Vec<usize>,
+}
+
+/// Holds promises to the certainty that they have now: what is measured may take some of it, but no
+/// plan may spend it on less missed work. Raises each station's `quantile_held` to what the sessions of
+/// `before`, or the nearest that there are, leave it; at most to `quantile`. A station to which somebody
+/// may have to move keeps its own.
+pub fn hold(problem: &mut Problem, before: &[Session]) {
+    let quantiles = quantiles(problem, before);
+    for (station, now) in problem.stations.iter_mut().zip(quantiles) {
+        if let (Some(chance), Some(now)) = (&mut station.chance, now) {
+            chance.quantile_held = chance.quantile.min(now).max(chance.quantile_held);
+        }
+    }
+}
+
+/// How many standard deviations each station's packs hold beyond what is promised already; none where
+/// that is not uncertain, or somebody has lost a place.
+fn quantiles(problem: &Problem, before: &[Session]) -> Vec<Option<f64>> {
+    let committed = commitments(problem, before);
+    let mut moved = vec![false; committed.len()];
+    loop {
+        let ways = Ways::for_replanning(problem, &committed, &moved, 0);
+        let draft = nearest(&ways, before);
+        let without = |robot: &usize| problem.robots[*robot].held && draft.chosen[*robot] == NONE;
+        let without: Vec<usize> = (0..committed.len()).filter(without).collect();
+        // Who gives way to one that moved must move too.
+        if without.iter().any(|&robot| !moved[robot]) {
+            without.iter().for_each(|&robot| moved[robot] = true);
+            continue;
+        }
+        let mut lost = vec![false; problem.stations.len()];
+        for travel in without.iter().flat_map(|&robot| &problem.robots[robot].travel) {
+            lost[travel.station] = true;
+        }
+        // A unit less, so that rounding leaves them room.
+        let quantile = |(spare, sigma): (i64, f64)| (spare - 1) as f64 / sigma.max(1.0);
+        return draft.books.iter().zip(lost).map(|(book, lost)| book.margin().filter(|_| !lost).map(quantile)).collect();
+    }
+}
+
+/// Those to whom a service was promised, as near to their old sessions as there is a place.
+fn nearest<'w, 'p>(ways: &'w Ways<'p>, before: &[Session]) -> Draft<'w, 'p> {
+    let mut draft = Draft::new(ways);
+    for session in before.iter().filter(|session| ways.problem().robots[session.robot].held) {
+        let (choices, book) = (ways.of(session.robot), &draft.books[session.station]);
+        let alike = |way: &Way| usize::from(way.station) == session.station && way.mode == session.mode && book.fits(choices, way);
+        let alike = choices.ways.iter().zip(0..).filter(|(way, _)| alike(way));
+        if let Some((_, nearest)) = alike.min_by_key(|(way, _)| u32::from(way.start).abs_diff(session.start)) {
+            draft.serve(session.robot, nearest);
+        }
+    }
+    draft
 }
 
 /// Mends the plan whose sessions were `before`: their robots, stations and ticks are those of

@@ -30,7 +30,8 @@ const HORIZON_MAX_S: f64 = 48.0 * S_PER_H;
 const QUEUE_MAX: Tick = 6;
 /// What a station may draw in a tick where nothing limits it.
 const NO_LIMIT: i64 = 1 << 40;
-/// A promise that was given is kept as long as it is more likely than not that it can be.
+/// A promise that was given is kept as long as it is more likely than not that it can be; what makes it
+/// less likely is measured, never planned ([`planner::hold`]).
 const KEEP_CONFIDENCE: f64 = 0.5;
 /// Spares that hold this much less than the fullest wait until that is handed out, as a fraction.
 const SPARES_ALIKE_SOC: f64 = 0.1;
@@ -126,7 +127,10 @@ impl Task {
             robots,
         };
         close_horizon(&mut problem, &view);
-        Self { view, problem, grid }
+        let mut task = Self { view, problem, grid };
+        let sessions = task.sessions(before);
+        planner::hold(&mut task.problem, &sessions);
+        task
     }
 
     /// Services of an earlier plan that this problem can still have, as sessions of it.

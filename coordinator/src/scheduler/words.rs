@@ -128,8 +128,9 @@ fn odds(task: &Task, sessions: &[Session], robot: usize, station: usize, start: 
     let units = task.problem.units_per_wh as f64;
     let sigma = chance.sigma(last, (need.mean_wh * units) as i64, need.own_variance * units * units).max(1.0);
     let held = here.clone().all(|session| task.problem.robots[session.robot].held) && task.problem.robots[robot].held;
-    let (quantile, asked) = if held { (chance.quantile_held, 0.5) } else { (chance.quantile, confidence) };
-    (Normal::standard().cdf(quantile - short as f64 / sigma), asked)
+    let normal = Normal::standard();
+    let (quantile, asked) = if held { (chance.quantile_held, normal.cdf(chance.quantile_held)) } else { (chance.quantile, confidence) };
+    (normal.cdf(quantile - short as f64 / sigma), asked)
 }
 
 fn clash_in_words(task: &Task, station: usize, start: Tick, clash: Clash, blockers: &[usize]) -> String {
