@@ -1,5 +1,7 @@
 //! The live coordinator's configuration file.
 
+mod telemetry;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +16,8 @@ use serde::{Deserialize, Serialize};
 use crate::forecast::Handling;
 use crate::models::{Models, Settings, StationModels};
 use crate::web::WebConfig;
+
+pub use telemetry::TelemetryConfig;
 
 /// Everything a coordinator is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,6 +48,9 @@ pub struct Config {
     /// The dashboard.
     #[serde(default)]
     pub web: WebConfig,
+    /// How much of what is told is taken in and kept.
+    #[serde(default)]
+    pub telemetry: TelemetryConfig,
     /// Faster time, for demonstrations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockConfig>,
@@ -207,6 +214,7 @@ impl Config {
         ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
         config.network.check().with_context(|| name.clone())?;
         config.web.check().with_context(|| name.clone())?;
+        config.telemetry.check().with_context(|| name.clone())?;
         config.clock.map_or(Ok(()), |clock| clock.check()).with_context(|| name)?;
         Ok(config)
     }

@@ -1,7 +1,8 @@
 //! Tender's coordinator.
 //!
 //! ```text
-//!   pure    core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
+//!   pure    intake.rs       what waits for the core: the newest of each sender, every change
+//!           core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
 //!             fleet.rs        the newest word of each robot and station
 //!             trust.rs        whether gauges can be believed
 //!             models.rs       the coordinator's own models and settings
@@ -29,6 +30,7 @@ pub mod config;
 pub mod core;
 pub mod fleet;
 pub mod forecast;
+mod intake;
 pub mod models;
 pub mod outbox;
 pub mod replay;

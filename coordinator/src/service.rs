@@ -1,7 +1,7 @@
 //! The core on tokio and Zenoh.
 //!
 //! ```text
-//!   Zenoh ──> inputs ──> Core::handle ──> poll ──> records ──> store (one batch at a time)
+//!   Zenoh ──> intake ──> Core::handle ──> poll ──> records ──> store (one batch at a time)
 //!                                            └──> commands ──> query; the answer is an input
 //! ```
 //!
@@ -11,6 +11,7 @@
 mod lead;
 
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, ensure};
@@ -18,8 +19,8 @@ use node::access::Members;
 use node::session::{Answer, decoded};
 use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
-use tokio::sync::mpsc;
-use tracing::{error, info, warn};
+use tokio::sync::{Notify, mpsc};
+use tracing::{debug, error, info, warn};
 use zenoh::query::Query;
 use zenoh::sample::{Sample, SampleKind};
 
@@ -27,16 +28,19 @@ use lead::monotonic;
 
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
+use crate::intake::Intake;
 use crate::outbox::Outbox;
-use crate::store::{Record, Store, StoreError, shown};
+use crate::store::{Record, Retention, Store, StoreError, Sweep, shown};
 use crate::web::{self, Asked, Books, Desk, Past, Question, REPLAN_WHY, WebConfig};
 
-/// Telemetry that waits for the core; beyond this the newest is dropped, and said so.
-const TELEMETRY_QUEUE: usize = 65_536;
+/// Messages that the core takes in before it looks at anything else again.
+const AT_ONCE: usize = 256;
 /// Longest real time between two writes of telemetry.
 const FLUSH: Duration = Duration::from_millis(500);
 /// Shortest real time that an answer to a command is waited for.
 const ANSWER_MIN: Duration = Duration::from_secs(1);
+/// Real time between two steps of deleting what is old.
+const SWEEP: Duration = Duration::from_secs(1);
 
 /// A coordinator at work.
 struct Service {
@@ -53,6 +57,7 @@ struct Service {
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
     past: Past,
+    sweep: Sweep,
 }
 
 /// Runs until `stop` comes.
@@ -83,16 +88,16 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     );
     let _alive = link.announce(&Key::CoordinatorAlive).await?;
 
-    let (telemetry_in, mut telemetry) = mpsc::channel(TELEMETRY_QUEUE);
+    let clock = Clock::new(config.clock);
+    let intake = Gate::new(clock.real(config.telemetry.every_s));
     let (news_in, mut news) = mpsc::unbounded_channel();
     let (questions_in, mut questions) = mpsc::unbounded_channel();
-    let _subscribers = subscribe(&link, &telemetry_in, &news_in).await?;
+    let _subscribers = subscribe(&link, &intake, &news_in).await?;
     let _queryables = answer(&link, &questions_in).await?;
     let (listen, connect) = (&config.network.listen, &config.network.connect);
     let meets = if listen.is_empty() { format!("through {}", connect.join(", ")) } else { format!("listening on {}", listen.join(", ")) };
     info!("coordinator of site {} is up: store {}, {meets}", link.site, shown(&place).display());
 
-    let clock = Clock::new(config.clock);
     let core = Core::new(settings, models, numbering);
     let patience_s = settings.deadline_s;
     let leads_until = store.lease().map(|lease| monotonic() + lease);
@@ -108,6 +113,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         answers: news_in.clone(),
         patience_s,
         past: Past::default(),
+        sweep: Sweep::default(),
     };
     let (desk, mut asked) = web::desk();
     let _web = open_web(&config.web, desk).await?;
@@ -115,13 +121,16 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
     let mut renewals = tokio::time::interval(service.store.renewal().unwrap_or(FLUSH));
+    let mut sweeps = tokio::time::interval(SWEEP);
+    sweeps.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
         tokio::select! {
             Some(input) = news.recv() => service.take(input).await,
-            Some(input) = telemetry.recv() => service.take(input).await,
+            () = intake.ready() => service.take_in(&intake).await,
             _ = ticks.tick() => service.take(Input::Tick).await,
             _ = flushes.tick() => service.flush().await,
             _ = renewals.tick() => service.renew().await,
+            _ = sweeps.tick() => service.sweep(config).await,
             Some(query) = questions.recv() => service.tell(&query).await,
             Some(asked) = asked.recv() => service.show(asked, config, path).await,
             () = &mut stop => break,
@@ -177,20 +186,44 @@ impl Drop for AbortOnDrop {
 /// Whatever must live as long as the service.
 type Kept = Vec<Box<dyn std::any::Any + Send>>;
 
-/// Turns what comes over Zenoh into inputs. Gauges may be dropped under pressure, the rest not.
-async fn subscribe(link: &Link, telemetry: &mpsc::Sender<Input>, news: &mpsc::UnboundedSender<Input>) -> anyhow::Result<Kept> {
+/// The intake, between Zenoh's threads and the core's.
+#[derive(Clone)]
+struct Gate {
+    intake: Arc<Mutex<Intake>>,
+    came: Arc<Notify>,
+    since: Instant,
+}
+
+impl Gate {
+    fn new(every: Duration) -> Self {
+        Self { intake: Arc::new(Mutex::new(Intake::new(every))), came: Arc::new(Notify::new()), since: monotonic() }
+    }
+
+    fn with<T>(&self, look: impl FnOnce(&mut Intake, Duration) -> T) -> T {
+        let mut intake = self.intake.lock().expect("nobody panics while he holds it");
+        look(&mut intake, self.since.elapsed())
+    }
+
+    fn offer(&self, input: Input) {
+        self.with(|intake, now| intake.offer(now, input));
+        self.came.notify_one();
+    }
+
+    /// Waits until the core can be given something. What becomes due meanwhile is seen with the next
+    /// tick.
+    async fn ready(&self) {
+        while !self.with(|intake, now| intake.is_ready(now)) {
+            self.came.notified().await;
+        }
+    }
+}
+
+/// Turns what comes over Zenoh into inputs.
+async fn subscribe(link: &Link, gate: &Gate, news: &mpsc::UnboundedSender<Input>) -> anyhow::Result<Kept> {
     let mut kept: Kept = Vec::new();
     for pattern in [Pattern::AllRobotGauges, Pattern::AllPackGauges, Pattern::AllRobotStates, Pattern::AllStationStates] {
-        let (telemetry, news) = (telemetry.clone(), news.clone());
-        let subscriber = link.listen(&pattern, move |sample| match input_of(&sample) {
-            gauge @ (Input::RobotGauge(..) | Input::PackGauge(..)) => {
-                if telemetry.try_send(gauge).is_err() {
-                    warn!("gauge messages come faster than they can be taken in; some are dropped");
-                }
-            }
-            other => drop(news.send(other)),
-        });
-        kept.push(Box::new(subscriber.await?));
+        let gate = gate.clone();
+        kept.push(Box::new(link.listen(&pattern, move |sample| gate.offer(input_of(&sample))).await?));
     }
     let news = news.clone();
     let lives = link.session.liveliness().declare_subscriber(Pattern::AllAlive.build(&link.site)).history(true).callback(move |sample| {
@@ -243,6 +276,28 @@ impl Service {
         let before = self.outbox.records().len();
         self.outbox.handle(&mut self.core, now, input);
         self.follow(before).await;
+    }
+
+    /// Gives the core what waits for it, some at a time.
+    async fn take_in(&mut self, gate: &Gate) {
+        for _ in 0..AT_ONCE {
+            let Some(input) = gate.with(Intake::next) else { break };
+            self.take(input).await;
+        }
+        let lost = gate.with(|intake, _| intake.take_lost());
+        if lost > 0 {
+            warn!("{lost} messages found no place: more senders or changes of state than can wait");
+        }
+    }
+
+    /// A step of deleting what is old. What fails now is done later.
+    async fn sweep(&mut self, config: &Config) {
+        let keeping = &config.telemetry;
+        let ago = |days: f64| self.clock.now().plus_s(-days * energy::units::S_PER_DAY);
+        let retention = Retention { fine: ago(keeping.fine_days), coarse_s: keeping.coarse_s, keep: ago(keeping.keep_days) };
+        if let Err(failure) = self.store.retire(&retention, &mut self.sweep).await {
+            debug!("{failure}");
+        }
     }
 
     /// Answers the dashboard.

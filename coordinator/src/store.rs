@@ -19,6 +19,7 @@ mod lock;
 mod place;
 mod read;
 mod record;
+mod retire;
 mod rows;
 mod server;
 #[cfg(test)]
@@ -36,6 +37,7 @@ pub use error::StoreError;
 pub use heard::{Heard, What};
 pub use read::{Reader, SentCommand, StoredCommand, TelemetryRow};
 pub use record::Record;
+pub use retire::{Retention, Sweep};
 pub use server::shown;
 use server::{LEASE, PATIENCE, RENEWAL};
 

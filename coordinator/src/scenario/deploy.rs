@@ -9,7 +9,7 @@ use node::files::{ModelRef, ReducedModel};
 use node::{ClockConfig, NetworkConfig};
 
 use super::file::{Changes, RobotEntry, RunEntry, Scenario, StationEntry};
-use crate::config::{Config, PolicyConfig, StationConfig};
+use crate::config::{Config, PolicyConfig, StationConfig, TelemetryConfig};
 use crate::web::WebConfig;
 
 /// Configurations of every process of a fleet.
@@ -47,6 +47,7 @@ impl Scenario {
             network: NetworkConfig::coordinator(),
             // Several fleets may run on one machine.
             web: WebConfig { port: 0, ..WebConfig::default() },
+            telemetry: TelemetryConfig::default(),
             clock: None,
         };
         let believed = |name: &str| self.reference(name, &[&self.believed, &run.believed]);

@@ -4,6 +4,7 @@ mod cluster;
 mod damage;
 mod journal;
 mod opening;
+mod retire;
 mod server;
 
 use std::path::{Path, PathBuf};

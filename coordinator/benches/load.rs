@@ -1,0 +1,293 @@
+//! One coordinator process under load: what it takes in, how soon it decides, and whether it grows.
+//!
+//! ```console
+//! $ cargo bench -p coordinator --bench load
+//! $ TENDER_LOAD_S=300 cargo bench -p coordinator --bench load      # a soak: 15 million messages
+//! ```
+//!
+//! `TENDER_LOAD_ROBOTS` (1000) gauges speak together `TENDER_LOAD_RATE` (50000) times a second for
+//! `TENDER_LOAD_S` (20) seconds over Zenoh on loopback, from one connection; states come once a second.
+//! Meanwhile newcomers join: counted is the time from a newcomer's first gauge to the plan that tells of it.
+
+#![allow(clippy::disallowed_methods, reason = "a bench measures time")]
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::anyhow;
+use node::{Link, NetworkConfig};
+use proto::{
+    BayId, BayPhase, BayState, Estimate, Gauge, Key, Mission, PackId, PackState, RobotId, RobotPhase, RobotState, Schedule, SiteId,
+    StationId, StationState, Timestamp, Travel,
+};
+
+/// Stations of the site; robots are spread over them.
+const STATIONS: usize = 20;
+/// Newcomers in a second.
+const NEWCOMERS_HZ: f64 = 0.8;
+/// Longest that a plan about a newcomer is waited for.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Until everybody is known and the first plans are made.
+const SETTLED: Duration = Duration::from_secs(15);
+const BATTERY: &str = "explorer-3s1p-1320mah";
+
+fn main() -> anyhow::Result<()> {
+    let setting = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().expect("a number"));
+    let robots = setting("TENDER_LOAD_ROBOTS", 1000.0) as usize;
+    let rate_hz = setting("TENDER_LOAD_RATE", 50_000.0);
+    let seconds = setting("TENDER_LOAD_S", 20.0);
+    let folder = tempfile::tempdir()?;
+    let port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    let mut coordinator = start(folder.path(), port)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+    let result = runtime.block_on(load(&coordinator, port, robots, rate_hz, seconds));
+    let _ = coordinator.kill();
+    let _ = coordinator.wait();
+    let size = |name: &str| std::fs::metadata(folder.path().join(name)).map_or(0, |file| file.len()) as f64 / 1e6;
+    println!("store          {:.1} MB, {:.1} MB of log", size("tender.db"), size("tender.db-wal"));
+    let log = std::fs::read_to_string(folder.path().join("log"))?;
+    log.lines().filter(|line| line.contains("WARN") || line.contains("ERROR")).take(5).for_each(|line| println!("{line}"));
+    result
+}
+
+fn start(folder: &Path, port: u16) -> anyhow::Result<Child> {
+    let mut config = "schema = 1\nsite = \"site\"\n[policy]\npatience_s = 5\n[web]\nenabled = false\n".to_owned();
+    writeln!(config, "[network]\nlisten = [\"tcp/127.0.0.1:{port}\"]")?;
+    for n in 0..STATIONS {
+        writeln!(config, "[stations.s{n}]\nload = \"mds-station\"\nload_s = 30\nunload_s = 30\nswap_s = 60")?;
+        writeln!(config, "packs = {{ p = \"mds-3s4p-7600mah\", q = \"mds-3s4p-7600mah\", r = \"mds-3s4p-7600mah\" }}")?;
+    }
+    let path = folder.join("coordinator.toml");
+    std::fs::write(&path, config)?;
+    let log = std::fs::File::create(folder.join("log"))?;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_coordinator"));
+    Ok(command.args(["run", "--config"]).arg(path).stderr(log).stdout(Stdio::null()).spawn()?)
+}
+
+async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, seconds: f64) -> anyhow::Result<()> {
+    let link = connect(port).await?;
+    let seq = Arc::new(AtomicU64::new(1));
+    let names: Vec<RobotId> = (0..robots).map(|n| id(&format!("r{n}"))).collect();
+    let stations: Vec<StationId> = (0..STATIONS).map(|n| id(&format!("s{n}"))).collect();
+    let plans = plans(&link).await?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let states = tokio::spawn(say_states(link.clone(), names.clone(), stations.clone(), Arc::clone(&seq), Arc::clone(&stop)));
+    for (n, robot) in names.iter().enumerate() {
+        link.publish(&Key::RobotGauge(robot.clone()), &gauge(&seq, soc_of(n, robots))).await?;
+    }
+    tokio::time::sleep(SETTLED).await;
+    plans.lock().await.clear();
+
+    let pid = coordinator.id();
+    let (cpu_begin_s, rss_begin_mb, begin) = (cpu_s(pid), rss_mb(pid), Instant::now());
+    let flood = tokio::spawn(flood(connect(port).await?, names, rate_hz, seconds, Arc::clone(&seq)));
+    let waits_ms = newcomers(&link, &stations, &plans, seconds, &seq).await?;
+    let sent = flood.await??;
+    let passed_s = begin.elapsed().as_secs_f64();
+    let (cpu, rss_end_mb) = ((cpu_s(pid) - cpu_begin_s) / passed_s, rss_mb(pid));
+    stop.store(true, Ordering::Relaxed);
+    states.await??;
+
+    println!("machine        {} cores, {}", std::thread::available_parallelism()?, processor());
+    println!("messages       {sent} gauges of {robots} robots in {passed_s:.1} s: {:.0} per second", sent as f64 / passed_s);
+    println!("processor      {cpu:.2} cores, {:.1} us per message", cpu * passed_s / sent as f64 * 1e6);
+    println!("memory         {rss_begin_mb:.0} MB at the beginning, {rss_end_mb:.0} MB at the end");
+    let at = |share: f64| waits_ms.get(((waits_ms.len() as f64 * share) as usize).min(waits_ms.len().saturating_sub(1)));
+    let [median, most, nearly_all] = [0.5, 0.9, 0.99].map(|share| at(share).copied().unwrap_or(f64::NAN));
+    println!("decisions      {} newcomers: p50 {median:.0} ms, p90 {most:.0} ms, p99 {nearly_all:.0} ms", waits_ms.len());
+    Ok(())
+}
+
+async fn connect(port: u16) -> anyhow::Result<Link> {
+    Link::open(&NetworkConfig::to(&format!("tcp/127.0.0.1:{port}")), SiteId::new("site")?).await
+}
+
+type Plans = Arc<tokio::sync::Mutex<Vec<(Instant, Schedule)>>>;
+
+/// Every plan, and when it came.
+async fn plans(link: &Link) -> anyhow::Result<Plans> {
+    let plans = Plans::default();
+    let (kept, (told, mut telling)) = (Arc::clone(&plans), tokio::sync::mpsc::unbounded_channel());
+    let subscriber = link.session.declare_subscriber(Key::Schedule.build(&link.site));
+    let subscriber = subscriber.callback(move |sample| drop(told.send((Instant::now(), sample.payload().to_bytes().into_owned()))));
+    let subscriber = subscriber.await.map_err(|error| anyhow!("{error}"))?;
+    tokio::spawn(async move {
+        let _subscriber = subscriber;
+        while let Some((at, bytes)) = telling.recv().await {
+            if let Ok(schedule) = proto::decode::<Schedule>(&bytes) {
+                kept.lock().await.push((at, schedule));
+            }
+        }
+    });
+    Ok(plans)
+}
+
+/// Robots that join one after the other; how long each waits for a plan that tells of it, ms, in order
+/// of size.
+async fn newcomers(link: &Link, stations: &[StationId], plans: &Plans, seconds: f64, seq: &AtomicU64) -> anyhow::Result<Vec<f64>> {
+    let mut waits_ms = Vec::new();
+    for n in 0..(seconds * NEWCOMERS_HZ) as usize {
+        let next = Instant::now() + Duration::from_secs_f64(1.0 / NEWCOMERS_HZ + 0.037 * (n % 7) as f64);
+        let robot: RobotId = id(&format!("n{n}"));
+        link.publish(&Key::RobotState(robot.clone()), &state(n, stations, seq)).await?;
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        let said = Instant::now();
+        link.publish(&Key::RobotGauge(robot.clone()), &gauge(seq, 0.12)).await?;
+        let told = |schedule: &Schedule| {
+            let (services, unserved) = (&schedule.services, &schedule.unserved);
+            services.iter().map(|service| &service.robot).chain(unserved.iter().map(|one| &one.robot)).any(|told| *told == robot)
+        };
+        while said.elapsed() < PATIENCE {
+            let new = std::mem::take(&mut *plans.lock().await);
+            if let Some((at, _)) = new.iter().find(|(_, schedule)| told(schedule)) {
+                waits_ms.push((*at - said).as_secs_f64() * 1e3);
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+        tokio::time::sleep_until(next.into()).await;
+    }
+    waits_ms.sort_by(f64::total_cmp);
+    Ok(waits_ms)
+}
+
+/// Gauges of all robots in turn, at that rate together.
+async fn flood(link: Link, robots: Vec<RobotId>, rate_hz: f64, seconds: f64, seq: Arc<AtomicU64>) -> anyhow::Result<u64> {
+    let keys: Vec<String> = robots.iter().map(|robot| Key::RobotGauge(robot.clone()).build(&link.site)).collect();
+    let (begin, mut sent) = (Instant::now(), 0_u64);
+    while begin.elapsed().as_secs_f64() < seconds {
+        let due = (begin.elapsed().as_secs_f64() * rate_hz) as u64;
+        while sent < due {
+            let n = (sent % keys.len() as u64) as usize;
+            let message = proto::encode(&gauge(&seq, soc_of(n, keys.len())));
+            link.session.put(keys[n].as_str(), message).await.map_err(|error| anyhow!("{error}"))?;
+            sent += 1;
+        }
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    Ok(sent)
+}
+
+async fn say_states(
+    link: Link,
+    robots: Vec<RobotId>,
+    stations: Vec<StationId>,
+    seq: Arc<AtomicU64>,
+    stop: Arc<AtomicBool>,
+) -> anyhow::Result<()> {
+    while !stop.load(Ordering::Relaxed) {
+        for station in &stations {
+            link.publish(&Key::StationState(station.clone()), &station_state(&seq)).await?;
+            for pack in ["p", "q", "r"] {
+                link.publish(&Key::PackGauge(station.clone(), id(pack)), &pack_gauge(&seq)).await?;
+            }
+        }
+        for (n, robot) in robots.iter().enumerate() {
+            link.publish(&Key::RobotState(robot.clone()), &state(n, &stations, &seq)).await?;
+        }
+        tokio::time::sleep(Duration::from_secs(1)).await;
+    }
+    Ok(())
+}
+
+fn id<T: std::str::FromStr<Err: std::fmt::Debug>>(text: &str) -> T {
+    text.parse().expect("an id")
+}
+
+fn now() -> Timestamp {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970");
+    Timestamp::from_unix_ms(since.as_millis() as i64)
+}
+
+/// Charges from 25 % up: some want a service soon, most do not.
+fn soc_of(n: usize, robots: usize) -> f64 {
+    0.25 + 0.7 * n as f64 / robots as f64
+}
+
+fn gauge(seq: &AtomicU64, soc: f64) -> Gauge {
+    let (full_wh, power_w) = (14.6, 4.3);
+    Gauge {
+        at: now(),
+        seq: seq.fetch_add(1, Ordering::Relaxed),
+        soc: Estimate::new(soc, 0.01),
+        remaining_wh: Estimate::new(soc * full_wh, 0.15),
+        full_wh: Estimate::new(full_wh, 0.15),
+        time_to_empty_s: Some(Estimate::new(soc * full_wh / power_w * 3600.0, 120.0)),
+        time_to_full_s: None,
+        soh: Estimate::new(1.0, 0.02),
+        cycles: None,
+        voltage_v: 10.5 + 1.8 * soc,
+        current_a: power_w / 11.1,
+        temperature_degc: 25.0,
+        power_w,
+        cells_series: 3,
+        source: "bench".to_owned(),
+    }
+}
+
+fn pack_gauge(seq: &AtomicU64) -> Gauge {
+    let full = Estimate::new(84.0, 0.8);
+    Gauge { remaining_wh: full, full_wh: full, ..gauge(seq, 1.0) }
+}
+
+fn state(n: usize, stations: &[StationId], seq: &AtomicU64) -> RobotState {
+    let travel = |k: usize, time_s: f64| (stations[k % stations.len()].clone(), Travel { time_s, energy_wh: Estimate::new(0.1, 0.01) });
+    RobotState {
+        at: now(),
+        seq: seq.fetch_add(1, Ordering::Relaxed),
+        phase: RobotPhase::Working,
+        station: None,
+        bay: None,
+        drain_w: Estimate::new(4.3, 0.1),
+        travel: [travel(n, 120.0), travel(n + 1, 300.0), travel(n + 7, 900.0)].into(),
+        mission: Mission { weight: 1.0, until: None },
+        battery: BATTERY.to_owned(),
+        last_command: None,
+        note: None,
+    }
+}
+
+fn station_state(seq: &AtomicU64) -> StationState {
+    let bay = |n: usize| BayState { bay: id::<BayId>(&format!("bay-{n}")), phase: BayPhase::Free, robot: None };
+    let pack = |name: &str| PackState { pack: id::<PackId>(name), connected: true, depleted: false };
+    StationState {
+        at: now(),
+        seq: seq.fetch_add(1, Ordering::Relaxed),
+        bays: (1..=3).map(bay).collect(),
+        lift_busy: false,
+        swapping: None,
+        packs: ["p", "q", "r"].map(pack).to_vec(),
+        active_pack: Some(id("p")),
+        powered: true,
+        pack_power_w: 6.0,
+        spares: Vec::new(),
+        last_command: None,
+        note: None,
+    }
+}
+
+/// Processor time of a process, s.
+fn cpu_s(pid: u32) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    let ticks = |n: usize| fields.get(n).and_then(|field| field.parse::<f64>().ok()).unwrap_or(f64::NAN);
+    // Fields 14 and 15 of the line, in the kernel's unit of 10 ms.
+    (ticks(11) + ticks(12)) / 100.0
+}
+
+/// Memory of a process, MB.
+fn rss_mb(pid: u32) -> f64 {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap_or_default();
+    line.split_whitespace().next().and_then(|kb| kb.parse::<f64>().ok()).unwrap_or(f64::NAN) / 1e3
+}
+
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let line = info.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or_default();
+    line.trim_start_matches([' ', '\t', ':']).to_owned()
+}

@@ -1,0 +1,193 @@
+//! What is old is thinned, and what is older is deleted, a little at a time.
+//!
+//! ```text
+//!   now ── fine ────────────── keep ──────────>  older
+//!    all that was told │ a row in `coarse` │ gone
+//!    plans, inputs     │ gone
+//! ```
+//!
+//! Events and commands stay. Nothing here takes part in a decision: it may be late, or not run at all.
+
+use proto::Timestamp;
+use sqlx::any::AnyArguments;
+use sqlx::query::Query;
+use sqlx::{Any, AnyConnection, query, query_as, query_scalar};
+
+use super::{Store, StoreError};
+
+/// What is kept: instants that move with the clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Retention {
+    /// Older telemetry is thinned; older plans and inputs are deleted.
+    pub fine: Timestamp,
+    /// To a row in this time, s.
+    pub coarse_s: f64,
+    /// Older telemetry is deleted.
+    pub keep: Timestamp,
+}
+
+/// A table of telemetry, and the columns that say whose it is.
+struct Table {
+    name: &'static str,
+    whose: &'static [&'static str],
+}
+
+const TABLES: [Table; 4] = [
+    Table { name: "robot_gauges", whose: &["robot"] },
+    Table { name: "robot_states", whose: &["robot"] },
+    Table { name: "pack_gauges", whose: &["station", "pack"] },
+    Table { name: "station_states", whose: &["station"] },
+];
+
+/// Senders whose telemetry is looked at in one step.
+const SENDERS_AT_ONCE: usize = 20;
+/// Rows of other tables that one step may delete.
+const ROWS_AT_ONCE: i64 = 20_000;
+/// Telemetry that one round may thin, ms: an old store is caught up with hour by hour.
+const THINNED_AT_ONCE_MS: i64 = 6 * 3_600_000;
+
+/// Where the work stands: it goes round all tables and senders, again and again.
+#[derive(Debug, Default)]
+pub struct Sweep {
+    table: usize,
+    after: Vec<String>,
+    /// What this round thins, Unix ms: from, to.
+    window: Option<(i64, i64)>,
+}
+
+impl Store {
+    /// One step of a sweep. Call it about once a second.
+    ///
+    /// # Errors
+    /// When the store cannot be written; the step may be made again.
+    pub async fn retire(&self, retention: &Retention, sweep: &mut Sweep) -> Result<(), StoreError> {
+        let failed = |source| StoreError::database(&self.path, "deleting what is old", source);
+        let mut connection = self.writer.acquire().await.map_err(failed)?;
+        forget(&mut connection, retention.fine.unix_ms()).await.map_err(failed)?;
+        sweep.step(&mut connection, retention).await.map_err(failed)
+    }
+}
+
+/// Deletes the oldest plans, capacities and inputs.
+async fn forget(connection: &mut AnyConnection, before_ms: i64) -> Result<(), sqlx::Error> {
+    for sql in [
+        "DELETE FROM inputs WHERE at_ms < $1 AND (epoch, number) IN (SELECT epoch, number FROM inputs ORDER BY epoch, number LIMIT $2)",
+        "DELETE FROM plans WHERE at_ms < $1 AND plan IN (SELECT plan FROM plans ORDER BY plan LIMIT $2)",
+        "DELETE FROM capacities WHERE at_ms < $1 AND number IN (SELECT number FROM capacities ORDER BY number LIMIT $2)",
+    ] {
+        query(sql).bind(before_ms).bind(ROWS_AT_ONCE).execute(&mut *connection).await?;
+    }
+    Ok(())
+}
+
+impl Sweep {
+    async fn step(&mut self, connection: &mut AnyConnection, retention: &Retention) -> Result<(), sqlx::Error> {
+        let (from_ms, to_ms) = match self.window {
+            Some(window) => window,
+            None => *self.window.insert(window(connection, retention).await?),
+        };
+        let coarse_ms = coarse_ms(retention);
+        let keep_ms = retention.keep.unix_ms();
+        for _ in 0..SENDERS_AT_ONCE {
+            let table = &TABLES[self.table];
+            let Some(sender) = table.next(connection, &self.after).await? else {
+                self.after.clear();
+                self.table += 1;
+                if self.table == TABLES.len() {
+                    self.table = 0;
+                    self.window = None;
+                    thinned_until(connection, to_ms).await?;
+                    return Ok(());
+                }
+                continue;
+            };
+            let whose = table.is(0);
+            let delete = format!("DELETE FROM {} WHERE {whose} AND at_ms < ${}", table.name, sender.len() + 1);
+            bound(delete, &sender, &[keep_ms]).execute(&mut *connection).await?;
+            if from_ms < to_ms {
+                let [a, b, c] = [1, 2, 3].map(|n| format!("${}", sender.len() + n));
+                let within = format!("{whose} AND at_ms >= {a} AND at_ms < {b}");
+                let first = format!("SELECT MIN(at_ms) FROM {} WHERE {within} GROUP BY at_ms / {c}", table.name);
+                let thin = format!("DELETE FROM {} WHERE {within} AND at_ms NOT IN ({first})", table.name);
+                bound(thin, &sender, &[from_ms, to_ms, coarse_ms]).execute(&mut *connection).await?;
+            }
+            self.after = sender;
+        }
+        Ok(())
+    }
+}
+
+impl Table {
+    /// The sender after this one, in order of names.
+    async fn next(&self, connection: &mut AnyConnection, after: &[String]) -> Result<Option<Vec<String>>, sqlx::Error> {
+        let columns = self.whose.join(", ");
+        let places: Vec<String> = (1..=self.whose.len()).map(|n| format!("${n}")).collect();
+        let beyond = if after.is_empty() { String::new() } else { format!("WHERE ({columns}) > ({})", places.join(", ")) };
+        let select = format!("SELECT {columns} FROM {} {beyond} ORDER BY {columns} LIMIT 1", self.name);
+        let select = sqlx::AssertSqlSafe(select);
+        Ok(match self.whose.len() {
+            1 => {
+                let mut one = query_as::<_, (String,)>(select);
+                for name in after {
+                    one = one.bind(name.clone());
+                }
+                one.fetch_optional(connection).await?.map(|(name,)| vec![name])
+            }
+            _ => {
+                let mut two = query_as::<_, (String, String)>(select);
+                for name in after {
+                    two = two.bind(name.clone());
+                }
+                two.fetch_optional(connection).await?.map(|(first, second)| vec![first, second])
+            }
+        })
+    }
+
+    /// The condition that a row is of the sender whose names are bound after the first `bound` values.
+    fn is(&self, bound: usize) -> String {
+        let equals: Vec<String> = self.whose.iter().zip(bound + 1..).map(|(column, n)| format!("{column} = ${n}")).collect();
+        equals.join(" AND ")
+    }
+}
+
+/// A statement with a sender's names and numbers bound to it.
+fn bound(sql: String, sender: &[String], numbers: &[i64]) -> Query<'static, Any, AnyArguments> {
+    let mut statement = query(sqlx::AssertSqlSafe(sql));
+    for name in sender {
+        statement = statement.bind(name.clone());
+    }
+    for number in numbers {
+        statement = statement.bind(*number);
+    }
+    statement
+}
+
+fn coarse_ms(retention: &Retention) -> i64 {
+    ((retention.coarse_s * 1e3) as i64).max(1)
+}
+
+/// What the next round thins: from where the last one ended.
+async fn window(connection: &mut AnyConnection, retention: &Retention) -> Result<(i64, i64), sqlx::Error> {
+    let coarse_ms = coarse_ms(retention);
+    let fine_ms = retention.fine.unix_ms() / coarse_ms * coarse_ms;
+    let select = "SELECT value FROM meta WHERE name = 'thinned_until_ms'";
+    let until: Option<i64> = query_scalar(select).fetch_optional(&mut *connection).await?;
+    let from_ms = match until {
+        Some(until) => until,
+        None => oldest(connection).await?.unwrap_or(fine_ms),
+    };
+    // Another `coarse` than before must not divide its rows.
+    let from_ms = from_ms.max(retention.keep.unix_ms()) / coarse_ms * coarse_ms;
+    Ok((from_ms, fine_ms.min(from_ms + THINNED_AT_ONCE_MS / coarse_ms * coarse_ms)))
+}
+
+async fn oldest(connection: &mut AnyConnection) -> Result<Option<i64>, sqlx::Error> {
+    let select = "SELECT MIN(at_ms) FROM (SELECT MIN(at_ms) AS at_ms FROM robot_gauges UNION ALL SELECT MIN(at_ms) FROM robot_states \
+                  UNION ALL SELECT MIN(at_ms) FROM pack_gauges UNION ALL SELECT MIN(at_ms) FROM station_states) AS oldest";
+    query_scalar(select).fetch_one(connection).await
+}
+
+async fn thinned_until(connection: &mut AnyConnection, until_ms: i64) -> Result<(), sqlx::Error> {
+    let insert = "INSERT INTO meta (name, value) VALUES ('thinned_until_ms', $1) ON CONFLICT (name) DO UPDATE SET value = excluded.value";
+    query(insert).bind(until_ms).execute(connection).await.map(drop)
+}
