@@ -5,9 +5,10 @@
 //! $ TENDER_LOAD_S=300 cargo bench -p coordinator --bench load      # a soak: 15 million messages
 //! ```
 //!
-//! `TENDER_LOAD_ROBOTS` (1000) gauges speak together `TENDER_LOAD_RATE` (50000) times a second for
-//! `TENDER_LOAD_S` (20) seconds over Zenoh on loopback, from one connection; states come once a second.
-//! Meanwhile newcomers join: counted is the time from a newcomer's first gauge to the plan that tells of it.
+//! `TENDER_LOAD_ROBOTS` (1000) robots and 50 stations tell their states once a second, over Zenoh on loopback.
+//! First their gauges do the same: newcomers join, and counted is the time from a newcomer's first gauge to
+//! the plan that tells of it. Then all gauges together speak `TENDER_LOAD_RATE` (50000) times a second. Each
+//! lasts `TENDER_LOAD_S` (30) seconds.
 
 #![allow(clippy::disallowed_methods, reason = "a bench measures time")]
 
@@ -25,8 +26,10 @@ use proto::{
     StationId, StationState, Timestamp, Travel,
 };
 
-/// Stations of the site; robots are spread over them.
-const STATIONS: usize = 20;
+/// Stations of the site, bays and packs of each: enough for everybody.
+const STATIONS: usize = 50;
+const BAYS: usize = 6;
+const PACKS: usize = 12;
 /// Newcomers in a second.
 const NEWCOMERS_HZ: f64 = 0.8;
 /// Longest that a plan about a newcomer is waited for.
@@ -39,7 +42,7 @@ fn main() -> anyhow::Result<()> {
     let setting = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().expect("a number"));
     let robots = setting("TENDER_LOAD_ROBOTS", 1000.0) as usize;
     let rate_hz = setting("TENDER_LOAD_RATE", 50_000.0);
-    let seconds = setting("TENDER_LOAD_S", 20.0);
+    let seconds = setting("TENDER_LOAD_S", 30.0);
     let folder = tempfile::tempdir()?;
     let port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
     let mut coordinator = start(folder.path(), port)?;
@@ -59,7 +62,8 @@ fn start(folder: &Path, port: u16) -> anyhow::Result<Child> {
     writeln!(config, "[network]\nlisten = [\"tcp/127.0.0.1:{port}\"]")?;
     for n in 0..STATIONS {
         writeln!(config, "[stations.s{n}]\nload = \"mds-station\"\nload_s = 30\nunload_s = 30\nswap_s = 60")?;
-        writeln!(config, "packs = {{ p = \"mds-3s4p-7600mah\", q = \"mds-3s4p-7600mah\", r = \"mds-3s4p-7600mah\" }}")?;
+        let packs: Vec<String> = (0..PACKS).map(|n| format!("p{n:02} = \"mds-3s4p-7600mah\"")).collect();
+        writeln!(config, "packs = {{ {} }}", packs.join(", "))?;
     }
     let path = folder.join("coordinator.toml");
     std::fs::write(&path, config)?;
@@ -82,23 +86,26 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     tokio::time::sleep(SETTLED).await;
     plans.lock().await.clear();
 
-    let pid = coordinator.id();
-    let (cpu_begin_s, rss_begin_mb, begin) = (cpu_s(pid), rss_mb(pid), Instant::now());
-    let flood = tokio::spawn(flood(connect(port).await?, names, rate_hz, seconds, Arc::clone(&seq)));
-    let waits_ms = newcomers(&link, &stations, &plans, seconds, &seq).await?;
-    let sent = flood.await??;
-    let passed_s = begin.elapsed().as_secs_f64();
-    let (cpu, rss_end_mb) = ((cpu_s(pid) - cpu_begin_s) / passed_s, rss_mb(pid));
+    println!("machine        {} cores, {}", std::thread::available_parallelism()?, processor());
+    let mut joined = 0;
+    for (what, rate_hz) in [("calm", robots as f64), ("flood", rate_hz)] {
+        let pid = coordinator.id();
+        let (cpu_begin_s, rss_begin_mb, begin) = (cpu_s(pid), rss_mb(pid), Instant::now());
+        let flood = tokio::spawn(flood(connect(port).await?, names.clone(), rate_hz, seconds, Arc::clone(&seq)));
+        let waits_ms = newcomers(&link, &stations, &plans, seconds, &seq, &mut joined).await?;
+        let sent = flood.await??;
+        let passed_s = begin.elapsed().as_secs_f64();
+        let (cpu, rss_end_mb) = ((cpu_s(pid) - cpu_begin_s) / passed_s, rss_mb(pid));
+        println!("{what}");
+        println!("  messages     {sent} gauges of {robots} robots in {passed_s:.1} s: {:.0} per second", sent as f64 / passed_s);
+        println!("  processor    {cpu:.2} cores, {:.1} us per message", cpu * passed_s / sent as f64 * 1e6);
+        println!("  memory       {rss_begin_mb:.0} MB at the beginning, {rss_end_mb:.0} MB at the end");
+        let at = |share: f64| waits_ms.get(((waits_ms.len() as f64 * share) as usize).min(waits_ms.len().saturating_sub(1)));
+        let [median, most, nearly_all] = [0.5, 0.9, 0.99].map(|share| at(share).copied().unwrap_or(f64::NAN));
+        println!("  decisions    {} newcomers: p50 {median:.0} ms, p90 {most:.0} ms, p99 {nearly_all:.0} ms", waits_ms.len());
+    }
     stop.store(true, Ordering::Relaxed);
     states.await??;
-
-    println!("machine        {} cores, {}", std::thread::available_parallelism()?, processor());
-    println!("messages       {sent} gauges of {robots} robots in {passed_s:.1} s: {:.0} per second", sent as f64 / passed_s);
-    println!("processor      {cpu:.2} cores, {:.1} us per message", cpu * passed_s / sent as f64 * 1e6);
-    println!("memory         {rss_begin_mb:.0} MB at the beginning, {rss_end_mb:.0} MB at the end");
-    let at = |share: f64| waits_ms.get(((waits_ms.len() as f64 * share) as usize).min(waits_ms.len().saturating_sub(1)));
-    let [median, most, nearly_all] = [0.5, 0.9, 0.99].map(|share| at(share).copied().unwrap_or(f64::NAN));
-    println!("decisions      {} newcomers: p50 {median:.0} ms, p90 {most:.0} ms, p99 {nearly_all:.0} ms", waits_ms.len());
     Ok(())
 }
 
@@ -128,9 +135,18 @@ async fn plans(link: &Link) -> anyhow::Result<Plans> {
 
 /// Robots that join one after the other; how long each waits for a plan that tells of it, ms, in order
 /// of size.
-async fn newcomers(link: &Link, stations: &[StationId], plans: &Plans, seconds: f64, seq: &AtomicU64) -> anyhow::Result<Vec<f64>> {
-    let mut waits_ms = Vec::new();
-    for n in 0..(seconds * NEWCOMERS_HZ) as usize {
+async fn newcomers(
+    link: &Link,
+    stations: &[StationId],
+    plans: &Plans,
+    seconds: f64,
+    seq: &AtomicU64,
+    joined: &mut usize,
+) -> anyhow::Result<Vec<f64>> {
+    let (mut waits_ms, begin) = (Vec::new(), Instant::now());
+    while begin.elapsed().as_secs_f64() < seconds {
+        let n = *joined;
+        *joined += 1;
         let next = Instant::now() + Duration::from_secs_f64(1.0 / NEWCOMERS_HZ + 0.037 * (n % 7) as f64);
         let robot: RobotId = id(&format!("n{n}"));
         link.publish(&Key::RobotState(robot.clone()), &state(n, stations, seq)).await?;
@@ -182,8 +198,8 @@ async fn say_states(
     while !stop.load(Ordering::Relaxed) {
         for station in &stations {
             link.publish(&Key::StationState(station.clone()), &station_state(&seq)).await?;
-            for pack in ["p", "q", "r"] {
-                link.publish(&Key::PackGauge(station.clone(), id(pack)), &pack_gauge(&seq)).await?;
+            for n in 0..PACKS {
+                link.publish(&Key::PackGauge(station.clone(), id(&format!("p{n:02}"))), &pack_gauge(&seq)).await?;
             }
         }
         for (n, robot) in robots.iter().enumerate() {
@@ -253,15 +269,15 @@ fn state(n: usize, stations: &[StationId], seq: &AtomicU64) -> RobotState {
 
 fn station_state(seq: &AtomicU64) -> StationState {
     let bay = |n: usize| BayState { bay: id::<BayId>(&format!("bay-{n}")), phase: BayPhase::Free, robot: None };
-    let pack = |name: &str| PackState { pack: id::<PackId>(name), connected: true, depleted: false };
+    let pack = |n: usize| PackState { pack: id::<PackId>(&format!("p{n:02}")), connected: true, depleted: false };
     StationState {
         at: now(),
         seq: seq.fetch_add(1, Ordering::Relaxed),
-        bays: (1..=3).map(bay).collect(),
+        bays: (1..=BAYS).map(bay).collect(),
         lift_busy: false,
         swapping: None,
-        packs: ["p", "q", "r"].map(pack).to_vec(),
-        active_pack: Some(id("p")),
+        packs: (0..PACKS).map(pack).collect(),
+        active_pack: Some(id("p00")),
         powered: true,
         pack_power_w: 6.0,
         spares: Vec::new(),

@@ -4,9 +4,10 @@ mod telemetry;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, ensure};
-use energy::System;
+use energy::{Model, System};
 use node::files::{ModelRef, read_text};
 use node::{Charging, ClockConfig, NetworkConfig};
 use planner::{policies, policy};
@@ -223,9 +224,18 @@ impl Config {
     ///
     /// # Errors
     /// When a value is out of range or a model cannot be read.
-    pub fn load(&self, path: Option<&Path>) -> anyhow::Result<(Settings, Models)> {
-        let of = |system: System, reference: &ModelRef, key: String| {
-            let model = reference.load(path)?;
+    pub fn load<'a>(&'a self, path: Option<&Path>) -> anyhow::Result<(Settings, Models)> {
+        // A model that several name is one: what is worked out from it is worked out once.
+        let mut loaded: Vec<(&ModelRef, Arc<Model>)> = Vec::new();
+        let mut of = |system: System, reference: &'a ModelRef, key: String| {
+            let model = match loaded.iter().find(|(known, _)| *known == reference) {
+                Some((_, model)) => Arc::clone(model),
+                None => {
+                    let model = reference.load(path)?;
+                    loaded.push((reference, Arc::clone(&model)));
+                    model
+                }
+            };
             ensure!(
                 model.system == system,
                 "{key}: `{}` is the model of a {}, not of a {}",

@@ -339,19 +339,24 @@ impl Core {
                 format!("plan {number}: {} services, {} unserved ({})", schedule.services.len(), schedule.unserved.len(), schedule.trigger);
             self.event(now, EventKind::PlanMade, None, None, None, text);
         }
-        self.note_changes(&schedule);
+        let changed = self.note_changes(&schedule);
         self.record(Record::Plan(schedule.clone()));
         self.schedule = schedule;
         self.record(Record::Capacity(self.capacity(now)));
-        let explanations = self.explain_all(now, self.fleet.robots.keys()).into_iter().flatten().collect();
-        self.record(Record::Explanations(explanations));
+        // For those who ask when no coordinator answers: a plan that was only mended changes little.
+        let told = match effort {
+            Effort::Better => self.explain_all(now, self.fleet.robots.keys()),
+            Effort::Mend => self.explain_all(now, changed.iter()),
+        };
+        self.record(Record::Explanations(told.into_iter().flatten().collect()));
     }
 
-    /// Keeps what is different for each robot, and which message brought it about.
-    fn note_changes(&mut self, new: &Schedule) {
-        for (robot, text) in answers::changes(&self.schedule, new) {
-            self.changed.insert(robot, vec![text]);
-        }
+    /// Keeps what is different for each robot, and which message brought it about; tells for whom.
+    fn note_changes(&mut self, new: &Schedule) -> Vec<RobotId> {
+        let changes = answers::changes(&self.schedule, new);
+        let robots = changes.iter().map(|(robot, _)| robot.clone()).collect();
+        self.changed.extend(changes.into_iter().map(|(robot, text)| (robot, vec![text])));
+        robots
     }
 
     /// The clock was set back: what is counted from an instant is counted from as much earlier, or

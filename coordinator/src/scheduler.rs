@@ -5,6 +5,7 @@
 //!      |
 //!   problem.rs    the same as one immutable view, in seconds and Wh
 //!   charging.rs   what charging takes and how long, from the energy models, once per kind
+//!   usable.rs     what packs give, likewise
 //!      |
 //!   translate.rs  that view as a `planner::Problem`, on a grid of ticks
 //!      |
@@ -22,6 +23,7 @@ mod plan;
 mod problem;
 mod solve;
 mod translate;
+pub mod usable;
 mod words;
 
 pub use charging::Tables;

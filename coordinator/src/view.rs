@@ -279,7 +279,7 @@ impl Basis<'_> {
             .filter(|pack| pack.connected && !pack.depleted)
             .filter_map(|pack| {
                 let (gauge, model) = (station.packs.get(&pack.pack)?, models.packs.get(&pack.pack)?);
-                let usable_wh = forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, draw.power_w);
+                let usable_wh = self.tables.usable.wh(model, from_wire(gauge.soc), gauge.temperature_degc, draw.power_w);
                 let gain_wh = self.tables.gain_wh(id, model, gauge.temperature_degc, &draw);
                 let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
                 let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));

@@ -12,6 +12,7 @@ use energy::{Estimate, Model, Need};
 use proto::StationId;
 
 use crate::forecast::{self, Draw};
+use super::usable::Usable;
 use crate::models::StationModels;
 
 /// Points of a table.
@@ -136,6 +137,8 @@ pub struct Tables {
     known: Mutex<BTreeMap<Kind, Arc<Table>>>,
     /// What gentle endings gain: station, kind of pack, power (mW), temperature step.
     gains: Mutex<BTreeMap<(StationId, usize, i64, i32), f64>>,
+    /// What packs give.
+    pub usable: Usable,
 }
 
 impl Tables {

@@ -46,7 +46,7 @@ pub fn solve(view: View, settings: &Settings, before: &[Planned], effort: Effort
     let strands_for_a_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
     if strands_for_a_place && settings.policy.name() == optimise::NAME {
         let open = Task::new(gated.view.clone(), settings, before, false);
-        let early = plan(&open, settings, before, Effort::Better);
+        let early = plan(&open, settings, before, effort);
         if early.plan.objective.stranded < found.plan.objective.stranded {
             return solved(open, &early, settings);
         }
