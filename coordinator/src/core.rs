@@ -18,7 +18,6 @@ mod strays;
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use planner::Ways;
 use proto::{
     Capacity, CommandId, CommandReply, Event, EventKind, Explanation, Gauge, PackId, RobotCommand, RobotId, RobotState, Schedule,
     StationCommand, StationId, StationState, Timestamp,
@@ -260,11 +259,13 @@ impl Core {
 
     /// The same for many, in order.
     fn explain_all<'a>(&self, now: Timestamp, robots: impl Iterator<Item = &'a RobotId>) -> Vec<Result<Explanation, String>> {
-        let ways = self.solved.as_ref().map(|solved| Ways::new(&solved.task.problem));
+        let robots: Vec<&RobotId> = robots.collect();
+        let asked = robots.iter().copied().collect();
+        let ways = self.solved.as_ref().map(|solved| solved.ways(&asked));
         let accounts = self.solved.as_ref().zip(ways.as_ref());
         let accounts = accounts.map(|(solved, ways)| Accounts::new(&solved.task, ways, &solved.sessions));
         let mut explainer = Explainer::new(self.basis(now), accounts, &self.schedule);
-        robots.map(|robot| explainer.explain(robot, self.changed.get(robot).map_or(&[], Vec::as_slice))).collect()
+        robots.into_iter().map(|robot| explainer.explain(robot, self.changed.get(robot).map_or(&[], Vec::as_slice))).collect()
     }
 
     /// What is believed of robots and stations.
@@ -317,7 +318,7 @@ impl Core {
     fn make_plan(&mut self, now: Timestamp) {
         let trigger = self.trigger.take().unwrap_or_default();
         let effort = if trigger == TIME_PASSED || self.solved.is_none() { Effort::Better } else { Effort::Mend };
-        let solved = solve(self.basis(now).view(), &self.settings, &self.plan.planned, effort);
+        let solved = solve(self.basis(now).view(), &self.settings, &self.plan, effort);
         self.plan = solved.plan.clone();
         self.solved = Some(solved);
         self.planned = Some(now);

@@ -195,7 +195,7 @@ pub fn renew(
     Ok(mended)
 }
 
-fn commitments(problem: &Problem, sessions: &[Session]) -> Vec<Option<Commitment>> {
+pub(crate) fn commitments(problem: &Problem, sessions: &[Session]) -> Vec<Option<Commitment>> {
     let mut committed: Vec<Option<Commitment>> = vec![None; problem.robots.len()];
     for session in sessions {
         committed[session.robot] = Some(Commitment { station: session.station, start: session.start, mode: session.mode });

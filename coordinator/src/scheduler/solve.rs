@@ -1,17 +1,25 @@
 //! Asks the planner, beginning from the last plan, and says what has moved.
 
-use planner::problem::Problem;
-use planner::{Moves, NoPlan, Replanned, Session, optimise, renew, replan};
+use std::collections::BTreeSet;
 
-use super::plan::{Plan, Planned};
+use planner::problem::Problem;
+use planner::{Moves, NoPlan, Replanned, Session, Ways, optimise, renew, replan};
+use proto::RobotId;
+
+use super::plan::Plan;
 use super::problem::View;
 use super::translate::{Task, worth};
 use crate::models::Settings;
 
 /// Fleets up to this size are planned as a whole whatever happens.
 const WHOLE_FLEET_MAX: usize = 64;
-/// Fewest moves of a search.
+/// And if this share of it was not planned for yet.
+const NEW_SHARE_MAX: f64 = 0.1;
+/// Fewest moves of a search, and most: whoever waits for a plan of a large fleet waits for all of them.
 const MOVES_MIN: u64 = 400;
+const MOVES_MAX: u64 = 10_000;
+/// Most moves of a search that mends a plan.
+const MENDING_MOVES_MAX: u64 = 1_000;
 /// The search's seed: the same beliefs and the same last plan give the same plan.
 const SEED: u64 = 1;
 
@@ -35,17 +43,26 @@ pub struct Solved {
     pub plan: Plan,
 }
 
-/// Plans for what is believed. `before` are the services of the last plan that have not begun: moving
-/// one must save as much work as the settings say.
+impl Solved {
+    /// What there is to choose from for these robots, and what was chosen for the others.
+    #[must_use]
+    pub fn ways(&self, asked: &BTreeSet<&RobotId>) -> Ways<'_> {
+        Ways::for_explaining(&self.task.problem, &self.sessions, |robot| asked.contains(&self.task.view.robots[robot].robot))
+    }
+}
+
+/// Plans for what is believed. `before` is what the last plan holds that has not begun: moving a service
+/// must save as much work as the settings say.
 #[must_use]
-pub fn solve(view: View, settings: &Settings, before: &[Planned], effort: Effort) -> Solved {
-    let gated = Task::new(view, settings, before, true);
+pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> Solved {
+    let gated = Task::new(view, settings, &before.planned, true);
     let found = plan(&gated, settings, before, effort);
     // Waiting until a service is wanted must not cost a robot its turn: if somebody strands for want of a
-    // place, all may come earlier.
+    // place, all may come earlier. In a large fleet that comes into question with the next whole plan.
     let strands_for_a_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
-    if strands_for_a_place && settings.policy.name() == optimise::NAME {
-        let open = Task::new(gated.view.clone(), settings, before, false);
+    let is_whole = effort == Effort::Better || gated.problem.robots.len() <= WHOLE_FLEET_MAX;
+    if strands_for_a_place && is_whole && settings.policy.name() == optimise::NAME {
+        let open = Task::new(gated.view.clone(), settings, &before.planned, false);
         let early = plan(&open, settings, before, effort);
         if early.plan.objective.stranded < found.plan.objective.stranded {
             return solved(open, &early, settings);
@@ -54,14 +71,21 @@ pub fn solve(view: View, settings: &Settings, before: &[Planned], effort: Effort
     solved(gated, &found, settings)
 }
 
-fn plan(task: &Task, settings: &Settings, before: &[Planned], effort: Effort) -> Replanned {
+fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Replanned {
     let problem: &Problem = &task.problem;
-    let sessions = task.sessions(before);
+    let sessions = task.sessions(&before.planned);
     let robots = problem.robots.len();
-    let mut moves = Moves((settings.moves_per_robot * robots as u64).max(MOVES_MIN));
+    // Who was not planned for yet.
+    let known = before.planned.iter().map(|planned| &planned.robot).chain(before.rejected.iter().map(|rejected| &rejected.robot));
+    let known: BTreeSet<&RobotId> = known.collect();
+    let new: Vec<usize> = (0..robots).filter(|&robot| !known.contains(&task.view.robots[robot].robot)).collect();
+    let is_mendable = robots > WHOLE_FLEET_MAX && (new.len() as f64) < NEW_SHARE_MAX * robots as f64;
+    let is_mended = effort == Effort::Mend && is_mendable && settings.policy.name() == optimise::NAME;
+    let most = if is_mended { MENDING_MOVES_MAX } else { MOVES_MAX };
+    let mut moves = Moves((settings.moves_per_robot * robots as u64).clamp(MOVES_MIN, most));
     let loyalty = worth(settings.loyalty_s, task.grid);
-    if effort == Effort::Mend && robots > WHOLE_FLEET_MAX && settings.policy.name() == optimise::NAME && !sessions.is_empty() {
-        return replan(problem, &sessions, &[], loyalty, SEED, &mut moves);
+    if is_mended {
+        return replan(problem, &sessions, &new, loyalty, SEED, &mut moves);
     }
     match renew(problem, settings.policy.name(), &sessions, loyalty, SEED, &mut moves) {
         Ok(found) => found,

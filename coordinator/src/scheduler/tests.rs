@@ -81,7 +81,7 @@ fn view(robots: Vec<RobotView>, stations: Vec<StationView>) -> View {
 }
 
 fn solved(robots: Vec<RobotView>, stations: Vec<StationView>) -> Solved {
-    solve(view(robots, stations), &settings(), &[], Effort::Better)
+    solve(view(robots, stations), &settings(), &Plan::default(), Effort::Better)
 }
 
 fn names(plan: &Plan) -> Vec<&str> {
@@ -137,7 +137,7 @@ fn who_would_strand_in_a_queue_comes_before_it_is_wanted() {
     assert_eq!(plan.planned.len(), 2, "{:?}", plan.rejected);
     assert!(plan.planned[0].why[0].contains("min before it is wanted"), "{:?}", plan.planned[0].why);
     let threshold = Settings { policy: planner::policy("threshold").unwrap(), ..settings() };
-    let fleets_today = solve(view(robots, vec![station("s", 1, &[80.0], &[])]), &threshold, &[], Effort::Better).plan;
+    let fleets_today = solve(view(robots, vec![station("s", 1, &[80.0], &[])]), &threshold, &Plan::default(), Effort::Better).plan;
     assert_eq!(fleets_today.planned.len(), 1);
 }
 
@@ -170,7 +170,7 @@ fn what_was_promised_stays_where_it_is_as_long_as_it_can() {
     // Half a minute later the gauges say a little else.
     let mut later = view(vec![robot("a", 0.199, &[(0, 60.0)]), robot("b", 0.216, &[(0, 60.0)])], vec![station("s", 2, &[89.9], &[])]);
     later.now = later.now.plus_s(27.0);
-    let again = solve(later, &settings(), &first.plan.planned, Effort::Better);
+    let again = solve(later, &settings(), &first.plan, Effort::Better);
     assert_eq!(again.plan.moved, []);
     let starts = |plan: &Plan| plan.planned.iter().map(|planned| (planned.robot.clone(), planned.start)).collect::<Vec<_>>();
     assert_eq!(starts(&again.plan), starts(&first.plan));
@@ -196,7 +196,7 @@ fn an_account_names_who_is_in_the_way_and_what_else_would_cost() {
 fn who_is_wanted_leaves_within_a_tick_however_often_is_planned() {
     // 60 s away; late already, and wanted in 500 s. With a plan until it is empty, a tick is 15 s here.
     for (soc, latest_s) in [(0.099, 0.0), (0.1 + 0.3 * 500.0 / HOUR, 440.0 + 15.0)] {
-        let (mut before, mut left_s) = (Vec::new(), None);
+        let (mut before, mut left_s) = (Plan::default(), None);
         for second in 0..600 {
             let passed_s = f64::from(second);
             let late = robot("r", soc - 0.3 / HOUR * passed_s, &[(0, 60.0)]);
@@ -207,7 +207,7 @@ fn who_is_wanted_leaves_within_a_tick_however_often_is_planned() {
                 left_s = Some(passed_s);
                 break;
             }
-            before = found.plan.planned;
+            before = found.plan;
         }
         assert!(left_s.is_some_and(|left_s| left_s <= latest_s), "{left_s:?} of {latest_s}");
     }
@@ -218,21 +218,21 @@ fn who_is_wanted_leaves_within_a_tick_however_often_is_planned() {
 fn as_long_as_all_goes_as_foreseen_no_promise_is_broken_by_planning_again() {
     // From enough for one to enough for all four.
     for usable_wh in (30..120).step_by(5).map(f64::from) {
-        let mut before: Vec<Planned> = Vec::new();
+        let mut before = Plan::default();
         for minute in 0..90 {
             let passed_h = f64::from(minute) / 60.0;
-            let held = |name: &str| before.iter().any(|planned| planned.robot.as_str() == name);
+            let held = |name: &str| before.planned.iter().any(|planned| planned.robot.as_str() == name);
             let there = |name: &&str| RobotView { held: held(name), ..robot(name, 0.5 - 0.3 * passed_h, &[(0, 60.0)]) };
             let robots: Vec<RobotView> = ["a", "b", "c", "d"].iter().map(there).collect();
             let mut view = view(robots, vec![station("s", 2, &[usable_wh - 6.0 * passed_h], &[])]);
             view.now = view.now.plus_s(passed_h * HOUR);
             let plan = solve(view.clone(), &settings(), &before, Effort::Better).plan;
-            let broken = before.iter().find(|old| plan.planned.iter().all(|new| new.robot != old.robot));
+            let broken = before.planned.iter().find(|old| plan.planned.iter().all(|new| new.robot != old.robot));
             assert!(broken.is_none(), "{usable_wh} Wh, minute {minute}: {broken:?}, {:?}", plan.rejected);
             if plan.planned.iter().any(|planned| planned.leave < view.now.plus_s(60.0)) {
                 break;
             }
-            before = plan.planned;
+            before = plan;
         }
     }
 }
