@@ -11,8 +11,8 @@ use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 use proto::StationId;
 
-use crate::forecast::{self, Draw};
 use super::usable::Usable;
+use crate::forecast::{self, Draw};
 use crate::models::StationModels;
 
 /// Points of a table.
