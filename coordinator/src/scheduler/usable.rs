@@ -10,8 +10,9 @@ use crate::forecast;
 
 /// States of charge of the grid lie this far apart.
 const SOC_STEP: f64 = 0.01;
-/// Temperatures of the grid lie this far apart, °C.
-const TEMPERATURE_STEP_DEGC: f64 = 5.0;
+/// Temperatures of the grid lie this far apart, °C: in the cold a cell that just delivers at one does not a
+/// few degrees below.
+const TEMPERATURE_STEP_DEGC: f64 = 1.0;
 
 /// Kind of pack, power (mW), place on the grid: state of charge, temperature.
 type Kind = (usize, i64, i32, i32);
@@ -78,7 +79,7 @@ mod tests {
             let pack = Arc::new(energy::load_model(name, &|_| unreachable!("built in")).unwrap());
             let (full_wh, c_rate) = (pack.battery().stored_wh(), 0.4);
             for (n, soc) in [0.013, 0.06, 0.111, 0.237, 0.48, 0.764, 0.987, 1.0].into_iter().enumerate() {
-                let temperature_degc = 12.0 + 3.7 * n as f64;
+                let temperature_degc = 1.4 + 4.7 * n as f64;
                 let soc = Estimate::new(soc, 0.01);
                 let told = usable.wh(&pack, soc, temperature_degc, c_rate * full_wh);
                 let true_wh = forecast::usable_wh(&pack, soc, temperature_degc, c_rate * full_wh);
