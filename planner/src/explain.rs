@@ -4,7 +4,8 @@
 use crate::book::Clash;
 use crate::draft::{Draft, NONE};
 use crate::plan::Session;
-use crate::problem::Tick;
+use crate::problem::{Problem, Tick};
+use crate::replan::commitments;
 use crate::way::{Mode, Way, Ways};
 
 /// What can be said of a robot's place in a plan.
@@ -41,6 +42,16 @@ pub struct Other {
     pub clash: Option<Clash>,
     /// Robots that would have to give way.
     pub blockers: Vec<usize>,
+}
+
+impl<'p> Ways<'p> {
+    /// The ways that it takes to explain some robots' places among these sessions: all of theirs, and of
+    /// the others the one that was chosen.
+    #[must_use]
+    pub fn for_explaining(problem: &'p Problem, sessions: &[Session], asked: impl Fn(usize) -> bool) -> Self {
+        let free: Vec<bool> = (0..problem.robots.len()).map(asked).collect();
+        Self::for_replanning(problem, &commitments(problem, sessions), &free, 0)
+    }
 }
 
 /// A plan of which one can ask why it is as it is.

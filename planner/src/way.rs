@@ -5,7 +5,6 @@
 use std::cell::OnceCell;
 
 use crate::book::Book;
-use crate::plan::Session;
 use crate::problem::{Battery, Charger, LeftPacks, Problem, Station, Tick};
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
@@ -120,14 +119,6 @@ impl<'p> Ways<'p> {
             made.choices[robot].set(choices(problem, robot, Some(only))).expect("set once");
         }
         made
-    }
-
-    /// The ways that it takes to explain some robots' places among these sessions: all of theirs, and of
-    /// the others the one that was chosen.
-    #[must_use]
-    pub fn for_explaining(problem: &'p Problem, sessions: &[Session], asked: impl Fn(usize) -> bool) -> Self {
-        let free: Vec<bool> = (0..problem.robots.len()).map(asked).collect();
-        Self::for_replanning(problem, &crate::replan::commitments(problem, sessions), &free, 0)
     }
 
     /// The ways of one robot, by index.
