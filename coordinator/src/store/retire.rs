@@ -68,13 +68,26 @@ impl Store {
     }
 }
 
-/// Deletes the oldest plans, capacities and inputs.
+/// Deletes the oldest plans, capacities and inputs, where the very oldest is old enough.
 async fn forget(connection: &mut AnyConnection, before_ms: i64) -> Result<(), sqlx::Error> {
-    for sql in [
-        "DELETE FROM inputs WHERE at_ms < $1 AND (epoch, number) IN (SELECT epoch, number FROM inputs ORDER BY epoch, number LIMIT $2)",
-        "DELETE FROM plans WHERE at_ms < $1 AND plan IN (SELECT plan FROM plans ORDER BY plan LIMIT $2)",
-        "DELETE FROM capacities WHERE at_ms < $1 AND number IN (SELECT number FROM capacities ORDER BY number LIMIT $2)",
+    for (oldest, sql) in [
+        (
+            "SELECT at_ms FROM inputs ORDER BY epoch, number LIMIT 1",
+            "DELETE FROM inputs WHERE at_ms < $1 AND (epoch, number) IN (SELECT epoch, number FROM inputs ORDER BY epoch, number LIMIT $2)",
+        ),
+        (
+            "SELECT at_ms FROM plans ORDER BY plan LIMIT 1",
+            "DELETE FROM plans WHERE at_ms < $1 AND plan IN (SELECT plan FROM plans ORDER BY plan LIMIT $2)",
+        ),
+        (
+            "SELECT at_ms FROM capacities ORDER BY number LIMIT 1",
+            "DELETE FROM capacities WHERE at_ms < $1 AND number IN (SELECT number FROM capacities ORDER BY number LIMIT $2)",
+        ),
     ] {
+        let oldest_ms: Option<i64> = query_scalar(oldest).fetch_optional(&mut *connection).await?;
+        if oldest_ms.is_none_or(|at_ms| at_ms >= before_ms) {
+            continue;
+        }
         query(sql).bind(before_ms).bind(ROWS_AT_ONCE).execute(&mut *connection).await?;
     }
     Ok(())
