@@ -6,17 +6,19 @@
 //! ```
 //!
 //! One input, then poll until nothing is left. The same inputs give the same outputs.
-//! `hear.rs` takes in what is said, `serve.rs` carries services on, `ask.rs` sends commands and
-//! waits for their answers, `strays.rs` finds robots that are somewhere without a service; planning is
-//! here.
+//! `hear.rs` takes in what is said, `plan.rs` plans, `serve.rs` carries services on, `ask.rs` sends commands
+//! and waits for their answers, `strays.rs` finds robots that are somewhere without a service.
 
 mod ask;
 mod hear;
+mod plan;
 mod serve;
 mod strays;
+mod study;
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
 
 use proto::{
     Capacity, CommandId, CommandReply, Event, EventKind, Explanation, Gauge, PackId, RobotCommand, RobotId, RobotState, Schedule,
@@ -24,11 +26,13 @@ use proto::{
 };
 
 use ask::Asked;
+use plan::Untold;
+pub use study::Study;
 
 use crate::answers::{self, Explainer};
 use crate::fleet::Fleet;
 use crate::models::{Models, Settings};
-use crate::scheduler::{Accounts, Effort, Plan, Solved, Tables, solve};
+use crate::scheduler::{Accounts, Plan, Solved, Tables};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
 use crate::trust::Trust;
@@ -37,9 +41,6 @@ use crate::watch::{Standing, Watch};
 
 /// How many different refusals are told; a flood of bad messages must not fill the memory.
 const REFUSED_MAX: usize = 1000;
-
-/// The trigger of a plan that nothing but the clock asked for.
-const TIME_PASSED: &str = "time passed";
 
 /// What reaches the coordinator.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,6 +67,8 @@ pub enum Input {
     Refused(String),
     /// Somebody asks for a new plan, and says why.
     Replan(String),
+    /// The study that was given out is done.
+    Studied,
 }
 
 /// Whose services a message may carry on.
@@ -84,6 +87,8 @@ pub enum Output {
     ToStation(StationId, StationCommand),
     /// Keep this.
     Record(Record),
+    /// Run this beside the core, and say [`Input::Studied`] when it is done.
+    Study(Arc<Study>),
 }
 
 /// Where numbering goes on, so that a restarted coordinator repeats no number.
@@ -129,6 +134,12 @@ pub struct Core {
     /// The last instant that it was given.
     last: Option<Timestamp>,
     planned: Option<Timestamp>,
+    /// When a plan was last made as a whole.
+    renewed: Option<Timestamp>,
+    /// A whole plan that is being made beside the core, and what asked for it.
+    studying: Option<(Arc<Study>, String)>,
+    /// Of whom the last plan is still to be explained.
+    untold: Untold,
     /// Why a new plan is due, if it is.
     trigger: Option<String>,
     refused: BTreeSet<String>,
@@ -170,6 +181,9 @@ impl Core {
             started: None,
             last: None,
             planned: None,
+            renewed: None,
+            studying: None,
+            untold: Untold::default(),
             trigger: None,
             refused: BTreeSet::new(),
             watch: Watch::default(),
@@ -219,11 +233,15 @@ impl Core {
                 self.replied(now, &reply);
                 Some(Concerned::Everybody)
             }
-            Input::Tick => Some(Concerned::Everybody),
+            Input::Tick => {
+                self.tell_answers(now);
+                Some(Concerned::Everybody)
+            }
             Input::Replan(why) => {
                 self.replan(why);
                 Some(Concerned::Everybody)
             }
+            Input::Studied => self.studied(now).then_some(Concerned::Everybody),
             Input::Refused(what) => {
                 self.refuse(now, what);
                 None
@@ -295,87 +313,17 @@ impl Core {
         }
     }
 
-    fn replan(&mut self, why: String) {
-        self.trigger.get_or_insert(why);
-    }
-
-    /// A plan is due when something happened or the last one is old; the first waits until
-    /// everybody who is configured has spoken, but not for ever.
-    fn plan_due(&mut self, now: Timestamp) -> bool {
-        let Some(planned) = self.planned else {
-            let all = self.models.stations.keys().all(|id| self.fleet.stations.get(id).is_some_and(|s| s.known().is_some()))
-                && self.models.robots.keys().all(|id| self.fleet.robots.get(id).is_some_and(|r| r.known().is_some()));
-            let waited_s = self.started.map_or(0.0, |started| now.seconds_since(started));
-            return self.trigger.is_some() && (all || waited_s >= self.settings.patience_s);
-        };
-        if now.seconds_since(planned) >= self.settings.replan_period_s {
-            self.replan(TIME_PASSED.to_owned());
-        }
-        // One plan a second at most: a burst of news is one trigger.
-        self.trigger.is_some() && now.seconds_since(planned) >= 1.0
-    }
-
-    fn make_plan(&mut self, now: Timestamp) {
-        let trigger = self.trigger.take().unwrap_or_default();
-        let effort = if trigger == TIME_PASSED || self.solved.is_none() { Effort::Better } else { Effort::Mend };
-        let solved = solve(self.basis(now).view(), &self.settings, &self.plan, effort);
-        self.plan = solved.plan.clone();
-        self.solved = Some(solved);
-        self.planned = Some(now);
-        let number = self.numbering.plan;
-        self.numbering.plan += 1;
-        let schedule = answers::schedule(&self.basis(now), &self.plan, number, trigger);
-        for service in &schedule.services {
-            self.promised.insert(service.robot.clone());
-        }
-        for unserved in &schedule.unserved {
-            if self.promised.remove(&unserved.robot) {
-                let why = unserved.reasons.join("; ");
-                self.event(now, EventKind::PromiseBroken, Some(&unserved.robot), None, None, format!("{}: {why}", unserved.robot));
-            }
-        }
-        let said = |schedule: &Schedule| (schedule.services.len(), schedule.unserved.len());
-        if said(&schedule) != said(&self.schedule) || self.schedule.plan == 0 {
-            let text =
-                format!("plan {number}: {} services, {} unserved ({})", schedule.services.len(), schedule.unserved.len(), schedule.trigger);
-            self.event(now, EventKind::PlanMade, None, None, None, text);
-        }
-        let changed = self.note_changes(&schedule);
-        self.record(Record::Plan(schedule.clone()));
-        self.schedule = schedule;
-        self.record(Record::Capacity(self.capacity(now)));
-        // For those who ask when no coordinator answers: a plan that was only mended changes little.
-        let told = match effort {
-            Effort::Better => self.explain_all(now, self.fleet.robots.keys()),
-            Effort::Mend => self.explain_all(now, changed.iter()),
-        };
-        self.record(Record::Explanations(told.into_iter().flatten().collect()));
-    }
-
-    /// Keeps what is different for each robot, and which message brought it about; tells for whom.
-    fn note_changes(&mut self, new: &Schedule) -> Vec<RobotId> {
-        let changes = answers::changes(&self.schedule, new);
-        let robots = changes.iter().map(|(robot, _)| robot.clone()).collect();
-        self.changed.extend(changes.into_iter().map(|(robot, text)| (robot, vec![text])));
-        robots
-    }
-
     /// The clock was set back: what is counted from an instant is counted from as much earlier, or
     /// nothing would be due until that time came again.
     fn set_back(&mut self, by_ms: i64) {
         let earlier = |at: &mut Timestamp| *at = at.plus_ms(-by_ms);
-        self.started.iter_mut().chain(&mut self.planned).for_each(earlier);
+        self.started.iter_mut().chain(&mut self.planned).chain(&mut self.renewed).for_each(earlier);
         self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
         for run in self.running.values_mut() {
             [&mut run.left, &mut run.start, &mut run.end].into_iter().for_each(earlier);
         }
         // The deadline in a command stays as it was sent; that of waiting for its answer moves.
         self.asked.values_mut().for_each(|asked| asked.set_back(by_ms));
-    }
-
-    fn refresh_schedule(&mut self, now: Timestamp) {
-        let (number, trigger) = (self.schedule.plan, self.schedule.trigger.clone());
-        self.schedule = answers::schedule(&self.basis(self.planned.unwrap_or(now)), &self.plan, number, trigger);
     }
 
     fn event(

@@ -3,6 +3,7 @@
 //! ```text
 //!   pure    intake.rs       what waits for the core: the newest of each sender, every change
 //!           core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
+//!             core/           hearing, planning, serving, asking
 //!             fleet.rs        the newest word of each robot and station
 //!             trust.rs        whether gauges can be believed
 //!             models.rs       the coordinator's own models and settings

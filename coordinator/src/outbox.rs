@@ -6,9 +6,11 @@
 //!                                          └─ failed: the fleet is served on, records wait
 //! ```
 
+use std::sync::Arc;
+
 use proto::Timestamp;
 
-use crate::core::{Core, Input, Output};
+use crate::core::{Core, Input, Output, Study};
 use crate::store::{Heard, Record};
 
 /// Records that wait while the store cannot be written; beyond this telemetry is dropped.
@@ -20,6 +22,7 @@ pub struct Outbox {
     epoch: u64,
     records: Vec<Record>,
     commands: Vec<Output>,
+    studies: Vec<Arc<Study>>,
     /// How many inputs the core was given.
     heard: u64,
 }
@@ -28,7 +31,7 @@ impl Outbox {
     /// That of the coordinator of this epoch.
     #[must_use]
     pub fn new(epoch: u64) -> Self {
-        Self { epoch, records: Vec::new(), commands: Vec::new(), heard: 0 }
+        Self { epoch, records: Vec::new(), commands: Vec::new(), studies: Vec::new(), heard: 0 }
     }
 
     /// Gives the core an input and takes everything that comes of it. The input is kept too, so that
@@ -44,6 +47,7 @@ impl Outbox {
         while let Some(output) = core.poll() {
             match output {
                 Output::Record(record) => self.records.push(record),
+                Output::Study(study) => self.studies.push(study),
                 command => self.commands.push(command),
             }
         }
@@ -88,6 +92,11 @@ impl Outbox {
     /// A record that waits on.
     pub fn wait(&mut self, record: Record) {
         self.records.push(record);
+    }
+
+    /// What is to be run beside the core: it rests on nothing that has to be kept first.
+    pub fn take_studies(&mut self) -> Vec<Arc<Study>> {
+        std::mem::take(&mut self.studies)
     }
 
     /// The commands that may leave now.

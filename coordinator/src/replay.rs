@@ -39,6 +39,8 @@ impl Replay {
         }
         self.outbox.handle(&mut self.core, heard.at, input);
         self.outbox.take_commands();
+        // The core runs by itself what nobody ran beside it.
+        self.outbox.take_studies();
         self.made.extend(self.outbox.take_records().into_iter().filter(Record::is_decision));
         Ok(())
     }
@@ -126,6 +128,7 @@ impl Inputs {
         Ok(match heard.what.clone() {
             What::Nothing => Input::Nothing,
             What::Tick => Input::Tick,
+            What::Studied => Input::Studied,
             What::RobotAlive(robot, alive) => Input::RobotAlive(robot, alive),
             What::StationAlive(station, alive) => Input::StationAlive(station, alive),
             What::Reply(reply) => Input::Reply(reply),

@@ -256,6 +256,7 @@ impl Service {
                 _ => {}
             }
         }
+        self.run_studies();
         if !self.outbox.urgent() {
             return;
         }
@@ -267,8 +268,19 @@ impl Service {
             match command {
                 Output::ToRobot(robot, command) => self.send(Key::RobotCommand(robot), command),
                 Output::ToStation(station, command) => self.send(Key::StationCommand(station), command),
-                Output::Record(_) => {}
+                Output::Record(_) | Output::Study(_) => {}
             }
+        }
+    }
+
+    /// Makes plans that take long on a thread of their own; that they are done is an input.
+    fn run_studies(&mut self) {
+        for study in self.outbox.take_studies() {
+            let answers = self.answers.clone();
+            tokio::task::spawn_blocking(move || {
+                study.run();
+                drop(answers.send(Input::Studied));
+            });
         }
     }
 

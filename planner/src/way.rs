@@ -324,6 +324,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     if let Some(Only::This(commitment)) = only {
         (first, last) = (first.max(commitment.start), last.min(i64::from(commitment.start)));
     }
+    let is_asked = |station: usize| !matches!(only, Some(Only::This(commitment)) if commitment.station != station);
     let swaps = robot.travel.iter().any(|travel| !problem.stations[travel.station].spares.is_empty());
     for start in first.. {
         if i64::from(start) > last || robot.energy - robot.drain_hi * i64::from(start) < battery.floor {
@@ -332,7 +333,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         let energy = robot.energy - robot.drain * i64::from(start);
         let wanted = battery.targets.partition_point(|target| target - energy < battery.min_gain);
         let mut at: Vec<From> = Vec::new();
-        for travel in robot.travel.iter().filter(|travel| travel.ticks <= start) {
+        for travel in robot.travel.iter().filter(|travel| travel.ticks <= start && is_asked(travel.station)) {
             let station = &problem.stations[travel.station];
             let place = at.iter().position(|from| from.charger == station.charger).unwrap_or_else(|| {
                 at.push(From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut made.runs));

@@ -1,5 +1,7 @@
 //! A plan in the fleet's terms: every robot serviced, or with the reasons why not.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use energy::Need;
 use energy::units::S_PER_H;
 use planner::{Levels, Mode, Session};
@@ -98,6 +100,31 @@ impl Plan {
             reasons: words::why_not(task, plan, unserved, confidence),
         });
         Self { rejected: rejected.collect(), planned, moved, quality: Quality::new(task, plan.objective, plan.bound) }
+    }
+
+    /// Everybody that it is about.
+    pub fn robots(&self) -> impl Iterator<Item = &RobotId> {
+        self.planned.iter().map(|planned| &planned.robot).chain(self.rejected.iter().map(|rejected| &rejected.robot))
+    }
+
+    /// This plan, and for those that it does not know what another holds.
+    #[must_use]
+    pub fn with_newer(mut self, other: &Self) -> Self {
+        let known: BTreeSet<RobotId> = self.robots().cloned().collect();
+        self.planned.extend(other.planned.iter().filter(|planned| !known.contains(&planned.robot)).cloned());
+        self.rejected.extend(other.rejected.iter().filter(|rejected| !known.contains(&rejected.robot)).cloned());
+        self
+    }
+
+    /// Robots that `before` promised another service, or one at all.
+    #[must_use]
+    pub fn moved_from(&self, before: &Self) -> Vec<RobotId> {
+        let promise = |planned: &Planned| (planned.station.clone(), planned.mode, planned.start);
+        let now: BTreeMap<&RobotId, _> = self.planned.iter().map(|planned| (&planned.robot, Some(promise(planned)))).collect();
+        let now_without: BTreeMap<&RobotId, _> = self.rejected.iter().map(|rejected| (&rejected.robot, None)).collect();
+        let now = |robot: &RobotId| now.get(robot).or_else(|| now_without.get(robot));
+        let is_moved = |planned: &&Planned| now(&planned.robot).is_some_and(|now| *now != Some(promise(planned)));
+        before.planned.iter().filter(is_moved).map(|planned| planned.robot.clone()).collect()
     }
 }
 

@@ -29,7 +29,25 @@ pub enum Effort {
     /// What no longer fits, and its neighbours.
     Mend,
     /// Everything.
-    Better,
+    Whole,
+}
+
+impl Effort {
+    /// The least that makes a plan of what is believed from the last one: only of a large fleet can a plan
+    /// be mended, and only when few of it are new.
+    #[must_use]
+    pub fn needed(view: &View, before: &Plan, settings: &Settings) -> Self {
+        let known: BTreeSet<&RobotId> = before.robots().collect();
+        let new = view.robots.iter().filter(|robot| !known.contains(&robot.robot)).count();
+        let is_mendable = Self::takes_long(view, settings) && (new as f64) < NEW_SHARE_MAX * view.robots.len() as f64;
+        if is_mendable { Self::Mend } else { Self::Whole }
+    }
+
+    /// Whether a whole plan takes longer than anybody should wait for.
+    #[must_use]
+    pub fn takes_long(view: &View, settings: &Settings) -> bool {
+        view.robots.len() > WHOLE_FLEET_MAX && settings.policy.name() == optimise::NAME
+    }
 }
 
 /// A plan and the problem that it solves.
@@ -60,8 +78,7 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     // Waiting until a service is wanted must not cost a robot its turn: if somebody strands for want of a
     // place, all may come earlier. In a large fleet that comes into question with the next whole plan.
     let strands_for_a_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
-    let is_whole = effort == Effort::Better || gated.problem.robots.len() <= WHOLE_FLEET_MAX;
-    if strands_for_a_place && is_whole && settings.policy.name() == optimise::NAME {
+    if strands_for_a_place && effort == Effort::Whole && settings.policy.name() == optimise::NAME {
         let open = Task::new(gated.view.clone(), settings, &before.planned, false);
         let early = plan(&open, settings, before, effort);
         if early.plan.objective.stranded < found.plan.objective.stranded {
@@ -75,16 +92,12 @@ fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Repl
     let problem: &Problem = &task.problem;
     let sessions = task.sessions(&before.planned);
     let robots = problem.robots.len();
-    // Who was not planned for yet.
-    let known = before.planned.iter().map(|planned| &planned.robot).chain(before.rejected.iter().map(|rejected| &rejected.robot));
-    let known: BTreeSet<&RobotId> = known.collect();
-    let new: Vec<usize> = (0..robots).filter(|&robot| !known.contains(&task.view.robots[robot].robot)).collect();
-    let is_mendable = robots > WHOLE_FLEET_MAX && (new.len() as f64) < NEW_SHARE_MAX * robots as f64;
-    let is_mended = effort == Effort::Mend && is_mendable && settings.policy.name() == optimise::NAME;
-    let most = if is_mended { MENDING_MOVES_MAX } else { MOVES_MAX };
+    let most = if effort == Effort::Mend { MENDING_MOVES_MAX } else { MOVES_MAX };
     let mut moves = Moves((settings.moves_per_robot * robots as u64).clamp(MOVES_MIN, most));
     let loyalty = worth(settings.loyalty_s, task.grid);
-    if is_mended {
+    if effort == Effort::Mend {
+        let known: BTreeSet<&RobotId> = before.robots().collect();
+        let new: Vec<usize> = (0..robots).filter(|&robot| !known.contains(&task.view.robots[robot].robot)).collect();
         return replan(problem, &sessions, &new, loyalty, SEED, &mut moves);
     }
     match renew(problem, settings.policy.name(), &sessions, loyalty, SEED, &mut moves) {

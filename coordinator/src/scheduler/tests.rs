@@ -81,7 +81,7 @@ fn view(robots: Vec<RobotView>, stations: Vec<StationView>) -> View {
 }
 
 fn solved(robots: Vec<RobotView>, stations: Vec<StationView>) -> Solved {
-    solve(view(robots, stations), &settings(), &Plan::default(), Effort::Better)
+    solve(view(robots, stations), &settings(), &Plan::default(), Effort::Whole)
 }
 
 fn names(plan: &Plan) -> Vec<&str> {
@@ -137,7 +137,7 @@ fn who_would_strand_in_a_queue_comes_before_it_is_wanted() {
     assert_eq!(plan.planned.len(), 2, "{:?}", plan.rejected);
     assert!(plan.planned[0].why[0].contains("min before it is wanted"), "{:?}", plan.planned[0].why);
     let threshold = Settings { policy: planner::policy("threshold").unwrap(), ..settings() };
-    let fleets_today = solve(view(robots, vec![station("s", 1, &[80.0], &[])]), &threshold, &Plan::default(), Effort::Better).plan;
+    let fleets_today = solve(view(robots, vec![station("s", 1, &[80.0], &[])]), &threshold, &Plan::default(), Effort::Whole).plan;
     assert_eq!(fleets_today.planned.len(), 1);
 }
 
@@ -170,7 +170,7 @@ fn what_was_promised_stays_where_it_is_as_long_as_it_can() {
     // Half a minute later the gauges say a little else.
     let mut later = view(vec![robot("a", 0.199, &[(0, 60.0)]), robot("b", 0.216, &[(0, 60.0)])], vec![station("s", 2, &[89.9], &[])]);
     later.now = later.now.plus_s(27.0);
-    let again = solve(later, &settings(), &first.plan, Effort::Better);
+    let again = solve(later, &settings(), &first.plan, Effort::Whole);
     assert_eq!(again.plan.moved, []);
     let starts = |plan: &Plan| plan.planned.iter().map(|planned| (planned.robot.clone(), planned.start)).collect::<Vec<_>>();
     assert_eq!(starts(&again.plan), starts(&first.plan));
@@ -202,7 +202,7 @@ fn who_is_wanted_leaves_within_a_tick_however_often_is_planned() {
             let late = robot("r", soc - 0.3 / HOUR * passed_s, &[(0, 60.0)]);
             let mut view = view(vec![late], vec![station("s", 1, &[80.0], &[])]);
             view.now = view.now.plus_s(0.35 + passed_s);
-            let found = solve(view.clone(), &settings(), &before, Effort::Better);
+            let found = solve(view.clone(), &settings(), &before, Effort::Whole);
             if found.plan.planned[0].leave <= view.now {
                 left_s = Some(passed_s);
                 break;
@@ -226,7 +226,7 @@ fn as_long_as_all_goes_as_foreseen_no_promise_is_broken_by_planning_again() {
             let robots: Vec<RobotView> = ["a", "b", "c", "d"].iter().map(there).collect();
             let mut view = view(robots, vec![station("s", 2, &[usable_wh - 6.0 * passed_h], &[])]);
             view.now = view.now.plus_s(passed_h * HOUR);
-            let plan = solve(view.clone(), &settings(), &before, Effort::Better).plan;
+            let plan = solve(view.clone(), &settings(), &before, Effort::Whole).plan;
             let broken = before.planned.iter().find(|old| plan.planned.iter().all(|new| new.robot != old.robot));
             assert!(broken.is_none(), "{usable_wh} Wh, minute {minute}: {broken:?}, {:?}", plan.rejected);
             if plan.planned.iter().any(|planned| planned.leave < view.now.plus_s(60.0)) {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use energy::units::S_PER_H;
 use planner::problem::{Battery, Chance, Charger, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Tick, Travel};
 use planner::{Mode, Session};
-use proto::{BayId, Timestamp};
+use proto::{BayId, RobotId, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::charging::Table;
@@ -114,7 +114,8 @@ impl Task {
             self::station(&view, station, index, lift_wh, settings, grid)
         });
         let stations: Vec<Station> = stations.collect();
-        let places = Places { view: &view, grid, gates, before };
+        let before_of = before.iter().map(|planned| (&planned.robot, planned)).collect();
+        let places = Places { view: &view, grid, gates, before: before_of };
         let robots: Vec<Robot> = view.robots.iter().zip(kind_of).map(|(robot, kind)| places.robot(robot, kind, &batteries[kind])).collect();
         let mut problem = Problem {
             name: String::new(),
@@ -136,9 +137,10 @@ impl Task {
     /// Services of an earlier plan that this problem can still have, as sessions of it.
     #[must_use]
     pub fn sessions(&self, before: &[Planned]) -> Vec<Session> {
+        // Both are in order of id.
         let session = |planned: &Planned| {
-            let robot = self.view.robots.iter().position(|view| view.robot == planned.robot)?;
-            let station = self.view.stations.iter().position(|view| view.station == planned.station)?;
+            let robot = self.view.robots.binary_search_by(|view| view.robot.cmp(&planned.robot)).ok()?;
+            let station = self.view.stations.binary_search_by(|view| view.station.cmp(&planned.station)).ok()?;
             let start = self.grid.tick(planned.start)?;
             Some(Session { robot, station, mode: planned.mode, start, end: start, bay: None })
         };
@@ -352,7 +354,7 @@ struct Places<'a> {
     view: &'a View,
     grid: Grid,
     gates: bool,
-    before: &'a [Planned],
+    before: BTreeMap<&'a RobotId, &'a Planned>,
 }
 
 impl Places<'_> {
@@ -369,7 +371,7 @@ impl Places<'_> {
         let drain_hi = if endures.is_finite() { energy / (endures.min(1e9) as i64 + 1) + 1 } else { 1 };
         // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end.
         let wanted = grid.up(robot.wanted_s.min(HORIZON_MAX_S) + ahead_s);
-        let promised = self.before.iter().find(|planned| planned.robot == robot.robot).and_then(|planned| grid.tick(planned.start));
+        let promised = self.before.get(&robot.robot).and_then(|planned| grid.tick(planned.start));
         let gate = if self.gates { promised.map_or(wanted, |start| start.min(wanted)) } else { 0 };
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
         let travel = robot.travel.iter().map(|(station, travel_s, table)| {

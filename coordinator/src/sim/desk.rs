@@ -95,6 +95,10 @@ impl Desk {
         let Some(process) = &mut self.process else { return Vec::new() };
         let flush = input == Input::Tick;
         let before = process.outbox.records().len();
+        // Whole plans are done with the next tick; the core runs what nobody ran beside it.
+        if flush && !process.outbox.take_studies().is_empty() {
+            process.outbox.handle(&mut process.core, now, Input::Studied);
+        }
         process.outbox.handle(&mut process.core, now, input);
         process.outbox.records()[before..].iter().for_each(made);
         if !flush && !process.outbox.urgent() {

@@ -295,7 +295,7 @@ impl World {
             let message = match output {
                 Output::ToRobot(id, command) => Message::Robot(id, command),
                 Output::ToStation(id, command) => Message::Station(id, command),
-                Output::Record(_) => continue,
+                Output::Record(_) | Output::Study(_) => continue,
             };
             self.net.send(now, &Host::Coordinator, message);
         }

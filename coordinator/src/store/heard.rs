@@ -43,6 +43,8 @@ pub enum What {
     Refused(String),
     /// A new plan was asked for.
     Replan(String),
+    /// A plan was made beside the core.
+    Studied,
 }
 
 impl Heard {
@@ -57,6 +59,7 @@ impl Heard {
             Input::Reply(reply) => What::Reply(reply),
             Input::Refused(_) => refused(came),
             Input::Replan(why) => What::Replan(why),
+            Input::Studied => What::Studied,
             Input::RobotGauge(robot, gauge) if came.iter().any(|record| matches!(record, Record::RobotGauge { .. })) => {
                 What::RobotGauge(robot, gauge.at, gauge.seq)
             }

@@ -37,6 +37,7 @@ pub(super) fn row(heard: &Heard) -> Vec<Value> {
         }
         What::StationAlive(station, alive) => (if *alive { "station_there" } else { "station_lost" }, of_station(station)),
         What::Reply(reply) => ("reply", Line { body: Some(String::from_utf8(encode(reply)).expect("JSON is UTF-8")), ..none }),
+        What::Studied => ("studied", none),
         What::Replan(why) => ("replan", Line { body: Some(why.clone()), ..none }),
         What::Refused(text) => ("refused", Line { body: Some(text.clone()), ..none }),
     };
@@ -77,6 +78,7 @@ pub(super) fn heard(row: &AnyRow) -> Result<Heard, sqlx::Error> {
         "station_lost" => What::StationAlive(station()?, false),
         "reply" => What::Reply(decode::<CommandReply>(need("body")?.as_bytes()).map_err(|error| wrong(error.into()))?),
         "replan" => What::Replan(need("body")?),
+        "studied" => What::Studied,
         "refused" => What::Refused(need("body")?),
         other => return Err(wrong(format!("inputs.kind is `{other}`").into())),
     };

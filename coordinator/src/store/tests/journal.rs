@@ -75,6 +75,7 @@ async fn what_the_core_was_told_comes_back_as_the_same_inputs(path: &Path) {
     let store = open(path).await;
     let told = [
         Input::Tick,
+        Input::Studied,
         Input::RobotGauge(id("r1"), gauge(1)),
         Input::PackGauge(id("north"), id("p1"), gauge(2)),
         Input::RobotAlive(id("r1"), false),

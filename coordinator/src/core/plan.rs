@@ -1,0 +1,176 @@
+//! When to plan, how much of the plan, and what follows from a new one.
+//!
+//! A small fleet is planned as a whole at once. Of a large one a plan is mended at once, and planned anew
+//! beside the core: what has changed by the time that is done is mended into it.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use proto::{EventKind, RobotId, Schedule, Timestamp};
+
+use super::study::Study;
+use super::{Core, Output};
+use crate::answers;
+use crate::scheduler::{Effort, Plan, Solved, View, solve};
+use crate::store::Record;
+
+/// The trigger of a plan that nothing but the clock asked for.
+const TIME_PASSED: &str = "time passed";
+
+/// Of whom a new plan is still to be explained. It is told with the next tick: the plan comes first.
+#[derive(Debug, Default)]
+pub(super) enum Untold {
+    #[default]
+    Nobody,
+    These(BTreeSet<RobotId>),
+    Everybody,
+}
+
+impl Core {
+    pub(super) fn replan(&mut self, why: String) {
+        self.trigger.get_or_insert(why);
+    }
+
+    /// A plan is due when something happened or the last whole one is old; the first waits until
+    /// everybody who is configured has spoken, but not for ever.
+    pub(super) fn plan_due(&mut self, now: Timestamp) -> bool {
+        let Some(planned) = self.planned else {
+            let all = self.models.stations.keys().all(|id| self.fleet.stations.get(id).is_some_and(|s| s.known().is_some()))
+                && self.models.robots.keys().all(|id| self.fleet.robots.get(id).is_some_and(|r| r.known().is_some()));
+            let waited_s = self.started.map_or(0.0, |started| now.seconds_since(started));
+            return self.trigger.is_some() && (all || waited_s >= self.settings.patience_s);
+        };
+        if self.is_old(now) {
+            self.replan(TIME_PASSED.to_owned());
+        }
+        // One plan a second at most: a burst of news is one trigger.
+        self.trigger.is_some() && now.seconds_since(planned) >= 1.0
+    }
+
+    /// Whether everything is to be planned anew because nobody has for so long.
+    fn is_old(&self, now: Timestamp) -> bool {
+        self.studying.is_none() && self.renewed.is_none_or(|renewed| now.seconds_since(renewed) >= self.settings.replan_period_s)
+    }
+
+    pub(super) fn make_plan(&mut self, now: Timestamp) {
+        let trigger = self.trigger.take().unwrap_or_default();
+        let view = self.basis(now).view();
+        let needed = Effort::needed(&view, &self.plan, &self.settings);
+        let effort = if self.is_old(now) { Effort::Whole } else { needed };
+        self.planned = Some(now);
+        if effort == Effort::Whole {
+            if Effort::takes_long(&view, &self.settings) {
+                self.study(now, view, trigger, needed);
+                return;
+            }
+            self.renewed = Some(now);
+        }
+        let solved = solve(view, &self.settings, &self.plan, effort);
+        self.take_plan(now, solved, trigger, effort);
+    }
+
+    /// Has a whole plan made beside the core.
+    fn study(&mut self, now: Timestamp, view: View, trigger: String, needed: Effort) {
+        if self.studying.is_some() {
+            // More robots are new than can be mended in: they come into the next study.
+            self.trigger = Some(trigger);
+            return;
+        }
+        self.renewed = Some(now);
+        let study = Arc::new(Study::new(view.clone(), self.settings, self.plan.clone()));
+        self.outputs.push_back(Output::Study(Arc::clone(&study)));
+        self.studying = Some((study, trigger.clone()));
+        // What happened cannot wait that long.
+        if needed == Effort::Mend && trigger != TIME_PASSED {
+            let solved = solve(view, &self.settings, &self.plan, Effort::Mend);
+            self.take_plan(now, solved, trigger, Effort::Mend);
+        }
+    }
+
+    /// Takes a whole plan in that was made beside the core, unless it is nobody's any more.
+    pub(super) fn studied(&mut self, now: Timestamp) -> bool {
+        let Some((study, trigger)) = self.studying.take() else { return false };
+        let whole = study.run().plan.clone().with_newer(&self.plan);
+        let mut view = self.basis(now).view();
+        if Effort::needed(&view, &whole, &self.settings) == Effort::Whole {
+            let known: BTreeSet<&RobotId> = whole.robots().collect();
+            view.robots.retain(|robot| known.contains(&robot.robot));
+            self.replan("many robots joined".to_owned());
+        }
+        let mut solved = solve(view.clone(), &self.settings, &whole, Effort::Mend);
+        // What was promised meanwhile is not broken for a plan that did not know of it.
+        let broken = |plan: &Plan| plan.rejected.iter().filter(|rejected| self.promised.contains(&rejected.robot)).count();
+        if broken(&solved.plan) > 0 {
+            let mended = solve(view, &self.settings, &self.plan, Effort::Mend);
+            if broken(&mended.plan) < broken(&solved.plan) {
+                solved = mended;
+            }
+        }
+        solved.plan.moved = solved.plan.moved_from(&self.plan);
+        self.planned = Some(now);
+        self.take_plan(now, solved, trigger, Effort::Whole);
+        true
+    }
+
+    /// Puts a new plan in force.
+    fn take_plan(&mut self, now: Timestamp, solved: Solved, trigger: String, effort: Effort) {
+        self.plan = solved.plan.clone();
+        self.solved = Some(solved);
+        let number = self.numbering.plan;
+        self.numbering.plan += 1;
+        let schedule = answers::schedule(&self.basis(now), &self.plan, number, trigger);
+        for service in &schedule.services {
+            self.promised.insert(service.robot.clone());
+        }
+        for unserved in &schedule.unserved {
+            if self.promised.remove(&unserved.robot) {
+                let why = unserved.reasons.join("; ");
+                self.event(now, EventKind::PromiseBroken, Some(&unserved.robot), None, None, format!("{}: {why}", unserved.robot));
+            }
+        }
+        let said = |schedule: &Schedule| (schedule.services.len(), schedule.unserved.len());
+        if said(&schedule) != said(&self.schedule) || self.schedule.plan == 0 {
+            let text =
+                format!("plan {number}: {} services, {} unserved ({})", schedule.services.len(), schedule.unserved.len(), schedule.trigger);
+            self.event(now, EventKind::PlanMade, None, None, None, text);
+        }
+        self.note_changes(&schedule, effort);
+        self.record(Record::Plan(schedule.clone()));
+        self.schedule = schedule;
+    }
+
+    /// Keeps what is different for each robot, and which message brought it about.
+    fn note_changes(&mut self, new: &Schedule, effort: Effort) {
+        let changes = answers::changes(&self.schedule, new);
+        self.untold.add(effort, changes.iter().map(|(robot, _)| robot));
+        self.changed.extend(changes.into_iter().map(|(robot, text)| (robot, vec![text])));
+    }
+
+    /// What packs can still service, and why robots are serviced as they are, for those who ask when no
+    /// coordinator answers. A plan that was only mended changes little.
+    pub(super) fn tell_answers(&mut self, now: Timestamp) {
+        let told = match std::mem::take(&mut self.untold) {
+            Untold::Nobody => return,
+            Untold::These(robots) => self.explain_all(now, robots.iter()),
+            Untold::Everybody => self.explain_all(now, self.fleet.robots.keys()),
+        };
+        self.record(Record::Capacity(self.capacity(now)));
+        self.record(Record::Explanations(told.into_iter().flatten().collect()));
+    }
+
+    pub(super) fn refresh_schedule(&mut self, now: Timestamp) {
+        let (number, trigger) = (self.schedule.plan, self.schedule.trigger.clone());
+        self.schedule = answers::schedule(&self.basis(self.planned.unwrap_or(now)), &self.plan, number, trigger);
+    }
+}
+
+impl Untold {
+    fn add<'a>(&mut self, effort: Effort, changed: impl Iterator<Item = &'a RobotId>) {
+        match (effort, &mut *self) {
+            (Effort::Whole, _) => *self = Self::Everybody,
+            (Effort::Mend, Self::Nobody) => *self = Self::These(changed.cloned().collect()),
+            (Effort::Mend, Self::These(robots)) => robots.extend(changed.cloned()),
+            (Effort::Mend, Self::Everybody) => {}
+        }
+    }
+}
