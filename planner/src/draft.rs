@@ -54,11 +54,6 @@ impl<'w, 'p> Draft<'w, 'p> {
         Self { ways, books, chosen: vec![NONE; problem.robots.len()], score, lost, lost_at, log: Vec::new() }
     }
 
-    /// What can be said of any plan without looking at the ways: it strands nobody and misses nothing.
-    pub(crate) fn least(_: &Problem) -> (i64, i64) {
-        (0, 0)
-    }
-
     /// The problem.
     #[must_use]
     pub fn problem(&self) -> &'p Problem {

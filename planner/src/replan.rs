@@ -4,6 +4,8 @@
 //! take a free place; only if that strands one, or costs it much, the neighbours' promises come
 //! into question, each at a price.
 
+use std::collections::BTreeSet;
+
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
@@ -35,6 +37,9 @@ pub struct Replanned {
     /// Robots that had a session and now have another, or none, in order; those that changed
     /// themselves are among them.
     pub moved: Vec<usize>,
+    /// Robots without a session for which nothing came into question: the plan holds no reasons for them,
+    /// those of the plan before stand.
+    pub unasked: BTreeSet<usize>,
 }
 
 /// Holds promises to the certainty that they have now: what is measured may take some of it, but no
@@ -138,7 +143,7 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
         moves += MOVES_AT_ONCE;
     }
     search.return_to_best();
-    finished(problem, &search.draft, &committed)
+    finished(problem, &search.draft, &committed, &free)
 }
 
 /// Plans everybody anew by the policy of that name, beginning from the plan whose sessions were
@@ -161,7 +166,7 @@ pub fn renew(
         let plan = crate::plan(problem, policy, seed, budget)?;
         let now = commitments(problem, &plan.sessions);
         let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != now[robot]).collect();
-        return Ok(Replanned { plan, moved });
+        return Ok(Replanned { plan, moved, unasked: BTreeSet::new() });
     }
     let free = vec![true; problem.robots.len()];
     let ways = Ways::for_replanning(problem, &committed, &free, loyalty.min(LOYALTY_MAX) as i32);
@@ -188,7 +193,10 @@ pub fn renew(
     if broken(&draft.chosen) > broken(&kept) {
         draft.become_choice(&kept);
     }
-    let mut mended = finished(problem, &draft, &committed);
+    let mut mended = finished(problem, &draft, &committed, &free);
+    // Two sets of all ways need not be in memory at once.
+    drop(draft);
+    drop(ways);
     let honest = Ways::new(problem);
     mended.plan.bound.stranded = optimise::least_stranded(&honest);
     mended.plan.bound.cost = bound(&honest, &mended.plan, &mut Moves(BOUND_ROUNDS * 4 * problem.robots.len() as u64));
@@ -228,7 +236,7 @@ fn neighbours(problem: &Problem, draft: &Draft<'_, '_>, anew: &[usize], free: &m
 }
 
 /// The plan, judged without loyalty.
-fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commitment>]) -> Replanned {
+fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commitment>], asked: &[bool]) -> Replanned {
     let honest: Vec<Option<Commitment>> = (0..committed.len())
         .map(|robot| {
             let way = *draft.ways.of(robot).ways.get(draft.chosen[robot] as usize)?;
@@ -236,16 +244,20 @@ fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commit
         })
         .collect();
     let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != honest[robot]).collect();
-    // Who is left out is told why, and for that all ways count.
-    let left_out: Vec<bool> = honest.iter().map(Option::is_none).collect();
-    let ways = Ways::for_replanning(problem, &honest, &left_out, 0);
+    // Who is left out and was asked about is told why, and for that all ways count.
+    let is_told: Vec<bool> = (0..honest.len()).map(|robot| honest[robot].is_none() && asked[robot]).collect();
+    let ways = Ways::for_replanning(problem, &honest, &is_told, 0);
     let mut draft = Draft::new(&ways);
     for robot in (0..honest.len()).filter(|&robot| honest[robot].is_some()) {
         draft.serve(robot, 0);
     }
-    let least = Draft::least(problem);
-    let plan = Plan::new(&draft, least.0, least.1, 0);
-    Replanned { plan, moved }
+    // What can be said of any plan without looking at the ways: it strands nobody and misses nothing.
+    let mut plan = Plan::new(&draft, 0, 0, 0);
+    let unasked: BTreeSet<usize> = plan.unserved.iter().map(|unserved| unserved.robot).filter(|&robot| !asked[robot]).collect();
+    for unserved in plan.unserved.iter_mut().filter(|unserved| unasked.contains(&unserved.robot)) {
+        (unserved.wants_place, unserved.obstacles, unserved.reasons) = (false, Vec::new(), Vec::new());
+    }
+    Replanned { plan, moved, unasked }
 }
 
 /// A bound for a whole plan that was mended: as good as the budget allows.

@@ -17,13 +17,14 @@ use crate::store::Record;
 /// The trigger of a plan that nothing but the clock asked for.
 const TIME_PASSED: &str = "time passed";
 
-/// Of whom a new plan is still to be explained. It is told with the next tick: the plan comes first.
+/// Robots that are explained at once: it takes a look at all that each could have.
+const EXPLAINED_AT_ONCE: usize = 64;
+
+/// What is still to be told of a new plan. It is told with the next ticks: the plan comes first.
 #[derive(Debug, Default)]
-pub(super) enum Untold {
-    #[default]
-    Nobody,
-    These(BTreeSet<RobotId>),
-    Everybody,
+pub(super) struct Untold {
+    capacity: bool,
+    robots: BTreeSet<RobotId>,
 }
 
 impl Core {
@@ -57,14 +58,14 @@ impl Core {
         let view = self.basis(now).view();
         let needed = Effort::needed(&view, &self.plan, &self.settings);
         let effort = if self.is_old(now) { Effort::Whole } else { needed };
-        self.planned = Some(now);
+        if effort == Effort::Whole && Effort::takes_long(&view, &self.settings) {
+            self.study(now, view, trigger, needed);
+            return;
+        }
         if effort == Effort::Whole {
-            if Effort::takes_long(&view, &self.settings) {
-                self.study(now, view, trigger, needed);
-                return;
-            }
             self.renewed = Some(now);
         }
+        self.planned = Some(now);
         let solved = solve(view, &self.settings, &self.plan, effort);
         self.take_plan(now, solved, trigger, effort);
     }
@@ -73,26 +74,32 @@ impl Core {
     fn study(&mut self, now: Timestamp, view: View, trigger: String, needed: Effort) {
         if self.studying.is_some() {
             // More robots are new than can be mended in: they come into the next study.
+            self.planned = Some(now);
             self.trigger = Some(trigger);
             return;
         }
         self.renewed = Some(now);
+        // The first plan is on its way.
+        self.planned.get_or_insert(now);
         let study = Arc::new(Study::new(view.clone(), self.settings, self.plan.clone()));
         self.outputs.push_back(Output::Study(Arc::clone(&study)));
         self.studying = Some((study, trigger.clone()));
         // What happened cannot wait that long.
         if needed == Effort::Mend && trigger != TIME_PASSED {
+            self.planned = Some(now);
             let solved = solve(view, &self.settings, &self.plan, Effort::Mend);
             self.take_plan(now, solved, trigger, Effort::Mend);
         }
     }
 
-    /// Takes a whole plan in that was made beside the core, unless it is nobody's any more.
+    /// Takes in a whole plan that was made beside the core, with what has changed since; false when none was
+    /// asked for.
     pub(super) fn studied(&mut self, now: Timestamp) -> bool {
         let Some((study, trigger)) = self.studying.take() else { return false };
         let whole = study.run().plan.clone().with_newer(&self.plan);
         let mut view = self.basis(now).view();
-        if Effort::needed(&view, &whole, &self.settings) == Effort::Whole {
+        let settings = &self.settings;
+        if Effort::takes_long(&view, settings) && Effort::needed(&view, &whole, settings) == Effort::Whole {
             let known: BTreeSet<&RobotId> = whole.robots().collect();
             view.robots.retain(|robot| known.contains(&robot.robot));
             self.replan("many robots joined".to_owned());
@@ -107,7 +114,6 @@ impl Core {
             }
         }
         solved.plan.moved = solved.plan.moved_from(&self.plan);
-        self.planned = Some(now);
         self.take_plan(now, solved, trigger, Effort::Whole);
         true
     }
@@ -139,38 +145,36 @@ impl Core {
         self.schedule = schedule;
     }
 
-    /// Keeps what is different for each robot, and which message brought it about.
+    /// Keeps what is different for each robot, and which message brought it about. A plan that was only
+    /// mended changes little for the others.
     fn note_changes(&mut self, new: &Schedule, effort: Effort) {
         let changes = answers::changes(&self.schedule, new);
-        self.untold.add(effort, changes.iter().map(|(robot, _)| robot));
+        self.untold.capacity = true;
+        self.untold.robots.extend(changes.iter().map(|(robot, _)| robot.clone()));
+        if effort == Effort::Whole {
+            self.untold.robots.extend(self.fleet.robots.keys().cloned());
+        }
         self.changed.extend(changes.into_iter().map(|(robot, text)| (robot, vec![text])));
     }
 
     /// What packs can still service, and why robots are serviced as they are, for those who ask when no
-    /// coordinator answers. A plan that was only mended changes little.
+    /// coordinator answers.
     pub(super) fn tell_answers(&mut self, now: Timestamp) {
-        let told = match std::mem::take(&mut self.untold) {
-            Untold::Nobody => return,
-            Untold::These(robots) => self.explain_all(now, robots.iter()),
-            Untold::Everybody => self.explain_all(now, self.fleet.robots.keys()),
-        };
-        self.record(Record::Capacity(self.capacity(now)));
-        self.record(Record::Explanations(told.into_iter().flatten().collect()));
+        if std::mem::take(&mut self.untold.capacity) {
+            self.record(Record::Capacity(self.capacity(now)));
+        }
+        let now_told: Vec<RobotId> = self.untold.robots.iter().take(EXPLAINED_AT_ONCE).cloned().collect();
+        if !now_told.is_empty() {
+            now_told.iter().for_each(|robot| {
+                self.untold.robots.remove(robot);
+            });
+            let told = self.explain_all(now, now_told.iter());
+            self.record(Record::Explanations(told.into_iter().flatten().collect()));
+        }
     }
 
     pub(super) fn refresh_schedule(&mut self, now: Timestamp) {
         let (number, trigger) = (self.schedule.plan, self.schedule.trigger.clone());
         self.schedule = answers::schedule(&self.basis(self.planned.unwrap_or(now)), &self.plan, number, trigger);
-    }
-}
-
-impl Untold {
-    fn add<'a>(&mut self, effort: Effort, changed: impl Iterator<Item = &'a RobotId>) {
-        match (effort, &mut *self) {
-            (Effort::Whole, _) => *self = Self::Everybody,
-            (Effort::Mend, Self::Nobody) => *self = Self::These(changed.cloned().collect()),
-            (Effort::Mend, Self::These(robots)) => robots.extend(changed.cloned()),
-            (Effort::Mend, Self::Everybody) => {}
-        }
     }
 }

@@ -81,9 +81,10 @@ pub struct Quality {
 }
 
 impl Plan {
-    /// The planner's plan in the fleet's terms.
+    /// The planner's plan in the fleet's terms. Who has no service as before, and was not asked about, has
+    /// none for the reasons that `before` holds.
     #[must_use]
-    pub fn new(task: &Task, found: &planner::Replanned, to_soc: f64, confidence: f64) -> Self {
+    pub fn new(task: &Task, found: &planner::Replanned, before: &Self, to_soc: f64, confidence: f64) -> Self {
         let plan = &found.plan;
         let moved = found.moved.iter().map(|&robot| task.view.robots[robot].robot.clone()).collect();
         let mut planned: Vec<Planned> = Vec::new();
@@ -94,10 +95,14 @@ impl Plan {
             planned.extend(here.into_iter().map(|session| ledger.planned(session, to_soc)));
         }
         planned.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
-        let rejected = plan.unserved.iter().map(|unserved| Rejected {
-            robot: task.view.robots[unserved.robot].robot.clone(),
-            stranded: unserved.stranded,
-            reasons: words::why_not(task, plan, unserved, confidence),
+        let told: BTreeMap<&RobotId, &Rejected> = before.rejected.iter().map(|rejected| (&rejected.robot, rejected)).collect();
+        let rejected = plan.unserved.iter().map(|unserved| {
+            let robot = task.view.robots[unserved.robot].robot.clone();
+            let reasons = match told.get(&robot) {
+                Some(told) if found.unasked.contains(&unserved.robot) => told.reasons.clone(),
+                _ => words::why_not(task, plan, unserved, confidence),
+            };
+            Rejected { robot, stranded: unserved.stranded, reasons }
         });
         Self { rejected: rejected.collect(), planned, moved, quality: Quality::new(task, plan.objective, plan.bound) }
     }

@@ -18,8 +18,8 @@ const NEW_SHARE_MAX: f64 = 0.1;
 /// Fewest moves of a search, and most: whoever waits for a plan of a large fleet waits for all of them.
 const MOVES_MIN: u64 = 400;
 const MOVES_MAX: u64 = 10_000;
-/// Most moves of a search that mends a plan.
-const MENDING_MOVES_MAX: u64 = 1_000;
+/// Most moves of a search that mends a plan, some 10 us each: somebody waits for it.
+const MENDING_MOVES_MAX: u64 = 500;
 /// The search's seed: the same beliefs and the same last plan give the same plan.
 const SEED: u64 = 1;
 
@@ -82,10 +82,10 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
         let open = Task::new(gated.view.clone(), settings, &before.planned, false);
         let early = plan(&open, settings, before, effort);
         if early.plan.objective.stranded < found.plan.objective.stranded {
-            return solved(open, &early, settings);
+            return solved(open, &early, before, settings);
         }
     }
-    solved(gated, &found, settings)
+    solved(gated, &found, before, settings)
 }
 
 fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Replanned {
@@ -108,7 +108,7 @@ fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Repl
     }
 }
 
-fn solved(task: Task, found: &Replanned, settings: &Settings) -> Solved {
-    let plan = Plan::new(&task, found, settings.charge_to_soc, settings.confidence);
+fn solved(task: Task, found: &Replanned, before: &Plan, settings: &Settings) -> Solved {
+    let plan = Plan::new(&task, found, before, settings.charge_to_soc, settings.confidence);
     Solved { sessions: found.plan.sessions.clone(), plan, task }
 }
