@@ -6,7 +6,7 @@
 //! ```
 //!
 //! `TENDER_LOAD_ROBOTS` (1000) robots and 50 stations tell their states once a second, over Zenoh on loopback.
-//! First their gauges do the same: newcomers join, and counted is the time from a newcomer's first gauge to
+//! First their gauges do the same: newcomers join and speak on, and counted is the time from a newcomer's first gauge to
 //! the plan that tells of it. Then all gauges together speak `TENDER_LOAD_RATE` (50000) times a second. Each
 //! lasts `TENDER_LOAD_S` (30) seconds.
 
@@ -15,8 +15,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::anyhow;
@@ -30,6 +30,8 @@ use proto::{
 const STATIONS: usize = 50;
 const BAYS: usize = 6;
 const PACKS: usize = 12;
+/// Charge with which newcomers come: enough that nobody has to leave at once, which nobody here would do.
+const NEWCOMER_SOC: f64 = 0.3;
 /// Newcomers in a second.
 const NEWCOMERS_HZ: f64 = 0.8;
 /// Longest that a plan about a newcomer is waited for.
@@ -79,7 +81,9 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     let stations: Vec<StationId> = (0..STATIONS).map(|n| id(&format!("s{n}"))).collect();
     let plans = plans(&link).await?;
     let stop = Arc::new(AtomicBool::new(false));
-    let states = tokio::spawn(say_states(link.clone(), names.clone(), stations.clone(), Arc::clone(&seq), Arc::clone(&stop)));
+    let joined = Arc::new(AtomicUsize::new(0));
+    let states =
+        tokio::spawn(say_states(link.clone(), names.clone(), stations.clone(), Arc::clone(&seq), Arc::clone(&joined), Arc::clone(&stop)));
     for (n, robot) in names.iter().enumerate() {
         link.publish(&Key::RobotGauge(robot.clone()), &gauge(&seq, soc_of(n, robots))).await?;
     }
@@ -87,12 +91,11 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     plans.lock().await.clear();
 
     println!("machine        {} cores, {}", std::thread::available_parallelism()?, processor());
-    let mut joined = 0;
     for (what, rate_hz) in [("calm", robots as f64), ("flood", rate_hz)] {
         let pid = coordinator.id();
         let (cpu_begin_s, rss_begin_mb, begin) = (cpu_s(pid), rss_mb(pid), Instant::now());
         let flood = tokio::spawn(flood(connect(port).await?, names.clone(), rate_hz, seconds, Arc::clone(&seq)));
-        let waits_ms = newcomers(&link, &stations, &plans, seconds, &seq, &mut joined).await?;
+        let waits_ms = newcomers(&link, &stations, &plans, seconds, &seq, &joined).await?;
         let sent = flood.await??;
         let passed_s = begin.elapsed().as_secs_f64();
         let (cpu, rss_end_mb) = ((cpu_s(pid) - cpu_begin_s) / passed_s, rss_mb(pid));
@@ -141,18 +144,18 @@ async fn newcomers(
     plans: &Plans,
     seconds: f64,
     seq: &AtomicU64,
-    joined: &mut usize,
+    joined: &AtomicUsize,
 ) -> anyhow::Result<Vec<f64>> {
     let (mut waits_ms, begin) = (Vec::new(), Instant::now());
     while begin.elapsed().as_secs_f64() < seconds {
-        let n = *joined;
-        *joined += 1;
+        let n = joined.load(Ordering::Relaxed);
         let next = Instant::now() + Duration::from_secs_f64(1.0 / NEWCOMERS_HZ + 0.037 * (n % 7) as f64);
         let robot: RobotId = id(&format!("n{n}"));
         link.publish(&Key::RobotState(robot.clone()), &state(n, stations, seq)).await?;
         tokio::time::sleep(Duration::from_millis(20)).await;
         let said = Instant::now();
-        link.publish(&Key::RobotGauge(robot.clone()), &gauge(seq, 0.12)).await?;
+        link.publish(&Key::RobotGauge(robot.clone()), &gauge(seq, NEWCOMER_SOC)).await?;
+        joined.store(n + 1, Ordering::Relaxed);
         let told = |schedule: &Schedule| {
             let (services, unserved) = (&schedule.services, &schedule.unserved);
             services.iter().map(|service| &service.robot).chain(unserved.iter().map(|one| &one.robot)).any(|told| *told == robot)
@@ -193,6 +196,7 @@ async fn say_states(
     robots: Vec<RobotId>,
     stations: Vec<StationId>,
     seq: Arc<AtomicU64>,
+    joined: Arc<AtomicUsize>,
     stop: Arc<AtomicBool>,
 ) -> anyhow::Result<()> {
     while !stop.load(Ordering::Relaxed) {
@@ -204,6 +208,11 @@ async fn say_states(
         }
         for (n, robot) in robots.iter().enumerate() {
             link.publish(&Key::RobotState(robot.clone()), &state(n, &stations, &seq)).await?;
+        }
+        for n in 0..joined.load(Ordering::Relaxed) {
+            let robot: RobotId = id(&format!("n{n}"));
+            link.publish(&Key::RobotState(robot.clone()), &state(n, &stations, &seq)).await?;
+            link.publish(&Key::RobotGauge(robot), &gauge(&seq, NEWCOMER_SOC)).await?;
         }
         tokio::time::sleep(Duration::from_secs(1)).await;
     }
@@ -224,8 +233,11 @@ fn soc_of(n: usize, robots: usize) -> f64 {
     0.25 + 0.7 * n as f64 / robots as f64
 }
 
+/// The gauge of a robot that had this charge when the bench began, and has worked since.
 fn gauge(seq: &AtomicU64, soc: f64) -> Gauge {
+    static BEGIN: LazyLock<Instant> = LazyLock::new(Instant::now);
     let (full_wh, power_w) = (14.6, 4.3);
+    let soc = soc - BEGIN.elapsed().as_secs_f64() / 3600.0 * power_w / full_wh;
     Gauge {
         at: now(),
         seq: seq.fetch_add(1, Ordering::Relaxed),
@@ -247,7 +259,7 @@ fn gauge(seq: &AtomicU64, soc: f64) -> Gauge {
 
 fn pack_gauge(seq: &AtomicU64) -> Gauge {
     let full = Estimate::new(84.0, 0.8);
-    Gauge { remaining_wh: full, full_wh: full, ..gauge(seq, 1.0) }
+    Gauge { soc: Estimate::new(1.0, 0.01), remaining_wh: full, full_wh: full, ..gauge(seq, 1.0) }
 }
 
 fn state(n: usize, stations: &[StationId], seq: &AtomicU64) -> RobotState {

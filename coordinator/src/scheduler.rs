@@ -29,7 +29,7 @@ mod words;
 pub use charging::Tables;
 pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, PackView, RobotView, SpareView, StationView, View};
-pub use solve::{Effort, Solved, solve};
+pub use solve::{Effort, Solved, WHOLE_FLEET_MAX, solve};
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts};
 

@@ -133,6 +133,21 @@ impl<'w, 'p> Draft<'w, 'p> {
         self.log[mark..].iter().map(|&(robot, _)| robot as usize)
     }
 
+    /// Whether somebody who was promised a service lost it since a mark.
+    #[must_use]
+    pub fn breaks_promise(&self, mark: usize) -> bool {
+        self.log[mark..].iter().any(|&(robot, before)| {
+            let robot = robot as usize;
+            before != NONE && self.chosen[robot] == NONE && self.ways.of(robot).held
+        })
+    }
+
+    /// How many robots are without a service that they were promised.
+    #[must_use]
+    pub fn broken(&self) -> usize {
+        self.ways.broken(&self.chosen)
+    }
+
     /// Makes the choice that of another draft of the same problem.
     pub fn become_choice(&mut self, chosen: &[u32]) {
         let differing: Vec<usize> = (0..chosen.len()).filter(|&robot| chosen[robot] != self.chosen[robot]).collect();

@@ -91,7 +91,7 @@ pub(crate) fn best<'w, 'p>(
     let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), budget, moves: 0 };
     let at_once = run.at_once();
     let mut search = Search::new(match known {
-        Some(known) if known.score <= at_once.score => known,
+        Some(known) if (known.broken(), known.score) <= (at_once.broken(), at_once.score) => known,
         _ => at_once,
     });
     search.settle();
@@ -202,8 +202,9 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             }
             self.search(&mut search, &guide, heat(THRIFTY_HEAT, (at - start) / (until - start)));
         }
-        if search.best_score.stranded < found.best_score.stranded {
-            found.go_on_from(&self.ways.translated(&thrifty, &search.best));
+        let few = self.ways.translated(&thrifty, &search.best);
+        if search.best_score.stranded < found.best_score.stranded && self.ways.broken(&few) <= self.ways.broken(&found.best) {
+            found.go_on_from(&few);
             found.settle();
         }
     }

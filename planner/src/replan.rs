@@ -116,7 +116,8 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
             _ => free[robot] = true,
         }
     }
-    let anew: Vec<usize> = (0..free.len()).filter(|&robot| free[robot]).collect();
+    let mut anew: Vec<usize> = (0..free.len()).filter(|&robot| free[robot]).collect();
+    anew.sort_by_key(|&robot| urgency(problem, robot));
     neighbours(problem, &draft, &anew, &mut free);
 
     let ways = Ways::for_replanning(problem, &committed, &free, loyalty);
@@ -184,13 +185,12 @@ pub fn renew(
     }
     // Whoever was promised a service and can no longer have just that one comes before who was not.
     let mut everyone: Vec<usize> = (0..problem.robots.len()).collect();
-    everyone.sort_by_key(|&robot| (!problem.robots[robot].held, problem.endurance(robot), robot));
+    everyone.sort_by_key(|&robot| urgency(problem, robot));
     greedy(&mut known, &everyone, 0.0);
     let kept = known.chosen.clone();
     let (mut draft, _) = optimise::best(&ways, Some(known), seed, budget);
     // A promise is not broken for the sake of others.
-    let broken = |chosen: &[u32]| (0..chosen.len()).filter(|&robot| problem.robots[robot].held && chosen[robot] == NONE).count();
-    if broken(&draft.chosen) > broken(&kept) {
+    if ways.broken(&draft.chosen) > ways.broken(&kept) {
         draft.become_choice(&kept);
     }
     let mut mended = finished(problem, &draft, &committed, &free);
@@ -201,6 +201,11 @@ pub fn renew(
     mended.plan.bound.stranded = optimise::least_stranded(&honest);
     mended.plan.bound.cost = bound(&honest, &mended.plan, &mut Moves(BOUND_ROUNDS * 4 * problem.robots.len() as u64));
     Ok(mended)
+}
+
+/// Who was promised a service comes first, then who runs empty first.
+fn urgency(problem: &Problem, robot: usize) -> (bool, i64, usize) {
+    (!problem.robots[robot].held, problem.endurance(robot), robot)
 }
 
 pub(crate) fn commitments(problem: &Problem, sessions: &[Session]) -> Vec<Option<Commitment>> {
@@ -245,7 +250,8 @@ fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commit
         .collect();
     let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != honest[robot]).collect();
     // Who is left out and was asked about is told why, and for that all ways count.
-    let is_told: Vec<bool> = (0..honest.len()).map(|robot| honest[robot].is_none() && asked[robot]).collect();
+    let is_told: Vec<bool> =
+        (0..honest.len()).map(|robot| honest[robot].is_none() && (asked[robot] || committed[robot].is_some())).collect();
     let ways = Ways::for_replanning(problem, &honest, &is_told, 0);
     let mut draft = Draft::new(&ways);
     for robot in (0..honest.len()).filter(|&robot| honest[robot].is_some()) {
@@ -253,7 +259,7 @@ fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commit
     }
     // What can be said of any plan without looking at the ways: it strands nobody and misses nothing.
     let mut plan = Plan::new(&draft, 0, 0, 0);
-    let unasked: BTreeSet<usize> = plan.unserved.iter().map(|unserved| unserved.robot).filter(|&robot| !asked[robot]).collect();
+    let unasked: BTreeSet<usize> = plan.unserved.iter().map(|unserved| unserved.robot).filter(|&robot| !is_told[robot]).collect();
     for unserved in plan.unserved.iter_mut().filter(|unserved| unasked.contains(&unserved.robot)) {
         (unserved.wants_place, unserved.obstacles, unserved.reasons) = (false, Vec::new(), Vec::new());
     }

@@ -114,7 +114,8 @@ impl<'w, 'p> Search<'w, 'p> {
             let better = after.stranded < before.stranded
                 || (after.stranded == before.stranded
                     && (after.cost < before.cost + margin || (after.cost == before.cost && after.energy <= before.energy)));
-            if done && better {
+            // A promise is not broken for the sake of others.
+            if done && better && !self.draft.breaks_promise(0) {
                 self.accept();
             } else {
                 self.draft.undo(0);

@@ -11,11 +11,16 @@ use proto::{EventKind, RobotId, Schedule, Timestamp};
 use super::study::Study;
 use super::{Core, Output};
 use crate::answers;
-use crate::scheduler::{Effort, Plan, Solved, View, solve};
+use crate::scheduler::{Effort, Plan, Solved, View, WHOLE_FLEET_MAX, solve};
 use crate::store::Record;
 
 /// The trigger of a plan that nothing but the clock asked for.
 const TIME_PASSED: &str = "time passed";
+
+/// Shortest time between two plans, s: a burst of news is one trigger. It is several times what a plan of
+/// a small fleet takes, and what a mended plan of a large one takes.
+const APART_S: f64 = 1.0;
+const MENDED_APART_S: f64 = 0.1;
 
 /// Robots that are explained at once: it takes a look at all that each could have.
 const EXPLAINED_AT_ONCE: usize = 64;
@@ -44,8 +49,8 @@ impl Core {
         if self.is_old(now) {
             self.replan(TIME_PASSED.to_owned());
         }
-        // One plan a second at most: a burst of news is one trigger.
-        self.trigger.is_some() && now.seconds_since(planned) >= 1.0
+        let apart_s = if self.fleet.robots.len() > WHOLE_FLEET_MAX { MENDED_APART_S } else { APART_S };
+        self.trigger.is_some() && now.seconds_since(planned) >= apart_s
     }
 
     /// Whether everything is to be planned anew because nobody has for so long.

@@ -12,7 +12,7 @@ use super::translate::{Task, worth};
 use crate::models::Settings;
 
 /// Fleets up to this size are planned as a whole whatever happens.
-const WHOLE_FLEET_MAX: usize = 64;
+pub const WHOLE_FLEET_MAX: usize = 64;
 /// And if this share of it was not planned for yet.
 const NEW_SHARE_MAX: f64 = 0.1;
 /// Fewest moves of a search, and most: whoever waits for a plan of a large fleet waits for all of them.

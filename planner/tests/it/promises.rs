@@ -1,6 +1,6 @@
 //! No bay, lift movement, spare or joule is promised twice; the same seed gives the same plan.
 
-use planner::{Moves, Ways, capacity, plan, policies};
+use planner::{Moves, Ways, capacity, plan, policies, renew, replan};
 use proptest::prelude::*;
 
 use crate::any;
@@ -45,6 +45,22 @@ proptest! {
                 // Variances are kept as whole numbers: a part in a thousand either way.
                 prop_assert!(sessions.is_empty() || spare >= 0.999 * asked * sigma - 1.0, "{}: {spare} of {sigma}", policy.name());
             }
+        }
+    }
+
+    #[test]
+    fn whoever_comes_later_breaks_nobodys_promise(mut problem in any::problem(), seed in 0_u64..4, loyalty in 0_u32..50) {
+        let first = problem.robots.len() / 2;
+        let mut early = problem.clone();
+        early.robots[first..].iter_mut().for_each(|robot| robot.travel.clear());
+        let before = plan(&early, "optimise", seed, &mut Moves(300)).expect("a plan").sessions;
+        before.iter().for_each(|session| problem.robots[session.robot].held = true);
+        let newcomers: Vec<usize> = (first..problem.robots.len()).collect();
+        let mended = replan(&problem, &before, &newcomers, loyalty, seed, &mut Moves(600)).plan;
+        let whole = renew(&problem, "optimise", &before, loyalty, seed, &mut Moves(600)).expect("a plan").plan;
+        for plan in [mended, whole] {
+            let broken: Vec<_> = plan.unserved.iter().filter(|one| problem.robots[one.robot].held).collect();
+            prop_assert!(broken.is_empty(), "{:?} of {:?}", broken, before);
         }
     }
 
