@@ -36,6 +36,8 @@ const NEWCOMER_SOC: f64 = 0.3;
 const NEWCOMERS_HZ: f64 = 0.8;
 /// Longest that a plan about a newcomer is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// Until the coordinator listens for certain.
+const LISTENING: Duration = Duration::from_secs(3);
 /// Until everybody is known and the first plans are made.
 const SETTLED: Duration = Duration::from_secs(15);
 const BATTERY: &str = "explorer-3s1p-1320mah";
@@ -84,6 +86,7 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     let joined = Arc::new(AtomicUsize::new(0));
     let states =
         tokio::spawn(say_states(link.clone(), names.clone(), stations.clone(), Arc::clone(&seq), Arc::clone(&joined), Arc::clone(&stop)));
+    tokio::time::sleep(LISTENING).await;
     for (n, robot) in names.iter().enumerate() {
         link.publish(&Key::RobotGauge(robot.clone()), &gauge(&seq, soc_of(n, robots))).await?;
     }

@@ -26,4 +26,4 @@ mod world;
 
 pub use measure::Measured;
 pub use run::{Outcome, Step, simulate};
-pub use trial::{Trial, forgetful_trial, trial};
+pub use trial::{Trial, forgetful_trial, large_trial, trial};

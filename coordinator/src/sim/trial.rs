@@ -1,5 +1,7 @@
 //! A small fleet in which things go wrong, all of it drawn by one seed, and what must hold then.
 
+use std::ops::RangeInclusive;
+
 use anyhow::Context;
 use proto::EventKind;
 use rand::{RngExt as _, SeedableRng as _};
@@ -30,22 +32,37 @@ pub struct Trial {
     pub coordinators: usize,
 }
 
-/// Length of a trial, s: an hour and a half, in which every robot needs a service.
-const DURATION_S: f64 = 5_400.0;
+/// What a trial is drawn from.
+struct Size {
+    robots: RangeInclusive<u32>,
+    stations: RangeInclusive<u32>,
+    duration_s: f64,
+}
+
+/// A few robots, for an hour and a half, in which every one needs a service.
+const SMALL: Size = Size { robots: 1..=4, stations: 1..=2, duration_s: 5_400.0 };
+/// More robots than are planned for as a whole at once, long enough for some whole plans beside the core.
+const LARGE: Size = Size { robots: 66..=80, stations: 10..=12, duration_s: 1_500.0 };
+/// Charge between one robot and the next: those who come first must not wait for all others in one bay.
+const STEP_SOC: f64 = 0.1;
+/// What all steps together come to at most.
+const STEPS_SOC_MAX: f64 = 0.7;
 
 /// Seeds of what the fleet is differ from those of what goes wrong in it.
 const FLEET_STREAM: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The fleet of a seed: robots whose need, ways and times differ, stations with bays or spares, and
 /// energy enough for all.
-fn fleet(seed: u64) -> anyhow::Result<Deployment> {
+fn fleet(seed: u64, size: &Size) -> anyhow::Result<Deployment> {
     let mut rng = Pcg64Mcg::seed_from_u64(seed ^ FLEET_STREAM);
-    let (robots, stations) = (rng.random_range(1..=4), rng.random_range(1..=2));
+    let (robots, stations) = (rng.random_range(size.robots.clone()), rng.random_range(size.stations.clone()));
+    let step_soc = STEP_SOC.min(STEPS_SOC_MAX / f64::from(robots));
     let mut text = format!(
-        "schema = 1\nname = \"trial\"\nseed = {}\nduration_s = {DURATION_S}\n\
+        "schema = 1\nname = \"trial\"\nseed = {}\nduration_s = {}\n\
          [policy]\nserve_below_soc = 0.25\ncharge_to_soc = 0.45\npatience_s = 60\nreplan_period_s = 600\n\
          [publish]\ngauge_period_s = 5\nstate_period_s = 10\n",
-        seed % 1_000_000
+        seed % 1_000_000,
+        size.duration_s
     );
     for number in 1..=stations {
         let spares: Vec<String> = (1..=rng.random_range(0..=2)).map(|n| format!("{{ id = \"spare-{n}\", soc = 0.95 }}")).collect();
@@ -64,8 +81,7 @@ fn fleet(seed: u64) -> anyhow::Result<Deployment> {
         text += &format!(
             "[[robot]]\nid = \"explorer-{number}\"\nbattery = \"explorer-3s1p-1320mah\"\nload = \"explorer-robot\"\n\
              soc = {:.3}\nmission.inputs = {{ speed_mps = 0.1 }}\n",
-            // Those who come first must not wait for all others in one bay.
-            0.2 + 0.1 * f64::from(number) + rng.random_range(0.0..0.05)
+            0.2 + step_soc * f64::from(number) + rng.random_range(0.0..0.05)
         );
         for station in 1..=stations {
             text += &format!("travel_s.mds-{station} = {}\n", rng.random_range(30..180));
@@ -80,7 +96,15 @@ fn fleet(seed: u64) -> anyhow::Result<Deployment> {
 /// # Errors
 /// When a model cannot be read.
 pub fn trial(seed: u64) -> anyhow::Result<Trial> {
-    run(seed, false)
+    run(seed, &SMALL, false)
+}
+
+/// The same with a fleet that is planned for beside the core.
+///
+/// # Errors
+/// When a model cannot be read.
+pub fn large_trial(seed: u64) -> anyhow::Result<Trial> {
+    run(seed, &LARGE, false)
 }
 
 /// The same with agents that lose their memory when they are killed, which breaks promises: so it is
@@ -89,18 +113,18 @@ pub fn trial(seed: u64) -> anyhow::Result<Trial> {
 /// # Errors
 /// When a model cannot be read.
 pub fn forgetful_trial(seed: u64) -> anyhow::Result<Trial> {
-    run(seed, true)
+    run(seed, &SMALL, true)
 }
 
-fn run(seed: u64, forgetful: bool) -> anyhow::Result<Trial> {
-    let deployment = fleet(seed)?;
+fn run(seed: u64, size: &Size, forgetful: bool) -> anyhow::Result<Trial> {
+    let deployment = fleet(seed, size)?;
     let robots = deployment.robots.iter().map(|config| Host::Robot(config.id.clone()));
     let stations = deployment.stations.iter().map(|config| Host::Station(config.id.clone()));
-    let faults = Faults { forgetful, ..Faults::draw(seed, DURATION_S, &robots.chain(stations).collect::<Vec<_>>()) };
+    let faults = Faults { forgetful, ..Faults::draw(seed, size.duration_s, &robots.chain(stations).collect::<Vec<_>>()) };
     let told = faults.lines();
     let mut world = World::new(&deployment, faults, false, energy::units::REFERENCE_DEGC, START)?;
     world.checks = Some(Checks::default());
-    for step in 1..=(DURATION_S / STEP_S) as u64 {
+    for step in 1..=(size.duration_s / STEP_S) as u64 {
         world.step(START.plus_s(step as f64 * STEP_S))?;
     }
     let violations = judged(&mut world)?;

@@ -1,19 +1,21 @@
 //! Whatever goes wrong, the promises hold.
 
-use coordinator::sim::{Trial, forgetful_trial, trial};
+use coordinator::sim::{Trial, forgetful_trial, large_trial, trial};
 
 /// Seeds in the test command; `TENDER_SEEDS=FROM..TO` tries others, and prints what went wrong in one
 /// that is tried alone.
 const SEEDS: std::ops::Range<u64> = 0..200;
+/// The same of large fleets, `TENDER_LARGE_SEEDS`.
+const LARGE_SEEDS: std::ops::Range<u64> = 0..2;
 
-fn seeds() -> std::ops::Range<u64> {
-    let Ok(text) = std::env::var("TENDER_SEEDS") else { return SEEDS };
-    let (from, to) = text.split_once("..").expect("TENDER_SEEDS=FROM..TO");
+fn seeds(variable: &str, usual: std::ops::Range<u64>) -> std::ops::Range<u64> {
+    let Ok(text) = std::env::var(variable) else { return usual };
+    let (from, to) = text.split_once("..").expect("FROM..TO");
     from.parse().expect("a number")..to.parse().expect("a number")
 }
 
 /// Trials are independent: as many at a time as there are cores.
-fn trials(seeds: std::ops::Range<u64>) -> Vec<Trial> {
+fn trials(seeds: std::ops::Range<u64>, trial: fn(u64) -> anyhow::Result<Trial>) -> Vec<Trial> {
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get) as u64;
     let part = |first: u64| seeds.clone().skip(first as usize).step_by(cores as usize).map(|seed| trial(seed).unwrap()).collect::<Vec<_>>();
     let mut all: Vec<Trial> = std::thread::scope(|scope| {
@@ -26,15 +28,30 @@ fn trials(seeds: std::ops::Range<u64>) -> Vec<Trial> {
 
 #[test]
 fn no_promise_is_broken_whatever_goes_wrong() {
-    let seeds = seeds();
-    let (count, alone) = (seeds.end - seeds.start, seeds.end - seeds.start == 1);
-    let trials = trials(seeds);
-    if alone {
-        println!("{}\n{}", trials[0].faults.join("\n"), trials[0].trace);
+    let seeds = seeds("TENDER_SEEDS", SEEDS);
+    let count = seeds.end - seeds.start;
+    let (services, coordinators) = all_hold(trials(seeds, trial), "TENDER_SEEDS");
+    // Trials in which nothing happens would hold any promise.
+    assert!(count == 1 || (services > count && coordinators > count), "{services} {coordinators}");
+}
+
+#[test]
+fn nor_in_a_fleet_that_is_planned_for_beside_the_core() {
+    let trials = trials(seeds("TENDER_LARGE_SEEDS", LARGE_SEEDS), large_trial);
+    let count = trials.len() as u64;
+    let (services, _) = all_hold(trials, "TENDER_LARGE_SEEDS");
+    assert!(services > 5 * count, "{services}");
+}
+
+/// Fails with every promise that was broken; how many services were done, by how many coordinators.
+fn all_hold(trials: Vec<Trial>, variable: &str) -> (u64, u64) {
+    let count = trials.len();
+    if let [alone] = &trials[..] {
+        println!("{}\n{}", alone.faults.join("\n"), alone.trace);
     }
     let told = |trial: &Trial| {
         let (seed, next, broken) = (trial.seed, trial.seed + 1, trial.violations.join("\n  "));
-        let again = format!("TENDER_SEEDS={seed}..{next} cargo test -p coordinator --test it faults -- --nocapture");
+        let again = format!("{variable}={seed}..{next} cargo test -p coordinator --test it faults -- --nocapture");
         format!("seed {seed}:\n  {broken}\nagain, with all that happened: {again}")
     };
     let failed: Vec<String> = trials.iter().filter(|trial| !trial.violations.is_empty()).map(told).collect();
@@ -42,8 +59,7 @@ fn no_promise_is_broken_whatever_goes_wrong() {
     let services: usize = trials.iter().map(|trial| trial.services).sum();
     let coordinators: usize = trials.iter().map(|trial| trial.coordinators).sum();
     println!("{count} trials, {services} services, {coordinators} coordinators: every promise held");
-    // Trials in which nothing happens would hold any promise.
-    assert!(alone || (services as u64 > count && coordinators as u64 > count), "{services} {coordinators}");
+    (services as u64, coordinators as u64)
 }
 
 #[test]
