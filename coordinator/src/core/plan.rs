@@ -25,7 +25,8 @@ const MENDED_APART_S: f64 = 0.1;
 /// Robots that are explained at once: it takes a look at all that each could have.
 const EXPLAINED_AT_ONCE: usize = 64;
 
-/// What is still to be told of a new plan. It is told with the next ticks: the plan comes first.
+/// What is still to be told of a new plan. It is told with the next ticks: the plan comes first, and what
+/// packs can service only when everything was planned anew.
 #[derive(Debug, Default)]
 pub(super) struct Untold {
     capacity: bool,
@@ -148,6 +149,9 @@ impl Core {
         self.note_changes(&schedule, effort);
         self.record(Record::Plan(schedule.clone()));
         self.schedule = schedule;
+        if effort == Effort::Whole {
+            self.tell_capacity(now);
+        }
     }
 
     /// Keeps what is different for each robot, and which message brought it about. A plan that was only
@@ -162,11 +166,16 @@ impl Core {
         self.changed.extend(changes.into_iter().map(|(robot, text)| (robot, vec![text])));
     }
 
+    fn tell_capacity(&mut self, now: Timestamp) {
+        self.untold.capacity = false;
+        self.record(Record::Capacity(self.capacity(now)));
+    }
+
     /// What packs can still service, and why robots are serviced as they are, for those who ask when no
     /// coordinator answers.
     pub(super) fn tell_answers(&mut self, now: Timestamp) {
-        if std::mem::take(&mut self.untold.capacity) {
-            self.record(Record::Capacity(self.capacity(now)));
+        if self.untold.capacity {
+            self.tell_capacity(now);
         }
         let now_told: Vec<RobotId> = self.untold.robots.iter().take(EXPLAINED_AT_ONCE).cloned().collect();
         if !now_told.is_empty() {
