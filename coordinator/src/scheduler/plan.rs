@@ -142,12 +142,6 @@ impl Quality {
             missed_bound_s: task.work_s(bound.cost),
         }
     }
-
-    /// How far the missed work may be from the least, as a share of it; 0 is proven best.
-    #[must_use]
-    pub fn gap(&self) -> f64 {
-        (self.missed_s - self.missed_bound_s).max(0.0) / self.missed_bound_s.max(1.0)
-    }
 }
 
 /// What a station gives, service by service, in order of start.

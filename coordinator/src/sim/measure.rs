@@ -46,8 +46,9 @@ impl Measured {
     pub(super) fn plan(&mut self, plan: &Schedule) {
         if let Some(quality) = &plan.quality {
             self.moved += quality.moved.len();
-            let gap = (quality.missed_s - quality.missed_bound_s).max(0.0) / quality.missed_bound_s.max(1.0);
-            self.gaps = (self.gaps.0 + gap, self.gaps.1 + 1);
+            if let Some(gap) = quality.gap() {
+                self.gaps = (self.gaps.0 + gap, self.gaps.1 + 1);
+            }
         }
         if self.first_plan.is_none() {
             self.first_plan = Some(plan.clone());

@@ -168,11 +168,21 @@ pub struct Quality {
     pub stranded_bound: u32,
     /// Work that robots miss, weighted by its worth, s (zero or more).
     pub missed_s: f64,
-    /// No plan that strands as few misses less, s (zero or more).
+    /// No plan that strands as few misses less, s (zero or more). 0 says nothing: the plan of a large fleet
+    /// that was only mended is not bounded.
     pub missed_bound_s: f64,
     /// Robots that the plan before had promised another service, or one at all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub moved: Vec<RobotId>,
+}
+
+impl Quality {
+    /// How far the missed work may be from the least, as a share of it; 0 is proven best, none has no bound to say it by.
+    #[must_use]
+    pub fn gap(&self) -> Option<f64> {
+        let over_s = (self.missed_s - self.missed_bound_s).max(0.0);
+        (over_s == 0.0 || self.missed_bound_s > 0.0).then(|| over_s / self.missed_bound_s.max(1.0))
+    }
 }
 
 impl Message for Schedule {

@@ -72,8 +72,11 @@ fn in_words(quality: &Quality) -> String {
         (robots, least) if robots == least => format!("{robots} robots run empty, which no plan can help"),
         (robots, least) => format!("{robots} robots run empty; it is proven that at least {least} must"),
     };
-    let gap = (quality.missed_s - quality.missed_bound_s).max(0.0) / quality.missed_bound_s.max(1.0);
-    let missed = if gap < 1e-6 { "proven least".to_owned() } else { format!("at most {:.1} % above the least", gap * 100.0) };
+    let missed = match quality.gap() {
+        None => "not bounded".to_owned(),
+        Some(gap) if gap < 1e-6 => "proven least".to_owned(),
+        Some(gap) => format!("at most {:.1} % above the least", gap * 100.0),
+    };
     let moved: Vec<String> = quality.moved.iter().map(ToString::to_string).collect();
     let moved = if moved.is_empty() { String::new() } else { format!("; moved: {}", moved.join(", ")) };
     format!("{stranded}; {:.1} h of work are missed, {missed}{moved}", quality.missed_s / 3600.0)
