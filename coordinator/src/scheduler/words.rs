@@ -40,10 +40,11 @@ pub(super) fn why(task: &Task, session: &Session, planned: &Planned) -> Vec<Stri
     let away = robot.travel.iter().find(|travel| travel.station == session.station).map_or(0, |travel| travel.ticks);
     let wanted = robot.wanted.unwrap_or(0).max(away);
     let minutes = |ticks: Tick| f64::from(ticks) * f64::from(task.grid.tick_s) / 60.0;
-    let time = if session.start < wanted {
-        format!("comes {:.0} min before it is wanted: later no place would be free in time", minutes(wanted - session.start))
-    } else if session.start > wanted {
-        format!("comes {:.0} min after it is wanted", minutes(session.start - wanted))
+    let (before, after) = (minutes(wanted.saturating_sub(session.start)), minutes(session.start.saturating_sub(wanted)));
+    let time = if before >= 0.5 {
+        format!("comes {before:.0} min before it is wanted: later no place would be free in time")
+    } else if after >= 0.5 {
+        format!("comes {after:.0} min after it is wanted")
     } else if robot.wanted.is_none_or(|wanted| away >= wanted) {
         "comes as soon as the robot can be there".to_owned()
     } else {
@@ -204,11 +205,11 @@ impl<'w, 'p> Accounts<'w, 'p> {
             },
             None if robot.not_before >= session.start => {
                 format!(
-                    "not earlier: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it",
+                    "no: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it",
                     clock(task.grid.time(robot.wanted.unwrap_or(0)))
                 )
             }
-            None => "not earlier: the robot is on its way as soon as it can be".to_owned(),
+            None => "no: the robot is on its way as soon as it can be".to_owned(),
         }
     }
 

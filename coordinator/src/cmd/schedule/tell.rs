@@ -67,10 +67,12 @@ pub(super) fn finish(schedule: &Schedule) {
 }
 
 fn in_words(quality: &Quality) -> String {
+    let empty = |robots: u32| if robots == 1 { "1 robot runs empty".to_owned() } else { format!("{robots} robots run empty") };
     let stranded = match (quality.stranded, quality.stranded_bound) {
         (0, _) => "nobody runs empty".to_owned(),
-        (robots, least) if robots == least => format!("{robots} robots run empty, which no plan can help"),
-        (robots, least) => format!("{robots} robots run empty; it is proven that at least {least} must"),
+        (robots, least) if robots == least => format!("{}, which no plan can help", empty(robots)),
+        (robots, 0) => format!("{}; it is not proven that anybody must", empty(robots)),
+        (robots, least) => format!("{}; it is proven that at least {least} must", empty(robots)),
     };
     let missed = match quality.gap() {
         None => "not bounded".to_owned(),
@@ -116,7 +118,8 @@ pub(super) fn show_capacity(capacity: &Capacity) {
         ]);
     }
     say_text(&text(&packs));
-    say!("{} robots expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
+    let robots = if capacity.robots_expected == 1 { "robot" } else { "robots" };
+    say!("{} {robots} expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
     for pack in capacity.packs.iter().filter(|pack| !pack.promises.is_empty()) {
         say!("{} of {}: {}", pack.pack, pack.station, in_order(&pack.promises));
     }
