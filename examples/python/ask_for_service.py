@@ -110,8 +110,19 @@ def main() -> int:
             alive.undeclare()
             served.undeclare()
             return 0
-    print(f"{args.id} was not told anything within {args.patience:.0f} s; `coordinator schedule explain {args.id}` says why", file=sys.stderr)
+        # Asked while the robot is still there: the coordinator tells of those that it hears.
+        why = explained(link, args.site, args.id)
+    print(f"{args.id} was not told anything within {args.patience:.0f} s: {why}", file=sys.stderr)
     return 1
+
+
+def explained(link: zenoh.Session, site: str, robot: str) -> str:
+    """Why the coordinator services a robot as it does."""
+    for reply in link.get(f"tender/{site}/v1/coordinator/explain/{robot}", timeout=2.0):
+        if reply.ok is not None:
+            return "; ".join(json.loads(reply.ok.payload.to_bytes())["reasons"])
+        return reply.err.payload.to_bytes().decode()
+    return "no coordinator answers"
 
 
 if __name__ == "__main__":

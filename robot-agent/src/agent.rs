@@ -12,8 +12,8 @@ use std::collections::{BTreeMap, VecDeque};
 use energy::gauge::{Gauge as Estimator, Sample};
 use node::{Due, Ledger, Publish, Silence, gauge_message, refused};
 use proto::{
-    BayId, CommandReply, Estimate, Gauge, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState, StationId,
-    Timestamp, Travel,
+    BayId, CommandReply, Estimate, Gauge, Message as _, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState,
+    StationId, Timestamp, Travel,
 };
 
 pub use alone::Alone;
@@ -166,6 +166,12 @@ impl Agent {
         self.gauge.soc()
     }
 
+    /// Whether a way to any station is known.
+    #[must_use]
+    pub fn reaches_a_station(&self) -> bool {
+        !self.profile.travel.is_empty()
+    }
+
     fn act(&mut self, action: &RobotAction) -> Outcome {
         use RobotPhase::{Charged, Charging, Docked, Stranded, Travelling, Waiting, Working};
         match (action, self.phase) {
@@ -239,6 +245,10 @@ impl Agent {
         match (self.phase, observation.place) {
             (Working | Travelling | Waiting, place) if observation.depleted && place != Place::InBay => self.phase = Stranded,
             (Travelling, Place::AtStation) => self.phase = Waiting,
+            // Who comes for an exchange is given no bay: whatever place it stands in, it waits there.
+            (Travelling | Waiting, Place::InBay) if self.station.is_some() && self.bay.is_none() && !observation.powered => {
+                self.phase = Waiting;
+            }
             (Working | Travelling | Waiting, Place::InBay) => self.phase = Docked,
             (Docked | Charging | Charged, Place::AtStation) => self.resume(),
             (Charging, Place::InBay) if observation.powered => {
@@ -264,7 +274,11 @@ impl Agent {
             let reading = self.gauge.reading();
             self.gauge_seq += 1;
             let message = gauge_message(now, self.gauge_seq, &sample, &reading, self.profile.cells_series, &self.profile.source);
-            self.outputs.push_back(Output::Gauge(message));
+            match message.validate() {
+                Ok(()) => self.outputs.push_back(Output::Gauge(message)),
+                // What nobody would take is not sent: a battery that cannot deliver what is said to flow, say.
+                Err(error) => self.note = Some(format!("the gauge makes no sense of what is measured: {error}")),
+            }
         }
         let telling = (self.phase, self.bay.clone());
         if self.told.as_ref() != Some(&telling) || self.state_due.is(now) {

@@ -8,7 +8,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use node::files::ModelRef;
 use node::log::LogFormat;
 use node::{ClockConfig, NetworkConfig};
-use proto::{RobotId, SiteId};
+use proto::{RobotId, SiteId, StationId};
 use robot_agent::{Config, SourceConfig, SourceKind};
 
 /// Tender's agent beside a robot: publishes its fuel gauge and state over Zenoh and carries out
@@ -26,7 +26,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Runs the agent until the source ends or Ctrl-C.
-    Run(RunArgs),
+    Run(Box<RunArgs>),
     /// Prints a completion script for a shell.
     Completions {
         /// Which shell.
@@ -63,6 +63,9 @@ struct RunArgs {
     /// What the source reads: see --source.
     #[arg(value_name = "WHAT")]
     what: Option<String>,
+    /// A station in reach and the seconds it takes to get there, such as mds-1=60.
+    #[arg(long, value_name = "STATION=SECONDS", value_parser = travel)]
+    travel: Vec<(StationId, f64)>,
     /// Address of the coordinator or router, such as tcp/127.0.0.1:7447.
     #[arg(long, value_name = "ADDRESS")]
     connect: Vec<String>,
@@ -92,7 +95,7 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match runtime.block_on(run(args)) {
+    match runtime.block_on(run(*args)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("robot-agent: {error:#}");
@@ -169,6 +172,7 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
             config.battery = ModelRef::Name(battery);
         }
     }
+    config.travel_s.extend(args.travel);
     if !args.connect.is_empty() {
         config.network.connect = args.connect;
     }
@@ -178,6 +182,13 @@ fn configured(args: RunArgs) -> anyhow::Result<(Config, Option<PathBuf>)> {
     }
     config.check()?;
     Ok((config, args.config))
+}
+
+/// `mds-1=60`.
+fn travel(text: &str) -> Result<(StationId, f64), String> {
+    let (station, time_s) = text.split_once('=').ok_or("expected STATION=SECONDS, such as mds-1=60")?;
+    let time_s = time_s.parse().map_err(|_| format!("`{time_s}` is not a number of seconds"))?;
+    Ok((StationId::new(station).map_err(|error| error.to_string())?, time_s))
 }
 
 fn default_site() -> SiteId {

@@ -43,6 +43,9 @@ pub async fn run(
     let (lives_in, mut lives) = mpsc::unbounded_channel();
     let _lives = link.watch(&Key::CoordinatorAlive, lives_in).await?;
     info!("robot {robot} is up");
+    if !agent.reaches_a_station() {
+        warn!("no way to any station is known: {robot} is watched and never serviced; give travel_s, or --travel STATION=SECONDS");
+    }
 
     let clock = Clock::new(config.clock);
     let mut ticks = tokio::time::interval(clock.real(STEP_S).max(Duration::from_millis(5)));

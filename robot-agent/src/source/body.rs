@@ -2,6 +2,7 @@
 //! program and the charger's current tell.
 
 use std::io::Read as _;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use anyhow::ensure;
@@ -89,6 +90,9 @@ impl Hands {
     /// The hands of a robot at work.
     #[must_use]
     pub fn new(program: Vec<String>) -> Self {
+        if let Some(name) = program.first().filter(|name| !is_found(name)) {
+            warn!("body.drive: there is no program {name}: the robot will do nothing that it is asked to");
+        }
         Self { program, running: None, place: Place::Mission, powered: false, trouble: None }
     }
 
@@ -201,6 +205,13 @@ impl Drop for Hands {
     fn drop(&mut self) {
         self.stop();
     }
+}
+
+/// Whether a program is there, by its path or in the folders of PATH.
+fn is_found(name: &str) -> bool {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    name.contains('/') && Path::new(name).is_file()
+        || !name.contains('/') && std::env::split_paths(&folders).any(|at| at.join(name).is_file())
 }
 
 fn place_named(text: &str) -> Option<Place> {
