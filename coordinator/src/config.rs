@@ -210,8 +210,8 @@ impl Config {
     /// # Errors
     /// Names file, line, key and the allowed range.
     pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let (name, text) = (path.display().to_string(), node::settings::settled(&read_text(path)?, sets)?);
-        let mut config: Config = energy::document::Document { file: &name, text: &text }.parse()?;
+        let name = path.display().to_string();
+        let mut config: Config = node::settings::read(&name, &read_text(path)?, sets)?;
         config.network.beside(path);
         ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
         config.network.check().with_context(|| name.clone())?;

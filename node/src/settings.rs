@@ -1,20 +1,40 @@
 //! One precedence for every program: a flag of its own, then `--set`, then the environment, then the
 //! file, then what the program says by itself.
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
+use energy::document::Document;
+use serde::de::DeserializeOwned;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 /// Environment variables with this prefix set keys: `TENDER_SET_POLICY__CONFIDENCE=0.9` is
 /// `policy.confidence = 0.9`.
 pub const PREFIX: &str = "TENDER_SET_";
 
-/// A configuration's text with the environment's and the command line's keys laid over it. `sets` are
-/// `KEY=VALUE` as `--set` takes them; values are TOML, or plain text.
+/// A key that is laid over a file: what set it, its name and its value.
+type Change = (String, String, String);
+
+/// A configuration of that file's text with the environment's and the command line's keys laid over it.
+/// `sets` are `KEY=VALUE` as `--set` takes them; values are TOML, or plain text.
 ///
 /// # Errors
-/// When the text is no TOML, or a key cannot be set; names which.
-pub fn overlay(text: &str, environment: impl Iterator<Item = (String, String)>, sets: &[String]) -> anyhow::Result<String> {
-    let mut from_environment: Vec<(String, String, String)> = environment
+/// When it cannot be read: names the line of the file, or the variable or flag that is at fault.
+pub fn read<T: DeserializeOwned>(file: &str, text: &str, sets: &[String]) -> anyhow::Result<T> {
+    let environment = std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
+    read_over(file, text, &changes(environment, sets)?)
+}
+
+fn read_over<T: DeserializeOwned>(file: &str, text: &str, changes: &[Change]) -> anyhow::Result<T> {
+    let read = |text: &str| Document { file, text }.parse::<T>();
+    read(&overlay(text, changes)?).map_err(|error| {
+        // Who reads well without a key, and not with it, has that key to blame.
+        let first_bad = || (1..=changes.len()).find(|&count| overlay(text, &changes[..count]).is_ok_and(|text| read(&text).is_err()));
+        let bad = read(text).is_ok().then(first_bad).flatten();
+        bad.map_or_else(|| error.clone().into(), |count| anyhow!("{}: {}", changes[count - 1].0, error.message))
+    })
+}
+
+fn changes(environment: impl Iterator<Item = (String, String)>, sets: &[String]) -> anyhow::Result<Vec<Change>> {
+    let mut from_environment: Vec<Change> = environment
         .filter_map(|(name, value)| {
             let key = name.strip_prefix(PREFIX)?.to_lowercase().replace("__", ".");
             Some((name, key, value))
@@ -25,24 +45,19 @@ pub fn overlay(text: &str, environment: impl Iterator<Item = (String, String)>, 
         let (key, value) = set.split_once('=').with_context(|| format!("--set {set}: must be KEY=VALUE, such as policy.confidence=0.9"))?;
         Ok((format!("--set {set}"), key.trim().to_owned(), value.trim().to_owned()))
     });
-    let changes: Vec<(String, String, String)> = from_environment.into_iter().map(Ok).chain(from_flags).collect::<anyhow::Result<_>>()?;
+    from_environment.into_iter().map(Ok).chain(from_flags).collect()
+}
+
+fn overlay(text: &str, changes: &[Change]) -> anyhow::Result<String> {
     if changes.is_empty() {
         return Ok(text.to_owned());
     }
     // What is wrong with the file itself is told by whoever reads it, with its line.
     let Ok(mut document) = text.parse::<DocumentMut>() else { return Ok(text.to_owned()) };
     for (origin, key, value) in changes {
-        set(document.as_table_mut(), &key, &value).context(origin)?;
+        set(document.as_table_mut(), key, value).with_context(|| origin.clone())?;
     }
     Ok(document.to_string())
-}
-
-/// [`overlay`] with this process' environment.
-///
-/// # Errors
-/// As [`overlay`].
-pub fn settled(text: &str, sets: &[String]) -> anyhow::Result<String> {
-    overlay(text, std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?))), sets)
 }
 
 fn set(table: &mut dyn TableLike, key: &str, value: &str) -> anyhow::Result<()> {
@@ -68,7 +83,7 @@ mod tests {
 
     fn laid(environment: &[(&str, &str)], sets: &[&str]) -> anyhow::Result<String> {
         let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
-        overlay(FILE, environment, &sets.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>())
+        overlay(FILE, &changes(environment, &sets.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>())?)
     }
 
     #[test]
@@ -97,5 +112,36 @@ mod tests {
         assert!(refused("policy").starts_with("--set policy: must be KEY=VALUE"));
         assert!(refused("policy..x=1").contains("`policy..x` is no key"));
         assert!(format!("{:#}", laid(&[("TENDER_SET_SITE__X", "1")], &[]).unwrap_err()).starts_with("TENDER_SET_SITE__X: "));
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_blamed_on_who_set_it() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Config {
+            #[serde(rename = "site")]
+            _site: String,
+            #[serde(rename = "policy")]
+            _policy: Policy,
+        }
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Policy {
+            #[serde(rename = "confidence")]
+            _confidence: f64,
+        }
+        let read = |file: &str, environment: &[(&str, &str)], sets: &[&str]| {
+            let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+            let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+            read_over::<Config>("c.toml", file, &changes(environment, &sets).unwrap()).map_err(|error| error.to_string())
+        };
+        assert!(read(FILE, &[("TENDER_SET_SITE", "b")], &["policy.confidence=0.9"]).is_ok());
+        let unknown = read(FILE, &[("TENDER_SET_POLICY__CONFIDNCE", "0.9")], &["site=b"]).unwrap_err();
+        assert!(unknown.starts_with("TENDER_SET_POLICY__CONFIDNCE: unknown field `confidnce`"), "{unknown}");
+        assert!(unknown.contains("did you mean `confidence`?"), "{unknown}");
+        let kind = read(FILE, &[], &["site=b", "policy.confidence=abc"]).unwrap_err();
+        assert!(kind.starts_with("--set policy.confidence=abc: invalid type"), "{kind}");
+        let own = read(&FILE.replace("site", "sit"), &[], &["policy.confidence=0.9"]).unwrap_err();
+        assert!(own.starts_with("c.toml:1:1: unknown field `sit`"), "{own}");
     }
 }
