@@ -42,6 +42,12 @@ fn doctor_says_what_is_wrong_and_what_to_do() {
     assert_eq!(findings[0]["verdict"], "fail");
     assert!(findings[0]["advice"].as_str().unwrap().contains("scenarios/live/coordinator.toml"));
 
+    let policy = run("coordinator", &["doctor", "--config", LIVE, "--set", "policy.confidence=7"]);
+    assert!(text(&policy.stdout).contains("policy.confidence = 7"), "{}", text(&policy.stdout));
+    assert!(text(&policy.stdout).contains("✗ policy: set it to what is allowed"), "{}", text(&policy.stdout));
+    let unknown = run("coordinator", &["doctor", "--config", LIVE, "--set", "policy.confidnce=0.9"]);
+    assert!(text(&unknown.stdout).contains("--set policy.confidnce=0.9: unknown field"), "{}", text(&unknown.stdout));
+
     // Somebody else has both ports.
     let taken = ["127.0.0.1:0"; 2].map(|any| std::net::TcpListener::bind(any).unwrap());
     let [wire, web] = taken.each_ref().map(|listener| listener.local_addr().unwrap().port());

@@ -7,7 +7,7 @@ use crate::config::Config;
 
 pub(super) fn unreadable(path: &Path, error: &anyhow::Error) -> Finding {
     let advice = if path.exists() {
-        "mend the file; scenarios/live/coordinator.toml explains every key".to_owned()
+        "mend what is named there; scenarios/live/coordinator.toml explains every key".to_owned()
     } else {
         "name it by --config; scenarios/live/coordinator.toml is one to begin with".to_owned()
     };
@@ -30,6 +30,9 @@ pub(super) fn check(config: &Config, path: &Path) -> Vec<Finding> {
                 true => Finding::fail("models", found, "add a [stations.ID] table: without a station nobody can be serviced"),
                 false => Finding::ok("models", found),
             }
+        }
+        Err(error) if error.to_string().starts_with("policy.") => {
+            Finding::fail("policy", format!("{error:#}"), "set it to what is allowed")
         }
         Err(error) => Finding::fail("models", format!("{error:#}"), "mend the model or its name; `lab effects` tells what models may hold"),
     });

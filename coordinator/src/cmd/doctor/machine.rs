@@ -87,6 +87,10 @@ pub(super) fn clock() -> Finding {
         Some("no") => {
             Finding::note("clock", format!("{told}, not synchronised"), "run an NTP client: agents' messages are ordered by their clocks")
         }
-        _ => Finding::ok("clock", format!("{told}; nothing here tells whether it is synchronised")),
+        _ => Finding::note(
+            "clock",
+            format!("{told}; nothing here tells whether it is synchronised"),
+            "see that an NTP client runs: agents' messages are ordered by their clocks",
+        ),
     }
 }
