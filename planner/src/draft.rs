@@ -145,7 +145,7 @@ impl<'w, 'p> Draft<'w, 'p> {
     /// How many robots are without a service that they were promised.
     #[must_use]
     pub fn broken(&self) -> usize {
-        self.ways.broken(&self.chosen)
+        broken(self.problem(), &self.chosen)
     }
 
     /// Makes the choice that of another draft of the same problem.
@@ -190,4 +190,9 @@ impl<'w, 'p> Draft<'w, 'p> {
         self.score.cost -= i64::from(taken.cost) - i64::from(choices.unserved_cost);
         self.score.energy -= taken.energy;
     }
+}
+
+/// How many robots are without a service that they were promised, by this choice.
+pub(crate) fn broken(problem: &Problem, chosen: &[u32]) -> usize {
+    (0..chosen.len()).filter(|&robot| problem.robots[robot].held && chosen[robot] == NONE).count()
 }

@@ -16,7 +16,7 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use crate::construct::{self, ORDERS, greedy, ranked};
-use crate::draft::{Draft, NONE};
+use crate::draft::{Draft, NONE, broken};
 use crate::guide::Guide;
 use crate::plan::{Levels, Plan};
 use crate::prices::{Level, Prices};
@@ -203,7 +203,9 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             self.search(&mut search, &guide, heat(THRIFTY_HEAT, (at - start) / (until - start)));
         }
         let few = self.ways.translated(&thrifty, &search.best);
-        if search.best_score.stranded < found.best_score.stranded && self.ways.broken(&few) <= self.ways.broken(&found.best) {
+        if search.best_score.stranded < found.best_score.stranded
+            && broken(self.ways.problem(), &few) <= broken(self.ways.problem(), &found.best)
+        {
             found.go_on_from(&few);
             found.settle();
         }

@@ -11,7 +11,7 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::NoPlan;
 use crate::construct::greedy;
-use crate::draft::{Draft, NONE};
+use crate::draft::{Draft, NONE, broken};
 use crate::guide::Guide;
 use crate::optimise::{self, Budget, Moves};
 use crate::plan::{Plan, Session};
@@ -190,7 +190,7 @@ pub fn renew(
     let kept = known.chosen.clone();
     let (mut draft, _) = optimise::best(&ways, Some(known), seed, budget);
     // A promise is not broken for the sake of others.
-    if ways.broken(&draft.chosen) > ways.broken(&kept) {
+    if draft.broken() > broken(problem, &kept) {
         draft.become_choice(&kept);
     }
     let mut mended = finished(problem, &draft, &committed, &free);

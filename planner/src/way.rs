@@ -5,7 +5,6 @@
 use std::cell::OnceCell;
 
 use crate::book::Book;
-use crate::draft::NONE;
 use crate::problem::{Battery, Charger, LeftPacks, Problem, Station, Tick};
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
@@ -126,11 +125,6 @@ impl<'p> Ways<'p> {
     #[must_use]
     pub fn of(&self, robot: usize) -> &Choices {
         self.choices[robot].get_or_init(|| choices(self.problem, robot, None))
-    }
-
-    /// How many robots are without a service that they were promised, by this choice among the ways.
-    pub(crate) fn broken(&self, chosen: &[u32]) -> usize {
-        (0..chosen.len()).filter(|&robot| self.problem.robots[robot].held && chosen[robot] == NONE).count()
     }
 
     /// The same ways of the robots that would run empty, with what they take of their station in
