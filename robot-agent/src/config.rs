@@ -216,8 +216,7 @@ impl Config {
         source: &str,
     ) -> anyhow::Result<Profile> {
         let measure_drain = drain_w.is_none();
-        // Before anything was measured it may empty the pack in an hour.
-        let drain_w = drain_w.unwrap_or(energy::Estimate::new(0.0, battery.battery().stored_wh()));
+        let drain_w = drain_w.unwrap_or(energy::Estimate::exact(0.0));
         let timed = self.travel_s.iter().map(|(station, &time_s)| {
             let energy_wh = wire(drain_w).scaled(time_s / energy::units::S_PER_H);
             (station.clone(), Travel { time_s, energy_wh })

@@ -47,7 +47,7 @@ impl Drain {
 }
 
 impl Agent {
-    /// Learns from a sample at work. What is told changes with the first, and then only when it was wrong by more than its
+    /// Learns from a sample at work. What is told changes only when it was wrong by more than its
     /// deviation, or is known twice as well: who watches the drain shall not have to begin anew with
     /// every message.
     pub(super) fn learn_drain(&mut self, sample: &Sample) {
@@ -55,13 +55,11 @@ impl Agent {
         let pack = self.gauge.model().battery();
         let Some(new) = self.drain.estimate(sample.voltage_v * pack.capacity_ah) else { return };
         let told = self.profile.drain_w;
-        let worth = told.value == 0.0 || (new.value - told.value).abs() > told.sigma || new.sigma < 0.5 * told.sigma;
+        let worth = (new.value - told.value).abs() > told.sigma || new.sigma < 0.5 * told.sigma;
         if !worth {
             return;
         }
         self.profile.drain_w = new;
-        // Plans rest on it.
-        self.told = None;
         // Ways that are known better need a model of the loads, and with that nothing is measured.
         for way in self.profile.travel.values_mut() {
             way.energy_wh = new.scaled(way.time_s / S_PER_H);

@@ -280,18 +280,3 @@ fn who_comes_for_an_exchange_waits_even_if_it_says_that_it_stands_in_a_bay() {
     assert_eq!(bench.agent.phase, RobotPhase::Waiting);
     assert_eq!(bench.ask(swap()).0, Outcome::Accepted);
 }
-
-#[test]
-fn what_is_learnt_of_the_drain_is_told_at_once() {
-    let mut bench = bench();
-    bench.observe(|_| ());
-    (bench.agent.profile.measure_drain, bench.agent.profile.drain_w) = (true, Estimate::new(0.0, 14.6));
-    bench.now = bench.now.plus_s(SECOND);
-    let sample = Some(Sample { dt_s: SECOND, current_a: 0.4, voltage_v: 11.4, temperature_degc: 25.0 });
-    let observation = Observation { sample, place: Place::Mission, powered: false, exchanged: None, depleted: false, why_down: None };
-    bench.agent.handle(bench.now, Input::Observed(observation));
-    let told: Vec<_> = std::iter::from_fn(|| bench.agent.poll()).collect();
-    let is_told =
-        |output: &Output| matches!(output, Output::State(state) if (state.drain_w.value - 4.56).abs() < 1e-9 && state.drain_w.sigma > 14.0);
-    assert!(told.iter().any(is_told), "{told:?}");
-}
