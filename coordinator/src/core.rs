@@ -138,7 +138,7 @@ pub struct Core {
     renewed: Option<Timestamp>,
     /// A whole plan that is being made beside the core, and what asked for it.
     studying: Option<(Arc<Study>, String)>,
-    /// Of whom the last plan is still to be explained.
+    /// What is still to be told of the last plan.
     untold: Untold,
     /// Why a new plan is due, if it is.
     trigger: Option<String>,

@@ -277,8 +277,12 @@ impl Service {
     fn run_studies(&mut self) {
         for study in self.outbox.take_studies() {
             let answers = self.answers.clone();
-            tokio::task::spawn_blocking(move || {
+            let made = tokio::task::spawn_blocking(move || {
                 study.run();
+            });
+            tokio::spawn(async move {
+                // Also when it failed: then the core fails with it, instead of never making a whole plan again.
+                drop(made.await);
                 drop(answers.send(Input::Studied));
             });
         }

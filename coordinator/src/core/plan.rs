@@ -50,7 +50,8 @@ impl Core {
         if self.is_old(now) {
             self.replan(TIME_PASSED.to_owned());
         }
-        let apart_s = if self.fleet.robots.len() > WHOLE_FLEET_MAX { MENDED_APART_S } else { APART_S };
+        let mended = self.plan.robots().count() > WHOLE_FLEET_MAX;
+        let apart_s = if mended { MENDED_APART_S } else { APART_S };
         self.trigger.is_some() && now.seconds_since(planned) >= apart_s
     }
 
