@@ -23,7 +23,11 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
     let planned = plan.planned.iter().map(planned_service);
     let mut services: Vec<Service> = begun.chain(planned).collect();
     services.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
-    let unserved = plan.rejected.iter().map(|rejected| Unserved { robot: rejected.robot.clone(), reasons: rejected.reasons.clone() });
+    let unserved = plan.rejected.iter().map(|rejected| Unserved {
+        robot: rejected.robot.clone(),
+        runs_empty: rejected.stranded,
+        reasons: rejected.reasons.clone(),
+    });
     Schedule {
         at: basis.now,
         plan: number,
@@ -59,7 +63,8 @@ fn stuck<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unser
         let note = state.note.as_ref().map_or_else(String::new, |note| format!(": {note}"));
         // Between two plans a robot that was just let go is in neither list.
         let plannable = matches!(state.phase, proto::RobotPhase::Working | proto::RobotPhase::Waiting);
-        (!told && !plannable).then(|| Unserved { robot: id.clone(), reasons: vec![format!("{}{place}{note}", state.phase)] })
+        let why = || format!("{}{place}{note}", state.phase);
+        (!told && !plannable).then(|| Unserved { robot: id.clone(), runs_empty: true, reasons: vec![why()] })
     })
 }
 

@@ -67,7 +67,7 @@ pub struct Models {
     pub built_in: BTreeMap<String, Arc<Model>>,
     /// Stations.
     pub stations: BTreeMap<StationId, StationModels>,
-    /// The store that the journal goes into, for commands that are told to read it.
+    /// The store that the journal goes into, for commands that are told to read it; empty where only logs are kept.
     pub store: String,
 }
 

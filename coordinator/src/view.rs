@@ -76,12 +76,17 @@ impl Basis<'_> {
         let (pessimistic_s, drain_hi_w) = self.empty_s(id, remaining_wh, state, caution);
         // A promise that was given is not broken over the last minute of its margin.
         let empty_s = if held { self.empty_s(id, remaining_wh, state, HELD_CAUTION * caution).0 } else { pessimistic_s };
+        // What nobody knows yet lasts no longer than a full pack would by the cautious drain.
+        let full_s = battery.battery().stored_wh() / drain_hi_w.max(f64::MIN_POSITIVE) * S_PER_H;
+        let expected_s = self.empty_s(id, remaining_wh, state, 0.0).0.min(full_s).max(pessimistic_s);
+        let lasts_s = Estimate::new(expected_s, (expected_s - pessimistic_s) / caution.max(f64::MIN_POSITIVE));
         let mut view = RobotView {
             robot: id.clone(),
             battery: Arc::clone(battery),
             temperature_degc: gauge.temperature_degc,
             soc,
             empty_s,
+            lasts_s,
             wanted_s: ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0),
             drain_soc_per_s,
             drain_hi_soc_per_s: per_s(drain_hi_w),
@@ -104,6 +109,7 @@ impl Basis<'_> {
         }
         // It lives on its own pack until it is in the bay, or has the other pack.
         view.empty_s = (empty_s - handled_s).max(0.0);
+        view.lasts_s.value = (lasts_s.value - handled_s).max(0.0);
         // A heavy load may empty a pack soon after it reaches the level at which a service is
         // wanted, or before: it comes while there is time left for a queue.
         view.wanted_s = view.wanted_s.min(QUEUE_SHARE * (pessimistic_s - handled_s).max(0.0));

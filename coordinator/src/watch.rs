@@ -203,22 +203,25 @@ impl Watch {
     /// The doubt in one model, if there is one.
     pub(crate) fn doubt(&self, subject: &Subject, fleet: &Fleet, models: &Models) -> Option<Doubt> {
         let Raised { since, z } = self.raised(subject)?;
-        let store = if models.store.is_empty() { "tender.db" } else { &models.store };
         let robot_battery = |id: &RobotId| {
             let name = fleet.robots.get(id).and_then(|robot| robot.state.as_ref()).map_or("", |state| &state.battery);
             models.battery(id, name).map_or(name, |model| &model.name).to_owned()
         };
-        let stored = |model: &str, whose: String| format!("lab discover --model {model} --store {store} {whose} --from {since}");
+        let logged = |model: &str, log: &str| format!("lab discover --model {model} --log {log}.csv");
+        let measured = |model: &str, whose: String, log: &str| match models.store.as_str() {
+            "" => logged(model, log),
+            store => format!("lab discover --model {model} --store {store} {whose} --from {since}"),
+        };
         let station = |id: &StationId| models.stations.get(id);
         let command = match subject {
-            Subject::RobotBattery(id) => stored(&robot_battery(id), format!("--robot {id}")),
+            Subject::RobotBattery(id) => measured(&robot_battery(id), format!("--robot {id}"), id.as_ref()),
             // What a robot does is in its own logs: its messages do not tell.
-            Subject::RobotWork(id) | Subject::RobotWay(id) => format!("lab discover --model LOAD.toml --log {id}-load.csv"),
+            Subject::RobotWork(id) | Subject::RobotWay(id) => logged("LOAD.toml", &format!("{id}-load")),
             Subject::Pack(id, pack) => {
                 let model = station(id).and_then(|station| station.packs.get(pack)).map_or("", |model| &model.name);
-                stored(model, format!("--station {id} --pack {pack}"))
+                measured(model, format!("--station {id} --pack {pack}"), &format!("{id}-{pack}"))
             }
-            Subject::Station(id) => stored(station(id).map_or("", |station| &station.load.name), format!("--station {id}")),
+            Subject::Station(id) => measured(station(id).map_or("", |station| &station.load.name), format!("--station {id}"), id.as_ref()),
         };
         let clock: String = since.to_string().chars().skip(11).take(5).collect();
         let text = format!("{subject} no longer explains its data since {clock} (residual z = {z:.1}): run `{command}`");

@@ -23,7 +23,10 @@ def session(connect: str) -> zenoh.Session:
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([connect]))
     config.insert_json5("scouting/multicast/enabled", "false")
-    return zenoh.open(config)
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError:
+        sys.exit(f"nobody listens at {connect}: is a coordinator or a router running there?")
 
 
 def clock(unix_ms: int) -> str:

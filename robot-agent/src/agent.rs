@@ -17,6 +17,7 @@ use proto::{
 };
 
 pub use alone::Alone;
+pub use drain::unmeasured_w;
 pub use memory::Memory;
 
 use crate::source::{Act, Observation, Place};

@@ -16,7 +16,7 @@ use proto::{RobotId, SiteId, StationId, Travel};
 use serde::{Deserialize, Serialize};
 
 pub use self::source::{SourceConfig, SourceKind};
-use crate::agent::{Agent, Alone, Profile};
+use crate::agent::{Agent, Alone, Profile, unmeasured_w};
 use crate::source::{Body, Measured, Replay, RobotBody, Source, World};
 use crate::way::Ways;
 
@@ -216,9 +216,9 @@ impl Config {
         source: &str,
     ) -> anyhow::Result<Profile> {
         let measure_drain = drain_w.is_none();
-        let drain_w = drain_w.unwrap_or(energy::Estimate::exact(0.0));
+        let drain_w = drain_w.map_or_else(|| unmeasured_w(battery), wire);
         let timed = self.travel_s.iter().map(|(station, &time_s)| {
-            let energy_wh = wire(drain_w).scaled(time_s / energy::units::S_PER_H);
+            let energy_wh = drain_w.scaled(time_s / energy::units::S_PER_H);
             (station.clone(), Travel { time_s, energy_wh })
         });
         let mut travel: BTreeMap<StationId, Travel> = timed.collect();
@@ -232,7 +232,7 @@ impl Config {
             battery: battery.name.clone(),
             cells_series: battery.battery().series,
             charge_cutoff_a: battery.battery().charge.cutoff_a,
-            drain_w: wire(drain_w),
+            drain_w,
             measure_drain,
             travel,
             mission: proto::Mission { weight: self.mission.weight, until: None },

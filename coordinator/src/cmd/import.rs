@@ -40,7 +40,7 @@ struct RmfArgs {
     /// Share of its working time that a robot drives, 0 to 1.
     #[arg(long, default_value_t = 1.0)]
     driving: f64,
-    /// How far the numbers of a robot's power may be off: standard deviation over number, 0 to 1.
+    /// How far the numbers of power may be off, a robot's and a charger's: standard deviation over number, 0 to 1.
     #[arg(long, default_value_t = 0.1)]
     sigma: f64,
     /// How to print.

@@ -19,7 +19,7 @@ pub struct Wishes {
     pub hours: f64,
     /// Share of its working time that a robot drives.
     pub driving: f64,
-    /// How far the numbers of a robot's power may be off: a standard deviation over the number.
+    /// How far the numbers of power may be off, a robot's and a charger's: a standard deviation over the number.
     pub sigma: f64,
 }
 
@@ -47,7 +47,10 @@ const VOLTAGE_SHARE: f64 = 0.01;
 /// Voltage of a cell, V, by which a battery is divided into cells: lithium-ion's. Nothing but the way it
 /// is written hangs on it.
 const CELL_V: f64 = 3.7;
-/// A grid's pack holds this many times what its charger can give in the whole run.
+/// A grid's pack holds what its charger gives in a month without a pause, h, so that what is told of its
+/// energy does not hang on how long is simulated.
+const GRID_H: f64 = 720.0;
+/// In a longer run it holds this many times what its charger can give in all of it.
 const GRID_TIMES: f64 = 2.0;
 /// Charge ends at this share of the charger's current: without resistance it is there at once.
 const CUTOFF_SHARE: f64 = 0.05;
@@ -94,12 +97,7 @@ pub fn import(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> anyhow::R
         (format!("{stem}-battery.toml"), battery(fleet, &stem)),
         (format!("{stem}-robot.toml"), robot(fleet, &stem, wishes)),
         (format!("{stem}-grid.toml"), grid(fleet, &stem, wishes)),
-        (
-            format!("{stem}-charger.toml"),
-            format!(
-                "# A charger of Open-RMF loses nothing and takes nothing for itself.\nschema = 1\nsystem = \"station\"\nname = \"{stem}-charger\"\n"
-            ),
-        ),
+        (format!("{stem}-charger.toml"), charger(fleet, &stem, wishes)),
     ];
     Ok(import)
 }
@@ -153,7 +151,10 @@ fn assumed(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> Vec<String> 
         ),
         format!("what robots do: they drive {} % of their time at {} m/s (--driving)", wishes.driving * 100.0, fleet.linear[0]),
     ];
-    assumed.push(format!("how far a robot's power may be off: each of its numbers by {} % (--sigma)", wishes.sigma * 100.0));
+    assumed.push(format!(
+        "how far powers may be off: each number of a robot's and its charger's efficiency by {} % (--sigma)",
+        wishes.sigma * 100.0
+    ));
     match graph {
         Some(_) => assumed.push("where robots work: anywhere; the way to a charger is the mean over all waypoints of the graph".to_owned()),
         None => assumed.push("the ways to the chargers: a second, since no navigation graph was given (--graph)".to_owned()),
@@ -216,14 +217,25 @@ fn robot(fleet: &Fleet, stem: &str, wishes: Wishes) -> String {
     )
 }
 
+/// A charger. That it loses nothing is RMF's word, and no better known than its other numbers.
+fn charger(fleet: &Fleet, stem: &str, wishes: Wishes) -> String {
+    format!(
+        "# A charger of the Open-RMF fleet {}: it loses nothing and takes nothing for itself.\n\
+         schema = 1\nsystem = \"station\"\nname = \"{stem}-charger\"\nsource = \"Open-RMF models no loss\"\n\n\
+         [[effect]]\nid = \"charger_efficiency\"\n\
+         efficiency = {{ value = 1.0, sigma = {:?}, source = \"Open-RMF models no loss\" }}\n",
+        fleet.name, wishes.sigma
+    )
+}
+
 /// The grid behind a charger, as a pack that cannot give out.
 fn grid(fleet: &Fleet, stem: &str, wishes: Wishes) -> String {
-    let capacity_ah = (GRID_TIMES * fleet.charging_current_a * wishes.hours).max(fleet.capacity_ah);
+    let hours = GRID_H.max(GRID_TIMES * wishes.hours);
+    let capacity_ah = (fleet.charging_current_a * hours).max(fleet.capacity_ah);
     format!(
-        "# What an Open-RMF charger takes its energy from is not modelled there: a pack of {GRID_TIMES} times what the charger\n\
-         # can give in {} h. Put your station's packs in its place to see how many robots they can serve.\n\
+        "# What an Open-RMF charger takes its energy from is not modelled there: a pack of what the charger gives\n\
+         # in {hours} h. Put your station's packs in its place to see how many robots they can serve.\n\
          schema = 1\nsystem = \"battery\"\nname = \"{stem}-grid\"\nsource = \"stands for the grid\"\n\n{}",
-        wishes.hours,
         facts(fleet, capacity_ah)
     )
 }

@@ -50,7 +50,8 @@ pub struct Planned {
     pub need: Need,
     /// Packs that pay, in order.
     pub packs: Vec<PackId>,
-    /// Probability that the packs hold enough for all services up to this one.
+    /// Probability that the packs hold enough for all services up to this one, and that the robot lasts until
+    /// then where that is not sure enough.
     pub probability: f64,
     /// Why so.
     pub why: Vec<String>,
@@ -180,7 +181,7 @@ impl<'a> Ledger<'a> {
         self.until_s = self.until_s.max(end_s);
         let total = self.need.plus(&self.overhead(self.until_s));
         let packs = self.paying(before_wh, total.mean_wh);
-        let probability = covered(self.station, &total);
+        let (covered, arrives) = (covered(self.station, &total), robot.arrives(start_s));
         let spare = if session.mode == Mode::Swap || session.mode == Mode::SwapAndRecharge { self.spare(session) } else { None };
         let mut planned = Planned {
             robot: robot.robot.clone(),
@@ -194,10 +195,10 @@ impl<'a> Ledger<'a> {
             end,
             need,
             packs,
-            probability,
+            probability: covered * arrives,
             why: Vec::new(),
         };
-        planned.why = words::why(task, session, &planned);
+        planned.why = words::why(task, session, &planned, covered, arrives);
         planned
     }
 

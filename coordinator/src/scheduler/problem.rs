@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use energy::{Estimate, Model, Need};
 use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::charging::Table;
 use crate::forecast::Handling;
@@ -33,6 +34,8 @@ pub struct RobotView {
     /// Time until it is empty if it goes on working, s, pessimistic at the confidence that is asked for;
     /// infinite when it needs nothing.
     pub empty_s: f64,
+    /// The same as it is expected, with its standard deviation, s.
+    pub lasts_s: Estimate,
     /// Time from which a service is wanted, s: until then it has charge enough.
     pub wanted_s: f64,
     /// Charge that it loses while it works, SoC per s.
@@ -49,6 +52,25 @@ pub struct RobotView {
     pub travel: Vec<(usize, f64, Arc<Table>)>,
     /// Stations that it could reach and that take no part, with the reason.
     pub closed: Vec<(StationId, String)>,
+}
+
+impl RobotView {
+    /// Time that a plan counts on, s, when no service can begin before `nearest_s`. Who may be empty before that,
+    /// but is not expected to be, is sent all the same: by waiting nothing gets better.
+    #[must_use]
+    pub fn endures_s(&self, nearest_s: f64) -> f64 {
+        if self.empty_s < nearest_s { self.empty_s.max(self.lasts_s.value) } else { self.empty_s }
+    }
+
+    /// Probability that it is not empty before a service that begins in so many seconds. 1 within the time that
+    /// it lasts with the confidence that is asked for.
+    #[must_use]
+    pub fn arrives(&self, start_s: f64) -> f64 {
+        if start_s <= self.empty_s || self.lasts_s.sigma <= 0.0 {
+            return 1.0;
+        }
+        Normal::standard().cdf((self.lasts_s.value - start_s) / self.lasts_s.sigma)
+    }
 }
 
 /// A station.

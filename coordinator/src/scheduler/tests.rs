@@ -61,6 +61,7 @@ fn robot(name: &str, soc: f64, stations: &[(usize, f64)]) -> RobotView {
         temperature_degc: 25.0,
         soc: Estimate::new(soc, 0.01),
         empty_s: (soc - 0.02) / drain_soc_per_s,
+        lasts_s: Estimate::new(soc / drain_soc_per_s, 0.02 / 1.645 / drain_soc_per_s),
         wanted_s: ((soc - 0.1) / drain_soc_per_s).max(0.0),
         drain_soc_per_s,
         drain_hi_soc_per_s: drain_soc_per_s,
@@ -117,6 +118,19 @@ fn promises_are_given_as_far_as_the_energy_goes_with_certainty() {
     let short = solved(robots(), vec![station("s", 3, &[58.0], &[])]).plan;
     let why = &short.rejected[0].reasons[0];
     assert!(why.starts_with("s: pack-0 is ") && why.contains("Wh short for a service at 00:0") && why.ends_with("asked for 95 %"), "{why}");
+}
+
+#[test]
+fn who_may_be_empty_before_it_is_there_is_sent_all_the_same_and_at_once() {
+    // A minute of what it is expected to have, and none to be sure of; the way takes half of it.
+    let low = |soc: f64| solved(vec![robot("low", soc, &[(0, 30.0)])], vec![station("s", 1, &[80.0], &[])]).plan;
+    let plan = low(0.3 / 60.0);
+    let [sent] = &plan.planned[..] else { panic!("{:?}", plan.rejected) };
+    assert_eq!(sent.leave, Timestamp::from_unix_ms(1_767_225_603_000), "{sent:?}");
+    assert!((0.5..0.9).contains(&sent.probability) && sent.why[0].contains("and lasts with probability"), "{sent:?}");
+    // Whoever cannot be expected to arrive either is not.
+    let lost = low(0.1 / 60.0);
+    assert!(lost.rejected[0].stranded && lost.rejected[0].reasons[0].contains("min away"), "{lost:?}");
 }
 
 #[test]

@@ -366,7 +366,8 @@ impl Places<'_> {
         let drain = per_tick(robot.drain_soc_per_s);
         // At the begin of the grid a little more was stored.
         let energy = ((robot.soc.value.max(0.0) + robot.drain_soc_per_s * ahead_s) * capacity) as i64;
-        let endures = (robot.empty_s + ahead_s) / tick_s;
+        let nearest = robot.travel.iter().map(|(_, travel_s, _)| grid.up(travel_s + ahead_s)).min().unwrap_or(0);
+        let endures = (robot.endures_s(f64::from(nearest) * tick_s - ahead_s) + ahead_s) / tick_s;
         // The least drain by which it is empty after that many whole ticks.
         let drain_hi = if endures.is_finite() { energy / (endures.min(1e9) as i64 + 1) + 1 } else { 1 };
         // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end.

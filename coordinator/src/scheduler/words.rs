@@ -34,8 +34,9 @@ pub struct Alternative {
     pub why_not: Vec<String>,
 }
 
-/// Why this service: what it saves, when it comes, and who pays.
-pub(super) fn why(task: &Task, session: &Session, planned: &Planned) -> Vec<String> {
+/// Why this service: what it saves, when it comes, and who pays. Its packs cover it and the robot arrives with
+/// these probabilities.
+pub(super) fn why(task: &Task, session: &Session, planned: &Planned, covered: f64, arrives: f64) -> Vec<String> {
     let robot = &task.problem.robots[session.robot];
     let away = robot.travel.iter().find(|travel| travel.station == session.station).map_or(0, |travel| travel.ticks);
     let wanted = robot.wanted.unwrap_or(0).max(away);
@@ -51,13 +52,18 @@ pub(super) fn why(task: &Task, session: &Session, planned: &Planned) -> Vec<Stri
         "comes when it is wanted".to_owned()
     };
     let empty = task.grid.time(Tick::try_from(task.problem.endurance(session.robot)).unwrap_or(Tick::MAX).min(task.problem.horizon));
+    let without = if arrives < 1.0 {
+        format!("the robot may be empty before that, and lasts with probability {:.0} %", arrives * 100.0)
+    } else {
+        format!("without it the robot may be empty at {}", clock(empty))
+    };
     vec![
-        format!("{time}; without it the robot may be empty at {}", clock(empty)),
+        format!("{time}; {without}"),
         format!(
             "takes {:.1} Wh from {}; the packs hold it with probability {:.1} %",
             planned.need.mean_wh,
             list(planned.packs.iter().map(AsRef::as_ref), "no pack"),
-            planned.probability * 100.0
+            covered * 100.0
         ),
     ]
 }

@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use node::Link;
-use node::session::decoded;
 use proto::{Key, Pattern};
 use tokio::sync::{Notify, mpsc};
 use zenoh::sample::{Sample, SampleKind};
@@ -33,16 +32,28 @@ impl Gate {
         look(&mut intake, self.since.elapsed())
     }
 
-    fn offer(&self, input: Input) {
-        self.with(|intake, now| intake.offer(now, input));
-        self.came.notify_one();
+    fn hear(&self, sample: &Sample) {
+        let payload = sample.payload().to_bytes();
+        let first = self.with(|intake, now| {
+            let before = intake.ready_at();
+            intake.hear(now, sample.key_expr().as_str(), &payload);
+            // Whoever waits is woken when there is something earlier than what it waits for.
+            intake.ready_at() != before
+        });
+        if first {
+            self.came.notify_one();
+        }
     }
 
-    /// Waits until the core can be given something. What becomes due meanwhile is seen with the next
-    /// tick.
+    /// Waits until the core can be given something.
     pub(super) async fn ready(&self) {
-        while !self.with(|intake, now| intake.is_ready(now)) {
-            self.came.notified().await;
+        loop {
+            let (at, now) = self.with(|intake, now| (intake.ready_at(), now));
+            match at {
+                Some(at) if at <= now => return,
+                Some(at) => drop(tokio::time::timeout(at - now, self.came.notified()).await),
+                None => self.came.notified().await,
+            }
         }
     }
 }
@@ -52,7 +63,7 @@ pub(super) async fn subscribe(link: &Link, gate: &Gate, news: &mpsc::UnboundedSe
     let mut kept: Kept = Vec::new();
     for pattern in [Pattern::AllRobotGauges, Pattern::AllPackGauges, Pattern::AllRobotStates, Pattern::AllStationStates] {
         let gate = gate.clone();
-        kept.push(Box::new(link.listen(&pattern, move |sample| gate.offer(input_of(&sample))).await?));
+        kept.push(Box::new(link.listen(&pattern, move |sample| gate.hear(&sample)).await?));
     }
     let news = news.clone();
     let lives = link.session.liveliness().declare_subscriber(Pattern::AllAlive.build(&link.site)).history(true).callback(move |sample| {
@@ -66,22 +77,4 @@ pub(super) async fn subscribe(link: &Link, gate: &Gate, news: &mpsc::UnboundedSe
     });
     kept.push(Box::new(lives.await.map_err(|e| anyhow!("{e}"))?));
     Ok(kept)
-}
-
-/// One sample as an input; what cannot be read becomes a refusal that names it.
-fn input_of(sample: &Sample) -> Input {
-    let key = sample.key_expr().as_str();
-    let read = || -> Result<Input, String> {
-        let payload = sample.payload();
-        let text = |error: &dyn std::fmt::Display| format!("{key}: {error}");
-        let (_, parsed) = Key::parse(key).map_err(|e| text(&e))?;
-        Ok(match parsed {
-            Key::RobotGauge(robot) => Input::RobotGauge(robot, decoded(payload).map_err(|e| text(&e))?),
-            Key::RobotState(robot) => Input::RobotState(robot, decoded(payload).map_err(|e| text(&e))?),
-            Key::StationState(station) => Input::StationState(station, decoded(payload).map_err(|e| text(&e))?),
-            Key::PackGauge(station, pack) => Input::PackGauge(station, pack, decoded(payload).map_err(|e| text(&e))?),
-            _ => return Err(format!("{key}: nothing is expected under this key")),
-        })
-    };
-    read().unwrap_or_else(Input::Refused)
 }

@@ -54,7 +54,9 @@ impl World {
         ambient_degc: f64,
         start: Timestamp,
     ) -> anyhow::Result<Self> {
-        let (settings, models) = deployment.coordinator.load(None)?;
+        let (settings, mut models) = deployment.coordinator.load(None)?;
+        // Measurements of a simulated fleet are in its logs.
+        models.store.clear();
         let mut telemetry = with_telemetry.then(Telemetry::default);
         let mut robots = BTreeMap::new();
         for config in &deployment.robots {

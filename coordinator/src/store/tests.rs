@@ -114,7 +114,7 @@ fn events(seqs: std::ops::RangeInclusive<u64>) -> Vec<Record> {
 }
 
 fn schedule(plan: u64) -> Schedule {
-    let unserved = vec![Unserved { robot: id("r3"), reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }];
+    let unserved = vec![Unserved { robot: id("r3"), runs_empty: true, reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }];
     Schedule {
         at: at(6),
         plan,

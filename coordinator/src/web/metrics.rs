@@ -131,7 +131,7 @@ fn decisions(sheet: &Sheet, now: Timestamp, core: &Core) {
         services.with_label_values(&[&status.to_string()]).set(here as f64);
     }
     let unserved = sheet.gauges("tender_robots_unserved", "Robots that need a service and get none in this plan.", &[]);
-    unserved.with_label_values::<&str>(&[]).set(schedule.unserved.len() as f64);
+    unserved.with_label_values::<&str>(&[]).set(schedule.unserved.iter().filter(|unserved| unserved.runs_empty).count() as f64);
     let doubts = sheet.gauges("tender_models_doubted", "Energy models that no longer explain what is measured.", &[]);
     doubts.with_label_values::<&str>(&[]).set(schedule.doubts.len() as f64);
     let capacity = core.capacity(now);

@@ -1,6 +1,8 @@
 //! MCAP recordings with `sensor_msgs/msg/BatteryState` of ROS 2. A place in such a log is the
 //! number of the message within its topic.
 //!
+//! A stream may hold several files one after the other: a recording of rosbag2 that was split.
+//!
 //! ROS counts a current that leaves the battery negative, and writes NaN for what is not measured.
 
 use std::collections::BTreeMap;
@@ -38,8 +40,12 @@ struct Topic {
 struct Reading<'a> {
     file: &'a str,
     wanted: Option<&'a str>,
+    /// Of the present file, by its numbers.
     schemas: BTreeMap<u16, (String, Vec<u8>)>,
-    topics: BTreeMap<u16, Topic>,
+    /// Of the present file, by its numbers: the name of the topic.
+    channels: BTreeMap<u16, String>,
+    /// Of all files.
+    topics: BTreeMap<String, Topic>,
     /// The topic that is read: the wanted one, or the first of batteries.
     chosen: Option<String>,
     rows: Rows,
@@ -47,27 +53,20 @@ struct Reading<'a> {
 
 fn parse(file: &str, input: &mut dyn BufRead, facts: &LogFacts) -> Result<Table, LogError> {
     let wanted = facts.topic.as_deref();
-    let mut reading =
-        Reading { file, wanted, schemas: BTreeMap::new(), topics: BTreeMap::new(), chosen: wanted.map(str::to_owned), rows: Rows::new() };
-    let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
-    let mut reader = LinearReader::new_with_options(LinearReaderOptions::default().with_record_length_limit(RECORD_MAX));
-    let mut bytes = 0;
-    let mut cut_off = false;
-    while let Some(event) = reader.next_event() {
-        match event {
-            Ok(LinearReadEvent::ReadRequest(need)) => {
-                let read = fill(input, reader.insert(need)).map_err(|error| read_error(file, &error))?;
-                bytes += read as u64;
-                check_bytes(file, bytes)?;
-                reader.notify_read(read);
-            }
-            Ok(LinearReadEvent::Record { data, opcode }) => reading.take(opcode, data)?,
-            // A recorder that was killed leaves what it had written.
-            Err(McapError::UnexpectedEof | McapError::UnexpectedEoc) if !reading.rows.time_ns.is_empty() => {
-                cut_off = true;
-                break;
-            }
-            Err(error) => return Err(whole(format!("not readable as MCAP: {error}"))),
+    let mut reading = Reading {
+        file,
+        wanted,
+        schemas: BTreeMap::new(),
+        channels: BTreeMap::new(),
+        topics: BTreeMap::new(),
+        chosen: wanted.map(str::to_owned),
+        rows: Rows::new(),
+    };
+    let (mut bytes, mut cut_off) = (0, false);
+    loop {
+        cut_off |= reading.one_file(input, &mut bytes)?;
+        if cut_off || input.fill_buf().map_err(|error| read_error(file, &error))?.is_empty() {
+            break;
         }
     }
     reading.check_choice()?;
@@ -97,6 +96,28 @@ impl Reading<'_> {
         LogError::Whole { file: self.file.to_owned(), message }
     }
 
+    /// Reads to the end of a file; whether that was not where its end should be.
+    fn one_file(&mut self, input: &mut dyn BufRead, bytes: &mut u64) -> Result<bool, LogError> {
+        self.schemas.clear();
+        self.channels.clear();
+        let mut reader = LinearReader::new_with_options(LinearReaderOptions::default().with_record_length_limit(RECORD_MAX));
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::ReadRequest(need)) => {
+                    let read = fill(input, reader.insert(need)).map_err(|error| read_error(self.file, &error))?;
+                    *bytes += read as u64;
+                    check_bytes(self.file, *bytes)?;
+                    reader.notify_read(read);
+                }
+                Ok(LinearReadEvent::Record { data, opcode }) => self.take(opcode, data)?,
+                // A recorder that was killed leaves what it had written.
+                Err(McapError::UnexpectedEof | McapError::UnexpectedEoc) if !self.rows.time_ns.is_empty() => return Ok(true),
+                Err(error) => return Err(self.whole(format!("not readable as MCAP: {error}"))),
+            }
+        }
+        Ok(false)
+    }
+
     fn take(&mut self, opcode: u8, data: &[u8]) -> Result<(), LogError> {
         use mcap::records::op::{CHANNEL, MESSAGE, SCHEMA};
         if ![SCHEMA, CHANNEL, MESSAGE].contains(&opcode) {
@@ -110,13 +131,15 @@ impl Reading<'_> {
             Record::Channel(channel) => {
                 let (kind, definition) = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 let wrong = check_definition(&String::from_utf8_lossy(&definition)).err();
-                let new = Topic { name: channel.topic, kind, encoding: channel.message_encoding, wrong, messages: 0 };
-                self.topics.entry(channel.id).or_insert(new);
+                let new = Topic { name: channel.topic.clone(), kind, encoding: channel.message_encoding, wrong, messages: 0 };
+                self.topics.entry(channel.topic.clone()).or_insert(new);
+                self.channels.insert(channel.id, channel.topic);
             }
             Record::Message { header, data } => {
                 let file = self.file;
                 let broken = |message: u64, what: String| LogError::Row { file: file.to_owned(), line: message, message: what };
-                let Some(topic) = self.topics.get_mut(&header.channel_id) else { return Ok(()) };
+                let topic = self.channels.get(&header.channel_id).and_then(|name| self.topics.get_mut(name));
+                let Some(topic) = topic else { return Ok(()) };
                 topic.messages += 1;
                 if topic.kind != TYPE || self.chosen.get_or_insert_with(|| topic.name.clone()) != &topic.name {
                     return Ok(());
@@ -141,7 +164,6 @@ impl Reading<'_> {
     fn check_choice(&self) -> Result<(), LogError> {
         let mut batteries: Vec<&str> = self.topics.values().filter(|topic| topic.kind == TYPE).map(|topic| topic.name.as_str()).collect();
         batteries.sort_unstable();
-        batteries.dedup();
         let all = || {
             let one = |topic: &Topic| format!("{} ({}, {} messages)", topic.name, topic.kind, topic.messages);
             self.topics.values().map(one).collect::<Vec<_>>().join(", ")

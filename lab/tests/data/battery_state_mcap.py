@@ -4,6 +4,8 @@ code with the lab. They hold sensor_msgs/msg/BatteryState in ROS 2 CDR, as robot
 * battery.mcap: 120 s of a 3s pack, one message a second, zstd chunks. ROS counts the current
   negative while discharging; some temperatures are NaN (not measured). A second topic holds text.
 * two-batteries.mcap: two battery topics, so that one has to be chosen.
+* split/: battery.mcap in two files, as a recorder splits them, the second with its topics numbered
+  the other way round.
 
 The numbers are simple functions of the second, which the tests repeat.
 """
@@ -49,15 +51,18 @@ def message(second: int):
     )
 
 
-def write(name: str, topics: list[str], seconds: int) -> None:
+def write(name: str, topics: list[str], seconds: range, text_first: bool = False) -> None:
     folder = HERE / "bag.tmp"
     shutil.rmtree(folder, ignore_errors=True)
     bag = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
     bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with bag as writer:
+        if text_first:
+            text = writer.add_connection("/rosout", TEXT, typestore=STORE)
         batteries = [writer.add_connection(topic, BATTERY, typestore=STORE) for topic in topics]
-        text = writer.add_connection("/rosout", TEXT, typestore=STORE)
-        for second in range(seconds):
+        if not text_first:
+            text = writer.add_connection("/rosout", TEXT, typestore=STORE)
+        for second in seconds:
             at = BEGIN_NS + second * 10**9 + 7_000_000
             for battery in batteries:
                 writer.write(battery, at, STORE.serialize_cdr(message(second), BATTERY))
@@ -69,5 +74,8 @@ def write(name: str, topics: list[str], seconds: int) -> None:
     shutil.rmtree(folder)
 
 
-write("battery", ["/battery_state"], 121)
-write("two-batteries", ["/front/battery", "/rear/battery"], 5)
+write("battery", ["/battery_state"], range(121))
+write("two-batteries", ["/front/battery", "/rear/battery"], range(5))
+(HERE / "split").mkdir(exist_ok=True)
+write("split/run_0", ["/battery_state"], range(60))
+write("split/run_1", ["/battery_state"], range(60, 121), text_first=True)

@@ -42,6 +42,20 @@ fn predict(log: &str, more: &[&str]) -> Outcome {
 }
 
 #[test]
+fn a_recording_that_was_split_is_read_as_one_by_its_folder() {
+    let [whole, split] = ["battery.mcap", "split"].map(|log| predict(log, &["--column", "ambient_degc=25", "--format", "json"]));
+    assert_eq!((whole.code, split.code), (0, 0), "{}{}", whole.stderr, split.stderr);
+    let whole: serde_json::Value = serde_json::from_str(&whole.stdout).unwrap();
+    let split: serde_json::Value = serde_json::from_str(&split.stdout).unwrap();
+    let rows = |of: &serde_json::Value| of.to_string().replace("battery.mcap", "LOG").replace("split/run_0.mcap", "LOG");
+    assert_eq!(rows(&whole), rows(&split));
+    let sqlite = tempfile::tempdir().unwrap();
+    fs::write(sqlite.path().join("run_0.db3"), "SQLite format 3").unwrap();
+    let refused = predict(sqlite.path().to_str().unwrap(), &[]);
+    assert!(refused.code == 2 && refused.stderr.contains("`ros2 bag convert` makes MCAP of it"), "{}", refused.stderr);
+}
+
+#[test]
 fn one_of_several_batteries_is_chosen_by_its_topic() {
     let refused = |outcome: Outcome, words: &str| {
         assert_eq!(outcome.code, 2, "{}", outcome.stdout);

@@ -76,8 +76,8 @@ pub struct Service {
     pub end: Timestamp,
     /// Energy taken from the packs, Wh (zero or more).
     pub pack_energy_wh: Estimate,
-    /// Probability that the packs hold enough for all services up to this one (0 to 1), as of when it
-    /// was planned.
+    /// Probability that the packs hold enough for all services up to this one, and that the robot lasts until
+    /// then where that is not sure enough (0 to 1), as of when it was planned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
     /// How far it has come.
@@ -98,11 +98,14 @@ impl Service {
     }
 }
 
-/// A robot that needs energy and does not get any in this plan.
+/// A robot without a service in this plan.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unserved {
     /// Which robot.
     pub robot: RobotId,
+    /// Whether it runs empty for want of one, or can do without for as long as is planned.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub runs_empty: bool,
     /// What stands in the way, station by station where that differs.
     pub reasons: Vec<String>,
 }

@@ -142,7 +142,7 @@ pub fn schedule() -> Schedule {
         policy: "least-regret".to_owned(),
         trigger: "r1 joined".to_owned(),
         services: vec![service("r1", Mode::Recharge { to_soc: 0.9 }), swap],
-        unserved: vec![Unserved { robot: id("r3"), reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }],
+        unserved: vec![Unserved { robot: id("r3"), runs_empty: true, reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }],
         doubts: vec![doubt()],
         quality: Some(Quality { stranded: 1, stranded_bound: 0, missed_s: 5_400.0, missed_bound_s: 5_280.0, moved: vec![id("r2")] }),
     }

@@ -1,5 +1,6 @@
 //! What a robot draws at work, where no model of its loads says it: the mean of what was measured.
 
+use energy::Model;
 use energy::gauge::Sample;
 use energy::units::S_PER_H;
 use proto::Estimate;
@@ -9,6 +10,18 @@ use super::Agent;
 /// Power is averaged over blocks of this length, s: long against the moments of a task, so that the
 /// means of blocks differ as tasks do.
 const BLOCK_S: f64 = 60.0;
+
+/// Time in which a robot usually empties a full pack, h: Clearpath's Husky A200 in typical use. Boston
+/// Dynamics' Spot takes 1.5 h, MiR's MiR100 10 h (their data sheets).
+const RUN_TIME_H: f64 = 3.0;
+
+/// What a robot draws of whose work nothing has been measured yet, W: what empties its pack in the usual
+/// time, give or take as much.
+#[must_use]
+pub fn unmeasured_w(battery: &Model) -> Estimate {
+    let usual_w = battery.battery().stored_wh() / RUN_TIME_H;
+    Estimate::new(usual_w, usual_w)
+}
 
 /// Means of blocks of work.
 #[derive(Debug, Clone, Copy, Default)]
@@ -24,7 +37,8 @@ impl Drain {
     fn update(&mut self, sample: &Sample) {
         self.energy_ws += sample.current_a * sample.voltage_v * sample.dt_s;
         self.time_s += sample.dt_s;
-        if self.time_s >= BLOCK_S {
+        // A robot at work draws something: nothing drawn says that the device has not told it yet.
+        if self.time_s >= BLOCK_S && self.energy_ws != 0.0 {
             let block_w = self.energy_ws / self.time_s;
             self.blocks += 1.0;
             let off_w = block_w - self.mean_w;
@@ -35,14 +49,13 @@ impl Drain {
     }
 
     /// The mean with its standard deviation: from two blocks on what they say, before that the only
-    /// value that there is, and as good as nothing known of how far it is off: it may be itself, or
-    /// what empties the pack in an hour.
-    fn estimate(&self, hour_w: f64) -> Option<Estimate> {
+    /// value that there is, and no better known than before it was measured.
+    fn estimate(&self, unmeasured: Estimate) -> Option<Estimate> {
         if self.blocks >= 2.0 {
             return Some(Estimate::new(self.mean_w, (self.squares_w2 / (self.blocks - 1.0) / self.blocks).sqrt()));
         }
         let seen_w = if self.blocks > 0.0 { self.mean_w } else { self.energy_ws / self.time_s };
-        seen_w.is_finite().then(|| Estimate::new(seen_w, seen_w.abs().max(hour_w)))
+        seen_w.is_finite().then(|| Estimate::new(seen_w, seen_w.abs().max(unmeasured.sigma)))
     }
 }
 
@@ -52,8 +65,7 @@ impl Agent {
     /// every message.
     pub(super) fn learn_drain(&mut self, sample: &Sample) {
         self.drain.update(sample);
-        let pack = self.gauge.model().battery();
-        let Some(new) = self.drain.estimate(sample.voltage_v * pack.capacity_ah) else { return };
+        let Some(new) = self.drain.estimate(unmeasured_w(self.gauge.model())) else { return };
         let told = self.profile.drain_w;
         let worth = (new.value - told.value).abs() > told.sigma || new.sigma < 0.5 * told.sigma;
         if !worth {
@@ -76,7 +88,18 @@ mod tests {
         for power_w in powers_w {
             (0..60).for_each(|_| drain.update(&Sample { dt_s: 1.0, current_a: power_w / 10.0, voltage_v: 10.0, temperature_degc: 25.0 }));
         }
-        drain.estimate(10.0).unwrap()
+        drain.estimate(Estimate::new(10.0, 10.0)).unwrap()
+    }
+
+    #[test]
+    fn a_device_that_has_not_told_yet_what_it_draws_says_nothing_of_it() {
+        let mut drain = Drain::default();
+        let waited = |dt_s: f64, current_a: f64| Sample { dt_s, current_a, voltage_v: 10.0, temperature_degc: 25.0 };
+        (0..2).for_each(|_| drain.update(&waited(300.0, 0.0)));
+        assert_eq!(drain.estimate(Estimate::new(10.0, 10.0)), Some(Estimate::new(0.0, 10.0)));
+        // A step of 600 J after a minute more: 600 J in 660 s.
+        drain.update(&waited(60.0, 1.0));
+        assert_eq!(drain.estimate(Estimate::new(10.0, 10.0)), Some(Estimate::new(600.0 / 660.0, 10.0)));
     }
 
     #[test]

@@ -93,8 +93,12 @@ function renderPlan(chart) {
       (element, row) => { setText(part(element, "lane"), row.lane); setText(part(element, "text"), row.text); });
   }
   keyed(byId("unserved"), chart.unserved, (left) => left.robot,
-    (left) => h("p", { class: "left-out" }, h("strong", {}, h("button", { type: "button", class: "link", onclick: () => openDetail(left.robot) }, left.robot)), " is left out: ", h("span", { "data-part": "why" })),
-    (element, left) => setText(part(element, "why"), left.reasons.join("; ")));
+    (left) => h("p", { class: "left-out" }, h("strong", {}, h("button", { type: "button", class: "link", onclick: () => openDetail(left.robot) }, left.robot)), h("span", { "data-part": "what" }), h("span", { "data-part": "why" })),
+    (element, left) => {
+      element.classList.toggle("quiet", !left.runs_empty);
+      setText(part(element, "what"), left.runs_empty ? " is left out: " : " has no service: ");
+      setText(part(element, "why"), left.reasons.join("; "));
+    });
 }
 
 function listenToPlan() {

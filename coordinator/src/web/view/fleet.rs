@@ -52,7 +52,7 @@ pub struct RobotRow {
     pub time: Option<Quantity>,
     /// Whether that time ends with a full battery.
     pub filling: bool,
-    /// Its service: `mds-1 bay-3, 12:52 to 13:44`; or `left out`.
+    /// Its service: `mds-1 bay-3, 12:52 to 13:44`; `left out`, or `none needed`.
     pub service: String,
     /// Whether a model of it is doubted.
     pub doubted: bool,
@@ -152,7 +152,8 @@ fn service(schedule: &Schedule, robot: &RobotId) -> String {
         return format!("{}{bay}, {when}", service.station);
     }
     // Why stands with the plan, and with the robot in full.
-    if schedule.unserved.iter().any(|unserved| unserved.robot == *robot) { "left out".to_owned() } else { String::new() }
+    let unserved = schedule.unserved.iter().find(|unserved| unserved.robot == *robot);
+    unserved.map_or("", |unserved| if unserved.runs_empty { "left out" } else { "none needed" }).to_owned()
 }
 
 #[cfg(test)]

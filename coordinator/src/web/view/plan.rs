@@ -66,6 +66,8 @@ pub struct Bar {
 pub struct LeftOut {
     /// Which.
     pub robot: RobotId,
+    /// Whether it runs empty for want of one, or can do without.
+    pub runs_empty: bool,
     /// Why.
     pub reasons: Vec<String>,
 }
@@ -89,7 +91,11 @@ pub(super) fn chart(now: Timestamp, basis: &Basis<'_>, schedule: &Schedule, past
     let bars = || lanes.iter().flat_map(|lane| &lane.bars);
     let from = bars().map(|bar| bar.leave).min().unwrap_or(now).min(now.plus_s(-MARGIN_S));
     let to = bars().map(|bar| bar.end).max().unwrap_or(now).max(now.plus_s(MARGIN_S));
-    let unserved = schedule.unserved.iter().map(|left| LeftOut { robot: left.robot.clone(), reasons: left.reasons.clone() }).collect();
+    let unserved = schedule
+        .unserved
+        .iter()
+        .map(|left| LeftOut { robot: left.robot.clone(), runs_empty: left.runs_empty, reasons: left.reasons.clone() })
+        .collect();
     PlanChart { now, from, to, lanes, unserved }
 }
 

@@ -41,7 +41,7 @@ fn more(capacity: &Capacity) -> Tile {
 fn services(schedule: &Schedule) -> Tile {
     let planned = schedule.services.iter().filter(|service| service.status == ServiceStatus::Planned).count();
     let running = schedule.services.len() - planned;
-    let unserved = schedule.unserved.len();
+    let unserved = schedule.unserved.iter().filter(|unserved| unserved.runs_empty).count();
     let note = match unserved {
         0 => format!("{running} under way, nobody left out"),
         _ => format!("{running} under way, {unserved} left out"),

@@ -1,8 +1,8 @@
 //! Facts about logs given as flags, and reading a log with them.
 
 use std::fs::{self, File};
-use std::io::BufReader;
-use std::path::Path;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use lab::measurement::{LOG_BYTES_MAX, Log, LogFacts, Mapping, Overrides, read_log_from};
@@ -35,6 +35,23 @@ pub(in crate::cmd) struct FactArgs {
     topic: Option<String>,
 }
 
+/// The MCAP files of a recording that rosbag2 made, in the order in which it wrote them.
+fn parts(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let doing = || format!("cannot read the log {}", folder.display());
+    let files: Vec<PathBuf> = fs::read_dir(folder).and_then(|all| all.map(|one| Ok(one?.path())).collect()).with_context(doing)?;
+    let ending = |end: &str| files.iter().filter(|file| file.extension().is_some_and(|of| of == end)).cloned().collect::<Vec<_>>();
+    let mut parts = ending("mcap");
+    ensure!(
+        !parts.is_empty() || ending("db3").is_empty(),
+        "{}: a recording of rosbag2 in its SQLite format; `ros2 bag convert` makes MCAP of it",
+        doing()
+    );
+    ensure!(!parts.is_empty(), "{}: it is a directory without MCAP files; name a file", doing());
+    // run_2.mcap comes before run_10.mcap.
+    parts.sort_by_key(|file| (file.as_os_str().len(), file.clone()));
+    Ok(parts)
+}
+
 impl FactArgs {
     pub(super) fn overrides(&self) -> anyhow::Result<Overrides> {
         let overrides = Overrides {
@@ -65,18 +82,26 @@ impl FactArgs {
 
     /// Reads a log of which the facts are known, and says what is not as it should be.
     pub(super) fn read_with(&self, path: &Path, facts: LogFacts) -> anyhow::Result<Log> {
-        let file = path.display().to_string();
-        let doing = || format!("cannot read the log {file}");
-        let opened = File::open(path).with_context(doing)?;
-        let about = opened.metadata().with_context(doing)?;
-        ensure!(!about.is_dir(), "cannot read the log {file}: it is a directory; name a file");
+        let doing = || format!("cannot read the log {}", path.display());
+        let parts = if fs::metadata(path).with_context(doing)?.is_dir() { parts(path)? } else { vec![path.to_owned()] };
+        let file = parts[0].display().to_string();
+        let (mut bytes, mut all): (u64, Box<dyn Read>) = (0, Box::new(io::empty()));
+        for part in &parts {
+            let opened = File::open(part).with_context(|| format!("cannot read the log {}", part.display()))?;
+            bytes += opened.metadata().with_context(doing)?.len();
+            all = Box::new(all.chain(opened));
+        }
         ensure!(
-            about.len() <= LOG_BYTES_MAX,
-            "{file} has {:.1} GiB; at most {} GiB are read as one log: cut it, or thin it out",
-            about.len() as f64 / f64::from(1 << 30),
+            bytes <= LOG_BYTES_MAX,
+            "{} has {:.1} GiB; at most {} GiB are read as one log: cut it, or thin it out",
+            path.display(),
+            bytes as f64 / f64::from(1 << 30),
             LOG_BYTES_MAX >> 30
         );
-        let log = read_log_from(&file, &mut BufReader::with_capacity(1 << 16, opened), facts)?;
+        let mut log = read_log_from(&file, &mut BufReader::with_capacity(1 << 16, all), facts)?;
+        if parts.len() > 1 {
+            log.notes.push(format!("{file}: and what the recording's {} other files go on with", parts.len() - 1));
+        }
         say(&log.notes);
         Ok(log)
     }
