@@ -52,6 +52,8 @@ const CELL_V: f64 = 3.7;
 const GRID_H: f64 = 720.0;
 /// In a longer run it holds this many times what its charger can give in all of it.
 const GRID_TIMES: f64 = 2.0;
+/// The way to a charger that nothing is known of, s.
+const UNKNOWN_WAY_S: f64 = 60.0;
 /// Charge ends at this share of the charger's current: without resistance it is there at once.
 const CUTOFF_SHARE: f64 = 0.05;
 
@@ -157,7 +159,7 @@ fn assumed(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> Vec<String> 
     ));
     match graph {
         Some(_) => assumed.push("where robots work: anywhere; the way to a charger is the mean over all waypoints of the graph".to_owned()),
-        None => assumed.push("the ways to the chargers: a second, since no navigation graph was given (--graph)".to_owned()),
+        None => assumed.push("the ways to the chargers: a minute, since no navigation graph was given (--graph)".to_owned()),
     }
     if fleet.tool_w > 0.0 {
         assumed
@@ -292,8 +294,7 @@ fn ways(text: &mut String, fleet: &Fleet, robot: &Robot, stations: &[Station], g
     let own = |station: &&Station| robot.charger.as_ref().is_none_or(|charger| *charger == station.waypoint);
     let mine = stations.iter().filter(own);
     if graph.is_none() {
-        // The least that a simulation knows.
-        let travel: Vec<String> = mine.map(|station| format!("{} = 1", station.id)).collect();
+        let travel: Vec<String> = mine.map(|station| format!("{} = {UNKNOWN_WAY_S}", station.id)).collect();
         let _ = writeln!(text, "travel_s = {{ {} }}", travel.join(", "));
         return;
     }

@@ -62,7 +62,7 @@ function options(holder, series, unit, height, range) {
     columns.push({ label: one.name, stroke: colour, width: 2, value: number, spanGaps: true });
     columns.push({ label: `${one.name} − σ`, stroke: "transparent", width: 0, value: number, points: { show: false }, spanGaps: true });
     columns.push({ label: `${one.name} + σ`, stroke: "transparent", width: 0, value: number, points: { show: false }, spanGaps: true });
-    bands.push({ series: [first + 2, first + 1], fill: colour + "33" });
+    bands.push({ series: [first + 2, first + 1], fill: colour + "55" });
   });
   return {
     width: Math.max(240, holder.clientWidth),

@@ -100,7 +100,7 @@ impl FactArgs {
         );
         let mut log = read_log_from(&file, &mut BufReader::with_capacity(1 << 16, all), facts)?;
         if parts.len() > 1 {
-            log.notes.push(format!("{file}: and what the recording's {} other files go on with", parts.len() - 1));
+            log.notes.push(format!("{}: {} files, read as one recording", path.display(), parts.len()));
         }
         say(&log.notes);
         Ok(log)
