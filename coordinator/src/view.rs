@@ -12,7 +12,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
-use crate::scheduler::charging::Table;
+use crate::scheduler::charging::{Table, step_of};
 use crate::scheduler::{Begun, PackView, RobotView, SpareView, StationView, Tables, View};
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::trust::Trust;
@@ -57,28 +57,40 @@ impl Basis<'_> {
     pub fn view(&self) -> View {
         let stations: Vec<StationView> =
             self.models.stations.iter().map(|(id, models)| self.station(id, models, self.fleet.stations.get(id))).collect();
+        let mut tables = BTreeMap::new();
         let robots = self.fleet.robots.iter().filter_map(|(id, robot)| {
             let (gauge, state) = robot.known()?;
             let plannable = !self.running.contains_key(id) && matches!(state.phase, RobotPhase::Working | RobotPhase::Waiting);
             let battery = self.models.battery(id, &state.battery)?;
-            plannable.then(|| self.robot(id, gauge, state, battery, &stations))
+            plannable.then(|| self.robot(id, gauge, state, battery, &stations, &mut tables))
         });
-        View { now: self.now, robots: robots.collect(), stations }
+        let robots = robots.collect();
+        View { now: self.now, robots, stations }
     }
 
-    fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, stations: &[StationView]) -> RobotView {
+    fn robot(
+        &self,
+        id: &RobotId,
+        gauge: &Gauge,
+        state: &RobotState,
+        battery: &Arc<Model>,
+        stations: &[StationView],
+        tables: &mut BTreeMap<(usize, usize, i32), Arc<Table>>,
+    ) -> RobotView {
         let (soc, remaining_wh) = self.trust.belief(self.now, id, gauge, state, battery.battery().stored_wh());
-        let soc = wider(soc, self.watch.wider(&Subject::RobotBattery(id.clone())));
+        let doubts = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())];
+        let doubts = doubts.map(|of| self.watch.wider(&of));
+        let soc = wider(soc, doubts[0]);
         let per_s = |power_w: f64| (power_w / battery.battery().stored_wh() / S_PER_H).max(1e-12);
         let drain_soc_per_s = per_s(state.drain_w.value);
         let caution = Normal::standard().inverse_cdf(self.settings.confidence);
         let held = self.promised.contains(id);
-        let (pessimistic_s, drain_hi_w) = self.empty_s(id, remaining_wh, state, caution);
+        let (pessimistic_s, drain_hi_w) = empty_s(remaining_wh, state, doubts, caution);
         // A promise that was given is not broken over the last minute of its margin.
-        let empty_s = if held { self.empty_s(id, remaining_wh, state, HELD_CAUTION * caution).0 } else { pessimistic_s };
+        let empty_s = if held { empty_s(remaining_wh, state, doubts, HELD_CAUTION * caution).0 } else { pessimistic_s };
         // What nobody knows yet lasts no longer than a full pack would by the cautious drain.
         let full_s = battery.battery().stored_wh() / drain_hi_w.max(f64::MIN_POSITIVE) * S_PER_H;
-        let expected_s = self.empty_s(id, remaining_wh, state, 0.0).0.min(full_s).max(pessimistic_s);
+        let expected_s = empty_s(remaining_wh, state, doubts, 0.0).0.min(full_s).max(pessimistic_s);
         let lasts_s = Estimate::new(expected_s, (expected_s - pessimistic_s) / caution.max(f64::MIN_POSITIVE));
         let mut view = RobotView {
             robot: id.clone(),
@@ -103,7 +115,9 @@ impl Basis<'_> {
                 view.closed.push((station.station.clone(), why.clone()));
                 continue;
             }
-            let table = self.table(&station.station, &self.models.stations[&station.station], battery, gauge.temperature_degc);
+            let kind = (index, Arc::as_ptr(battery).addr(), step_of(gauge.temperature_degc) as i32);
+            let made = || self.table(&station.station, &self.models.stations[&station.station], battery, gauge.temperature_degc);
+            let table = Arc::clone(tables.entry(kind).or_insert_with(made));
             handled_s = handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
             view.travel.push((index, travel.time_s, table));
         }
@@ -121,21 +135,6 @@ impl Basis<'_> {
     pub fn table(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, temperature_degc: f64) -> Arc<Table> {
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
         self.tables.of(id, models, self.side_by_side(id), battery, temperature_degc, levels)
-    }
-
-    /// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic by `z`
-    /// sigmas; and that drain, W.
-    fn empty_s(&self, id: &RobotId, remaining_wh: Estimate, state: &RobotState, z: f64) -> (f64, f64) {
-        // A doubted model is less certain than it says.
-        let [battery, work, on_way] = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())]
-            .map(|of| self.watch.wider(&of));
-        let drain_w = state.drain_w.value + z * work * state.drain_w.sigma;
-        // What the cheapest way home takes beyond as much work is kept back for it.
-        let beyond_wh = |way: &Travel| way.energy_wh.value + z * on_way * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
-        let reserve_wh = state.travel.values().map(beyond_wh).fold(f64::INFINITY, f64::min);
-        let reserve_wh = if reserve_wh.is_finite() { reserve_wh.max(0.0) } else { 0.0 };
-        let energy_wh = (remaining_wh.value - z * battery * remaining_wh.sigma - reserve_wh).max(0.0);
-        (if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }, drain_w)
     }
 
     /// One station, with what services that have begun hold of it.
@@ -346,6 +345,18 @@ impl Basis<'_> {
         let shared_wh = need.shared_wh.iter().map(|change_wh| factor * change_wh).collect();
         Need { mean_wh: need.mean_wh, shared_wh, own_variance: factor * factor * need.own_variance }
     }
+}
+
+/// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic by `z` sigmas; and
+/// that drain, W. The models of its battery, its work and its ways are less certain than they say by these factors.
+fn empty_s(remaining_wh: Estimate, state: &RobotState, [battery, work, on_way]: [f64; 3], z: f64) -> (f64, f64) {
+    let drain_w = state.drain_w.value + z * work * state.drain_w.sigma;
+    // What the cheapest way home takes beyond as much work is kept back for it.
+    let beyond_wh = |way: &Travel| way.energy_wh.value + z * on_way * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
+    let reserve_wh = state.travel.values().map(beyond_wh).fold(f64::INFINITY, f64::min);
+    let reserve_wh = if reserve_wh.is_finite() { reserve_wh.max(0.0) } else { 0.0 };
+    let energy_wh = (remaining_wh.value - z * battery * remaining_wh.sigma - reserve_wh).max(0.0);
+    (if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }, drain_w)
 }
 
 fn wider(estimate: Estimate, factor: f64) -> Estimate {

@@ -2,7 +2,7 @@
 //! log by which a change that led nowhere is taken back.
 
 use crate::book::Book;
-use crate::problem::Problem;
+use crate::problem::{Problem, Tick};
 use crate::way::Ways;
 
 /// For a robot without a service.
@@ -52,6 +52,33 @@ impl<'w, 'p> Draft<'w, 'p> {
         let lost: Vec<u32> = (0..problem.robots.len()).filter(|&robot| problem.strands(robot)).map(|robot| robot as u32).collect();
         lost.iter().zip(0..).for_each(|(&robot, place)| lost_at[robot as usize] = place);
         Self { ways, books, chosen: vec![NONE; problem.robots.len()], score, lost, lost_at, log: Vec::new() }
+    }
+
+    /// The same plan among other ways of the same problem: those who have a way there too keep their places, and
+    /// nothing is booked anew.
+    #[must_use]
+    pub(crate) fn among<'v>(mut self, ways: &'v Ways<'p>) -> Draft<'v, 'p> {
+        let served = (0..self.chosen.len()).filter(|&robot| self.chosen[robot] != NONE);
+        let found: Vec<(usize, Option<usize>)> = served
+            .map(|robot| {
+                let way = &self.ways.of(robot).ways[self.chosen[robot] as usize];
+                (robot, ways.of(robot).find(usize::from(way.station), Tick::from(way.start), way.mode))
+            })
+            .collect();
+        found.iter().filter(|(_, way)| way.is_none()).for_each(|&(robot, _)| self.strike(robot));
+        found.iter().for_each(|&(robot, way)| self.chosen[robot] = way.map_or(NONE, |way| way as u32));
+        let Self { books, chosen, score, lost, lost_at, .. } = self;
+        let mut draft = Draft { ways, books, chosen, score, lost, lost_at, log: Vec::new() };
+        // Ways may be priced otherwise than they were.
+        let services = (0..draft.chosen.len()).filter(|&robot| draft.chosen[robot] != NONE);
+        let unserved = |robot: usize| {
+            let robot = &draft.problem().robots[robot];
+            robot.missed_unserved(draft.problem().batteries[robot.battery].floor)
+        };
+        let all: i64 = (0..draft.chosen.len()).map(unserved).sum();
+        let saved: i64 = services.map(|robot| draft.cost_of(robot) - i64::from(ways.of(robot).unserved_cost)).sum();
+        draft.score.cost = all + saved;
+        draft
     }
 
     /// The problem.

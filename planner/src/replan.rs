@@ -59,32 +59,31 @@ pub fn hold(problem: &mut Problem, before: &[Session]) {
 /// that is not uncertain, or somebody has lost a place.
 fn quantiles(problem: &Problem, before: &[Session]) -> Vec<Option<f64>> {
     let committed = commitments(problem, before);
-    let mut moved = vec![false; committed.len()];
-    loop {
-        let ways = Ways::for_replanning(problem, &committed, &moved, 0);
-        let draft = nearest(&ways, before);
-        let without = |robot: &usize| problem.robots[*robot].held && draft.chosen[*robot] == NONE;
-        let without: Vec<usize> = (0..committed.len()).filter(without).collect();
-        // Who gives way to one that moved must move too.
-        if without.iter().any(|&robot| !moved[robot]) {
-            without.iter().for_each(|&robot| moved[robot] = true);
-            continue;
-        }
-        let mut lost = vec![false; problem.stations.len()];
-        for travel in without.iter().flat_map(|&robot| &problem.robots[robot].travel) {
-            lost[travel.station] = true;
-        }
-        // A unit less, so that rounding leaves them room.
-        let quantile = |(spare, sigma): (i64, f64)| (spare - 1) as f64 / sigma.max(1.0);
-        return draft.books.iter().zip(lost).map(|(book, lost)| book.margin().filter(|_| !lost).map(quantile)).collect();
+    let ways = Ways::new(problem);
+    let draft = nearest(&ways, before);
+    let without = |robot: &usize| committed[*robot].is_some() && problem.robots[*robot].held && draft.chosen[*robot] == NONE;
+    let mut lost = vec![false; problem.stations.len()];
+    for travel in (0..committed.len()).filter(without).flat_map(|robot| &problem.robots[robot].travel) {
+        lost[travel.station] = true;
     }
+    // A unit less, so that rounding leaves them room.
+    let quantile = |(spare, sigma): (i64, f64)| (spare - 1) as f64 / sigma.max(1.0);
+    draft.books.iter().zip(lost).map(|(book, lost)| book.margin().filter(|_| !lost).map(quantile)).collect()
 }
 
-/// Those to whom a service was promised, as near to their old sessions as there is a place.
+/// Those to whom a service was promised, as near to their old sessions as there is a place. Who gives way to
+/// one that had to move moves too.
 fn nearest<'w, 'p>(ways: &'w Ways<'p>, before: &[Session]) -> Draft<'w, 'p> {
     let mut draft = Draft::new(ways);
     for session in before.iter().filter(|session| ways.problem().robots[session.robot].held) {
-        let (choices, book) = (ways.of(session.robot), &draft.books[session.station]);
+        let book = &draft.books[session.station];
+        let just = ways.promised(session.robot, Commitment { station: session.station, start: session.start, mode: session.mode });
+        if just.ways.first().is_some_and(|way| book.fits(&just, way)) {
+            ways.leave(session.robot, just);
+            draft.serve(session.robot, 0);
+            continue;
+        }
+        let choices = ways.of(session.robot);
         let alike = |way: &Way| usize::from(way.station) == session.station && way.mode == session.mode && book.fits(choices, way);
         let alike = choices.ways.iter().zip(0..).filter(|(way, _)| alike(way));
         if let Some((_, nearest)) = alike.min_by_key(|(way, _)| u32::from(way.start).abs_diff(session.start)) {
@@ -121,13 +120,7 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
     neighbours(problem, &draft, &anew, &mut free);
 
     let ways = Ways::for_replanning(problem, &committed, &free, loyalty);
-    let mut mended = Draft::new(&ways);
-    for robot in (0..free.len()).filter(|&robot| draft.chosen[robot] != NONE) {
-        let Some(commitment) = committed[robot] else { continue };
-        if let Some(way) = ways.of(robot).find(commitment.station, commitment.start, commitment.mode) {
-            mended.serve(robot, way as u32);
-        }
-    }
+    let mut mended = draft.among(&ways);
     for &robot in &anew {
         if let Some(way) = mended.cheapest(robot, if mended.is_stranded(robot) { i64::MAX } else { mended.cost_of(robot) }) {
             mended.serve(robot, way);
@@ -144,7 +137,7 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
         moves += MOVES_AT_ONCE;
     }
     search.return_to_best();
-    finished(problem, &search.draft, &committed, &free)
+    finished(problem, search.draft, &committed, &free)
 }
 
 /// Plans everybody anew by the policy of that name, beginning from the plan whose sessions were
@@ -193,9 +186,8 @@ pub fn renew(
     if draft.broken() > broken(problem, &kept) {
         draft.become_choice(&kept);
     }
-    let mut mended = finished(problem, &draft, &committed, &free);
+    let mut mended = finished(problem, draft, &committed, &free);
     // Two sets of all ways need not be in memory at once.
-    drop(draft);
     drop(ways);
     let honest = Ways::new(problem);
     mended.plan.bound.stranded = optimise::least_stranded(&honest);
@@ -241,7 +233,7 @@ fn neighbours(problem: &Problem, draft: &Draft<'_, '_>, anew: &[usize], free: &m
 }
 
 /// The plan, judged without loyalty.
-fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commitment>], asked: &[bool]) -> Replanned {
+fn finished<'p>(problem: &'p Problem, draft: Draft<'_, 'p>, committed: &[Option<Commitment>], asked: &[bool]) -> Replanned {
     let honest: Vec<Option<Commitment>> = (0..committed.len())
         .map(|robot| {
             let way = *draft.ways.of(robot).ways.get(draft.chosen[robot] as usize)?;
@@ -252,11 +244,10 @@ fn finished(problem: &Problem, draft: &Draft<'_, '_>, committed: &[Option<Commit
     // Who is left out and was asked about is told why, and for that all ways count.
     let is_told: Vec<bool> =
         (0..honest.len()).map(|robot| honest[robot].is_none() && (asked[robot] || committed[robot].is_some())).collect();
-    let ways = Ways::for_replanning(problem, &honest, &is_told, 0);
-    let mut draft = Draft::new(&ways);
-    for robot in (0..honest.len()).filter(|&robot| honest[robot].is_some()) {
-        draft.serve(robot, 0);
-    }
+    let mut ways = Ways::for_replanning(problem, &honest, &is_told, 0);
+    // Without a commitment loyalty has changed nothing.
+    ways.take_over(draft.ways, (0..honest.len()).filter(|&robot| is_told[robot] && asked[robot] && committed[robot].is_none()));
+    let draft = draft.among(&ways);
     // What can be said of any plan without looking at the ways: it strands nobody and misses nothing.
     let mut plan = Plan::new(&draft, 0, 0, 0);
     let unasked: BTreeSet<usize> = plan.unserved.iter().map(|unserved| unserved.robot).filter(|&robot| !is_told[robot]).collect();

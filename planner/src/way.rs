@@ -121,6 +121,22 @@ impl<'p> Ways<'p> {
         made
     }
 
+    /// The way that a robot was promised, or none where it can no longer have it.
+    #[must_use]
+    pub(crate) fn promised(&self, robot: usize, commitment: Commitment) -> Choices {
+        choices(self.problem, robot, Some(Only::This(commitment)))
+    }
+
+    /// Leaves a robot whose ways nobody has asked for yet with these.
+    pub(crate) fn leave(&self, robot: usize, choices: Choices) {
+        self.choices[robot].set(choices).expect("nobody has asked for them yet");
+    }
+
+    /// Takes the ways of robots over from others of the same problem: those that are named.
+    pub(crate) fn take_over(&mut self, other: &Self, robots: impl Iterator<Item = usize>) {
+        robots.for_each(|robot| self.choices[robot] = other.choices[robot].clone());
+    }
+
     /// The ways of one robot, by index.
     #[must_use]
     pub fn of(&self, robot: usize) -> &Choices {

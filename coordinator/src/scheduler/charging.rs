@@ -170,6 +170,7 @@ impl Tables {
     }
 }
 
-fn step_of(temperature_degc: f64) -> f64 {
+/// The step of temperature that a table stands for.
+pub(crate) fn step_of(temperature_degc: f64) -> f64 {
     (temperature_degc / TEMPERATURE_STEP_DEGC).round()
 }
