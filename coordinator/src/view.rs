@@ -85,12 +85,12 @@ impl Basis<'_> {
         let drain_soc_per_s = per_s(state.drain_w.value);
         let caution = Normal::standard().inverse_cdf(self.settings.confidence);
         let held = self.promised.contains(id);
-        let (pessimistic_s, drain_hi_w) = empty_s(remaining_wh, state, doubts, caution);
+        let (pessimistic_s, drain_hi_w) = lasting_s(remaining_wh, state, doubts, caution);
         // A promise that was given is not broken over the last minute of its margin.
-        let empty_s = if held { empty_s(remaining_wh, state, doubts, HELD_CAUTION * caution).0 } else { pessimistic_s };
+        let empty_s = if held { lasting_s(remaining_wh, state, doubts, HELD_CAUTION * caution).0 } else { pessimistic_s };
         // What nobody knows yet lasts no longer than a full pack would by the cautious drain.
         let full_s = battery.battery().stored_wh() / drain_hi_w.max(f64::MIN_POSITIVE) * S_PER_H;
-        let expected_s = empty_s(remaining_wh, state, doubts, 0.0).0.min(full_s).max(pessimistic_s);
+        let expected_s = lasting_s(remaining_wh, state, doubts, 0.0).0.min(full_s).max(pessimistic_s);
         let lasts_s = Estimate::new(expected_s, (expected_s - pessimistic_s) / caution.max(f64::MIN_POSITIVE));
         let mut view = RobotView {
             robot: id.clone(),
@@ -349,7 +349,7 @@ impl Basis<'_> {
 
 /// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic by `z` sigmas; and
 /// that drain, W. The models of its battery, its work and its ways are less certain than they say by these factors.
-fn empty_s(remaining_wh: Estimate, state: &RobotState, [battery, work, on_way]: [f64; 3], z: f64) -> (f64, f64) {
+fn lasting_s(remaining_wh: Estimate, state: &RobotState, [battery, work, on_way]: [f64; 3], z: f64) -> (f64, f64) {
     let drain_w = state.drain_w.value + z * work * state.drain_w.sigma;
     // What the cheapest way home takes beyond as much work is kept back for it.
     let beyond_wh = |way: &Travel| way.energy_wh.value + z * on_way * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
