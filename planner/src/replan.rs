@@ -21,7 +21,7 @@ use crate::search::Search;
 use crate::way::{Commitment, Way, Ways};
 
 /// Neighbours whose promises may come into question.
-const NEIGHBOURS_MAX: usize = 32;
+const NEIGHBOURS_MAX: usize = 16;
 /// Moves between two looks at the budget.
 const MOVES_AT_ONCE: u64 = 25;
 /// Greatest loyalty.

@@ -19,7 +19,7 @@ const NEW_SHARE_MAX: f64 = 0.1;
 const MOVES_MIN: u64 = 400;
 const MOVES_MAX: u64 = 10_000;
 /// Most moves of a search that mends a plan, some 10 us each: somebody waits for it.
-const MENDING_MOVES_MAX: u64 = 500;
+const MENDING_MOVES_MAX: u64 = 300;
 /// The search's seed: the same beliefs and the same last plan give the same plan.
 const SEED: u64 = 1;
 
@@ -93,7 +93,7 @@ fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Repl
     let sessions = task.sessions(&before.planned);
     let robots = problem.robots.len();
     let most = if effort == Effort::Mend { MENDING_MOVES_MAX } else { MOVES_MAX };
-    let mut moves = Moves((settings.moves_per_robot * robots as u64).clamp(MOVES_MIN, most));
+    let mut moves = Moves((settings.moves_per_robot * robots as u64).max(MOVES_MIN).min(most));
     let loyalty = worth(settings.loyalty_s, task.grid);
     if effort == Effort::Mend {
         let known: BTreeSet<&RobotId> = before.robots().collect();
