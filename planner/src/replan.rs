@@ -22,6 +22,8 @@ use crate::way::{Commitment, Way, Ways};
 
 /// Neighbours whose promises may come into question.
 const NEIGHBOURS_MAX: usize = 16;
+/// Ticks by which a promised service may slip when it no longer fits.
+const SLIP_MAX: u32 = 6;
 /// Moves between two looks at the budget.
 const MOVES_AT_ONCE: u64 = 25;
 /// Greatest loyalty.
@@ -105,13 +107,24 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
     let mut free = vec![false; problem.robots.len()];
     changed.iter().for_each(|&robot| free[robot] = true);
 
-    // What still fits is kept, in order of start; what does not is planned anew.
-    let kept = Ways::for_replanning(problem, &committed, &free, loyalty);
+    // What still fits is kept, in order of start, or comes a little later: a charge that takes a tick more
+    // would else cost the next robot in a full bay its promise. What fits no more is planned anew.
+    let kept = Ways::new(problem);
     let mut draft = Draft::new(&kept);
+    let mut now = committed.clone();
     for session in before.iter().filter(|session| !changed.contains(&session.robot)) {
-        let robot = session.robot;
-        match draft.cheapest(robot, i64::MAX) {
-            Some(way) if draft.chosen[robot] == NONE => draft.serve(robot, way),
+        let (robot, book) = (session.robot, &draft.books[session.station]);
+        let place = (session.start..=session.start + SLIP_MAX).find_map(|start| {
+            let commitment = Commitment { station: session.station, start, mode: session.mode };
+            let just = kept.promised(robot, commitment);
+            just.ways.first().is_some_and(|way| book.fits(&just, way)).then_some((commitment, just))
+        });
+        match place {
+            Some((commitment, just)) if draft.chosen[robot] == NONE => {
+                now[robot] = Some(commitment);
+                kept.leave(robot, just);
+                draft.serve(robot, 0);
+            }
             _ => free[robot] = true,
         }
     }
@@ -119,7 +132,7 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
     anew.sort_by_key(|&robot| urgency(problem, robot));
     neighbours(problem, &draft, &anew, &mut free);
 
-    let ways = Ways::for_replanning(problem, &committed, &free, loyalty);
+    let ways = Ways::for_replanning(problem, &now, &free, loyalty);
     let mut mended = draft.among(&ways);
     for &robot in &anew {
         if let Some(way) = mended.cheapest(robot, if mended.is_stranded(robot) { i64::MAX } else { mended.cost_of(robot) }) {

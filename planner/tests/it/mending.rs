@@ -31,3 +31,30 @@ fn a_bay_that_fails_moves_its_robots() {
     assert!(!mended.moved.is_empty());
     assert_eq!(mended, replan(&problem, &before.sessions, &[], 5, 1, &mut Moves(2000)));
 }
+
+#[test]
+fn a_charge_that_takes_a_tick_more_makes_those_behind_it_slip_and_breaks_no_promise() {
+    let instance = Instance::parse(include_str!("../instances/16-2-1.json")).expect("an instance");
+    let mut problem = instance.problem;
+    // Bays are what is scarce, and nobody can come much later.
+    for station in &mut problem.stations {
+        station.bays = 1;
+        station.spares.clear();
+        station.ongoing.clear();
+        station.packs.iter_mut().for_each(|pack| pack.remaining *= 10);
+    }
+    let before = plan(&problem, "optimise", 1, &mut Moves(20_000)).expect("a plan");
+    before.sessions.iter().for_each(|session| problem.robots[session.robot].held = true);
+    for station in 0..problem.stations.len() {
+        let Some(first) = before.sessions.iter().filter(|session| session.station == station).min_by_key(|session| session.start) else {
+            continue;
+        };
+        let robot = &mut problem.robots[first.robot];
+        robot.energy -= problem.batteries[robot.battery].chargers[problem.stations[station].charger].curve[0].gain;
+    }
+    let mended = replan(&problem, &before.sessions, &[], 5, 1, &mut Moves(0));
+    assert_eq!(mended.plan.objective.all(), judged(&problem, &mended.plan));
+    assert!(!mended.moved.is_empty());
+    let broken: Vec<_> = mended.plan.unserved.iter().filter(|one| problem.robots[one.robot].held).collect();
+    assert!(broken.is_empty(), "{broken:?}");
+}
