@@ -60,12 +60,11 @@ pub fn hold(problem: &mut Problem, before: &[Session]) {
 /// How many standard deviations each station's packs hold beyond what is promised already; none where
 /// that is not uncertain, or somebody has lost a place.
 fn quantiles(problem: &Problem, before: &[Session]) -> Vec<Option<f64>> {
-    let committed = commitments(problem, before);
     let ways = Ways::new(problem);
     let draft = nearest(&ways, before);
-    let without = |robot: &usize| committed[*robot].is_some() && problem.robots[*robot].held && draft.chosen[*robot] == NONE;
+    let without = |robot: &usize| problem.robots[*robot].held && draft.chosen[*robot] == NONE;
     let mut lost = vec![false; problem.stations.len()];
-    for travel in (0..committed.len()).filter(without).flat_map(|robot| &problem.robots[robot].travel) {
+    for travel in (0..problem.robots.len()).filter(without).flat_map(|robot| &problem.robots[robot].travel) {
         lost[travel.station] = true;
     }
     // A unit less, so that rounding leaves them room.
