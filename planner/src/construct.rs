@@ -1,7 +1,8 @@
 //! Plans at once: robots in some order, each takes its best way that is still free.
 
 use crate::draft::{Draft, NONE};
-use crate::way::{Choices, Mode, Thrift, Way, Ways};
+use crate::thrift::Thrift;
+use crate::way::{Choices, Mode, Way, Ways};
 
 /// Who goes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -51,6 +51,7 @@ pub mod replan;
 mod search;
 pub mod solution;
 pub mod supply;
+mod thrift;
 mod turns;
 pub mod way;
 

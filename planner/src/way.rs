@@ -4,8 +4,8 @@
 
 use std::cell::OnceCell;
 
-use crate::book::Book;
 use crate::problem::{Battery, Charger, LeftPacks, Problem, Station, Tick};
+use crate::thrift::Thrift;
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
 pub const NEVER: u16 = u16::MAX;
@@ -167,33 +167,6 @@ impl<'p> Ways<'p> {
     #[must_use]
     pub fn problem(&self) -> &'p Problem {
         self.problem
-    }
-}
-
-/// What ways take of all that their stations have.
-#[derive(Debug)]
-pub(crate) struct Thrift {
-    /// Bay ticks, lift ticks, spares and energy of each station.
-    there: Vec<[f64; 4]>,
-    horizon: f64,
-}
-
-impl Thrift {
-    pub(crate) fn new(problem: &Problem) -> Self {
-        let there = problem.stations.iter().map(|station| Book::new(problem, station).plenty()).collect();
-        Self { there, horizon: f64::from(problem.horizon) }
-    }
-
-    /// Thousandths, of bays, lift or spares and of energy together.
-    pub(crate) fn of(&self, way: &Way) -> i32 {
-        let [bays, lift, spares, energy] = self.there[usize::from(way.station)];
-        let place = match way.mode {
-            Mode::Charge(_) => f64::from(way.end - way.start) / bays + 2.0 / lift,
-            Mode::Swap => 0.25 / spares,
-            // The spare comes back.
-            Mode::SwapAndRecharge => 0.25 / spares * f64::from(way.ready - way.start) / self.horizon,
-        };
-        (1e3 * (place + way.energy as f64 / energy)).min(1e6) as i32 + 1
     }
 }
 
