@@ -90,8 +90,10 @@ impl Basis<'_> {
         let empty_s = if held { lasting_s(remaining_wh, state, doubts, HELD_CAUTION * caution).0 } else { pessimistic_s };
         // What nobody knows yet lasts no longer than a full pack would by the cautious drain.
         let full_s = battery.battery().stored_wh() / drain_hi_w.max(f64::MIN_POSITIVE) * S_PER_H;
+        // (Who draws nothing for certain lasts for ever, however it is looked at.)
         let expected_s = lasting_s(remaining_wh, state, doubts, 0.0).0.min(full_s).max(pessimistic_s);
-        let lasts_s = Estimate::new(expected_s, (expected_s - pessimistic_s) / caution.max(f64::MIN_POSITIVE));
+        let spread_s = if expected_s.is_finite() { expected_s - pessimistic_s } else { 0.0 };
+        let lasts_s = Estimate::new(expected_s, spread_s / caution.max(f64::MIN_POSITIVE));
         let mut view = RobotView {
             robot: id.clone(),
             battery: Arc::clone(battery),

@@ -11,8 +11,8 @@ use super::Agent;
 /// means of blocks differ as tasks do.
 const BLOCK_S: f64 = 60.0;
 
-/// Time in which a robot usually empties a full pack, h: Clearpath's Husky A200 in typical use. Boston
-/// Dynamics' Spot takes 1.5 h, MiR's MiR100 10 h (their data sheets).
+/// Time in which a robot usually empties a full pack, h: a guess, with a deviation as large as what follows from
+/// it, for the two minutes until it is measured.
 const RUN_TIME_H: f64 = 3.0;
 
 /// What a robot draws of whose work nothing has been measured yet, W: what empties its pack in the usual
