@@ -12,7 +12,8 @@
 
 #![allow(clippy::disallowed_methods, reason = "a bench measures time")]
 
-use std::fmt::Write as _;
+mod fleet;
+
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -20,18 +21,10 @@ use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::anyhow;
+use fleet::{NEWCOMER_SOC, id, pack, soc_of};
 use node::{Link, NetworkConfig};
-use proto::{
-    BayId, BayPhase, BayState, Estimate, Gauge, Key, Mission, PackId, PackState, RobotId, RobotPhase, RobotState, Schedule, SiteId,
-    StationId, StationState, Timestamp, Travel,
-};
+use proto::{Gauge, Key, RobotId, RobotState, Schedule, SiteId, StationId, Timestamp};
 
-/// Stations of the site, bays and packs of each: enough for everybody.
-const STATIONS: usize = 50;
-const BAYS: usize = 6;
-const PACKS: usize = 12;
-/// Charge with which newcomers come: enough that nobody has to leave at once, which nobody here would do.
-const NEWCOMER_SOC: f64 = 0.3;
 /// Newcomers in a second.
 const NEWCOMERS_HZ: f64 = 0.8;
 /// Longest that a plan about a newcomer is waited for.
@@ -40,7 +33,6 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const LISTENING: Duration = Duration::from_secs(3);
 /// Until everybody is known and the first plans are made.
 const SETTLED: Duration = Duration::from_secs(15);
-const BATTERY: &str = "explorer-3s1p-1320mah";
 
 fn main() -> anyhow::Result<()> {
     let setting = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().expect("a number"));
@@ -62,13 +54,7 @@ fn main() -> anyhow::Result<()> {
 }
 
 fn start(folder: &Path, port: u16) -> anyhow::Result<Child> {
-    let mut config = "schema = 1\nsite = \"site\"\n[policy]\npatience_s = 5\n[web]\nenabled = false\n".to_owned();
-    writeln!(config, "[network]\nlisten = [\"tcp/127.0.0.1:{port}\"]")?;
-    for n in 0..STATIONS {
-        writeln!(config, "[stations.s{n}]\nload = \"mds-station\"\nload_s = 30\nunload_s = 30\nswap_s = 60")?;
-        let packs: Vec<String> = (0..PACKS).map(|n| format!("p{n:02} = \"mds-3s4p-7600mah\"")).collect();
-        writeln!(config, "packs = {{ {} }}", packs.join(", "))?;
-    }
+    let config = fleet::config(&format!("[web]\nenabled = false\n[network]\nlisten = [\"tcp/127.0.0.1:{port}\"]\n"));
     let path = folder.join("coordinator.toml");
     std::fs::write(&path, config)?;
     let log = std::fs::File::create(folder.join("log"))?;
@@ -80,7 +66,7 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     let link = connect(port).await?;
     let seq = Arc::new(AtomicU64::new(1));
     let names: Vec<RobotId> = (0..robots).map(|n| id(&format!("r{n}"))).collect();
-    let stations: Vec<StationId> = (0..STATIONS).map(|n| id(&format!("s{n}"))).collect();
+    let stations = fleet::stations();
     let plans = plans(&link).await?;
     let stop = Arc::new(AtomicBool::new(false));
     let joined = Arc::new(AtomicUsize::new(0));
@@ -204,9 +190,9 @@ async fn say_states(
 ) -> anyhow::Result<()> {
     while !stop.load(Ordering::Relaxed) {
         for station in &stations {
-            link.publish(&Key::StationState(station.clone()), &station_state(&seq)).await?;
-            for n in 0..PACKS {
-                link.publish(&Key::PackGauge(station.clone(), id(&format!("p{n:02}"))), &pack_gauge(&seq)).await?;
+            link.publish(&Key::StationState(station.clone()), &fleet::station_state(now(), next(&seq))).await?;
+            for n in 0..fleet::PACKS {
+                link.publish(&Key::PackGauge(station.clone(), pack(n)), &fleet::pack_gauge(now(), next(&seq))).await?;
             }
         }
         for (n, robot) in robots.iter().enumerate() {
@@ -222,83 +208,23 @@ async fn say_states(
     Ok(())
 }
 
-fn id<T: std::str::FromStr<Err: std::fmt::Debug>>(text: &str) -> T {
-    text.parse().expect("an id")
-}
-
 fn now() -> Timestamp {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970");
     Timestamp::from_unix_ms(since.as_millis() as i64)
 }
 
-/// Charges from 25 % up: some want a service soon, most do not.
-fn soc_of(n: usize, robots: usize) -> f64 {
-    0.25 + 0.7 * n as f64 / robots as f64
+fn next(seq: &AtomicU64) -> u64 {
+    seq.fetch_add(1, Ordering::Relaxed)
 }
 
 /// The gauge of a robot that had this charge when the bench began, and has worked since.
 fn gauge(seq: &AtomicU64, soc: f64) -> Gauge {
     static BEGIN: LazyLock<Instant> = LazyLock::new(Instant::now);
-    let (full_wh, power_w) = (14.6, 4.3);
-    let soc = soc - BEGIN.elapsed().as_secs_f64() / 3600.0 * power_w / full_wh;
-    Gauge {
-        at: now(),
-        seq: seq.fetch_add(1, Ordering::Relaxed),
-        soc: Estimate::new(soc, 0.01),
-        remaining_wh: Estimate::new(soc * full_wh, 0.15),
-        full_wh: Estimate::new(full_wh, 0.15),
-        time_to_empty_s: Some(Estimate::new(soc * full_wh / power_w * 3600.0, 120.0)),
-        time_to_full_s: None,
-        soh: Estimate::new(1.0, 0.02),
-        cycles: None,
-        voltage_v: 10.5 + 1.8 * soc,
-        current_a: power_w / 11.1,
-        temperature_degc: 25.0,
-        power_w,
-        cells_series: 3,
-        source: "bench".to_owned(),
-    }
-}
-
-fn pack_gauge(seq: &AtomicU64) -> Gauge {
-    let full = Estimate::new(84.0, 0.8);
-    Gauge { soc: Estimate::new(1.0, 0.01), remaining_wh: full, full_wh: full, ..gauge(seq, 1.0) }
+    fleet::gauge(now(), next(seq), soc, BEGIN.elapsed().as_secs_f64())
 }
 
 fn state(n: usize, stations: &[StationId], seq: &AtomicU64) -> RobotState {
-    let travel = |k: usize, time_s: f64| (stations[k % stations.len()].clone(), Travel { time_s, energy_wh: Estimate::new(0.1, 0.01) });
-    RobotState {
-        at: now(),
-        seq: seq.fetch_add(1, Ordering::Relaxed),
-        phase: RobotPhase::Working,
-        station: None,
-        bay: None,
-        drain_w: Estimate::new(4.3, 0.1),
-        travel: [travel(n, 120.0), travel(n + 1, 300.0), travel(n + 7, 900.0)].into(),
-        mission: Mission { weight: 1.0, until: None },
-        battery: BATTERY.to_owned(),
-        last_command: None,
-        note: None,
-    }
-}
-
-fn station_state(seq: &AtomicU64) -> StationState {
-    let bay = |n: usize| BayState { bay: id::<BayId>(&format!("bay-{n}")), phase: BayPhase::Free, robot: None };
-    let pack = |n: usize| PackState { pack: id::<PackId>(&format!("p{n:02}")), connected: true, depleted: false };
-    StationState {
-        at: now(),
-        seq: seq.fetch_add(1, Ordering::Relaxed),
-        bays: (1..=BAYS).map(bay).collect(),
-        lift_busy: false,
-        swapping: None,
-        packs: (0..PACKS).map(pack).collect(),
-        active_pack: Some(id("p00")),
-        powered: true,
-        pack_power_w: 6.0,
-        spares: Vec::new(),
-        last_command: None,
-        note: None,
-    }
+    fleet::state(now(), next(seq), n, stations)
 }
 
 /// Processor time of a process, s.

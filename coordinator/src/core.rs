@@ -15,6 +15,8 @@ mod plan;
 mod serve;
 mod strays;
 mod study;
+#[cfg(test)]
+mod tests;
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -134,6 +136,8 @@ pub struct Core {
     /// The last instant that it was given.
     last: Option<Timestamp>,
     planned: Option<Timestamp>,
+    /// When the last few plans were made.
+    lately: VecDeque<Timestamp>,
     /// When a plan was last made as a whole.
     renewed: Option<Timestamp>,
     /// A whole plan that is being made beside the core, and what asked for it.
@@ -181,6 +185,7 @@ impl Core {
             started: None,
             last: None,
             planned: None,
+            lately: VecDeque::new(),
             renewed: None,
             studying: None,
             untold: Untold::default(),
@@ -317,7 +322,7 @@ impl Core {
     /// nothing would be due until that time came again.
     fn set_back(&mut self, by_ms: i64) {
         let earlier = |at: &mut Timestamp| *at = at.plus_ms(-by_ms);
-        self.started.iter_mut().chain(&mut self.planned).chain(&mut self.renewed).for_each(earlier);
+        self.started.iter_mut().chain(&mut self.planned).chain(&mut self.renewed).chain(&mut self.lately).for_each(earlier);
         self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
         for run in self.running.values_mut() {
             [&mut run.left, &mut run.start, &mut run.end].into_iter().for_each(earlier);

@@ -7,6 +7,9 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use coordinator::cmd;
 use node::log::LogFormat;
 
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Tender's coordinator: decides which robot docks where and when, recharge or exchange, from
 /// which pack, and how many robots each pack can still service.
 #[derive(Parser)]

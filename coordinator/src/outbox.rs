@@ -83,15 +83,15 @@ impl Outbox {
         full
     }
 
-    /// Takes the records out, to be kept one by one; what is still to be kept comes back by
-    /// [`Outbox::wait`].
+    /// Takes the records out, to be kept; what is still to be kept comes back by [`Outbox::put_back`].
     pub fn take_records(&mut self) -> Vec<Record> {
         std::mem::take(&mut self.records)
     }
 
-    /// A record that waits on.
-    pub fn wait(&mut self, record: Record) {
-        self.records.push(record);
+    /// Records that were taken out and wait on, before those that came since.
+    pub fn put_back(&mut self, mut records: Vec<Record>) {
+        records.append(&mut self.records);
+        self.records = records;
     }
 
     /// What is to be run beside the core: it rests on nothing that has to be kept first.

@@ -1,7 +1,7 @@
 //! The core on tokio and Zenoh.
 //!
 //! ```text
-//!   Zenoh ──> intake ──> Core::handle ──> poll ──> records ──> store (one batch at a time)
+//!   Zenoh ──> intake ──> Core::handle ──> poll ──> records ──> store (beside the core, one batch at a time)
 //!                                            └──> commands ──> query; the answer is an input
 //! ```
 //!
@@ -9,9 +9,11 @@
 //! written, the fleet is served on: events and commands wait in memory, old telemetry is dropped.
 
 mod hear;
+mod keep;
 mod lead;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, ensure};
@@ -20,7 +22,8 @@ use node::session::Answer;
 use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
 use tokio::sync::mpsc;
-use tracing::{debug, error, info, warn};
+use tokio::task::JoinHandle;
+use tracing::{error, info, warn};
 use zenoh::query::Query;
 
 use hear::{Gate, subscribe};
@@ -30,7 +33,7 @@ use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
 use crate::intake::Intake;
 use crate::outbox::Outbox;
-use crate::store::{Record, Retention, Store, StoreError, Sweep, shown};
+use crate::store::{Record, Store, StoreError, Sweep, shown};
 use crate::web::{self, Asked, Books, Desk, Past, Question, REPLAN_WHY, WebConfig};
 
 /// Messages that the core takes in before it looks at anything else again.
@@ -39,6 +42,8 @@ const AT_ONCE: usize = 256;
 const FLUSH: Duration = Duration::from_millis(500);
 /// Shortest real time that an answer to a command is waited for.
 const ANSWER_MIN: Duration = Duration::from_secs(1);
+/// By how much a study's thread is nicer than the others.
+const STUDY_NICE: i32 = 10;
 /// Real time between two steps of deleting what is old.
 const SWEEP: Duration = Duration::from_secs(1);
 
@@ -47,8 +52,10 @@ struct Service {
     link: Link,
     clock: Clock,
     core: Core,
-    store: Store,
+    store: Arc<Store>,
     outbox: Outbox,
+    /// The batch of records that is being written.
+    writing: Option<JoinHandle<keep::Batch>>,
     store_failed: bool,
     /// Until when it leads for sure; none where nobody can replace it.
     leads_until: Option<Instant>,
@@ -58,6 +65,7 @@ struct Service {
     patience_s: f64,
     past: Past,
     sweep: Sweep,
+    sweep_due: bool,
 }
 
 /// Runs until `stop` comes.
@@ -106,7 +114,8 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         clock,
         core,
         outbox: Outbox::new(numbering.epoch),
-        store,
+        store: Arc::new(store),
+        writing: None,
         store_failed: false,
         leads_until,
         replaced: false,
@@ -114,6 +123,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         patience_s,
         past: Past::default(),
         sweep: Sweep::default(),
+        sweep_due: false,
     };
     let (desk, mut asked) = web::desk();
     let _web = open_web(&config.web, desk).await?;
@@ -128,19 +138,23 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             Some(input) = news.recv() => service.take(input).await,
             () = intake.ready() => service.take_in(&intake).await,
             _ = ticks.tick() => service.take(Input::Tick).await,
-            _ = flushes.tick() => service.flush().await,
+            _ = flushes.tick() => service.write(),
+            batch = keep::done(&mut service.writing) => service.written(batch).await,
             _ = renewals.tick() => service.renew().await,
-            _ = sweeps.tick() => service.sweep(config).await,
+            _ = sweeps.tick() => service.sweep_due = true,
             Some(query) = questions.recv() => service.tell(&query).await,
             Some(asked) = asked.recv() => service.show(asked, config, path).await,
             () = &mut stop => break,
         }
+        service.sweep(config).await;
         if service.deposed() {
             return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
     }
     service.flush().await;
-    service.store.close().await;
+    if let Some(store) = Arc::into_inner(service.store) {
+        store.close().await;
+    }
     info!("coordinator of site {} has stopped", service.link.site);
     Ok(())
 }
@@ -175,7 +189,7 @@ async fn open_web(config: &WebConfig, desk: Desk) -> anyhow::Result<Option<Abort
 }
 
 /// A task that ends with what it serves.
-struct AbortOnDrop(tokio::task::JoinHandle<()>);
+struct AbortOnDrop(JoinHandle<()>);
 
 impl Drop for AbortOnDrop {
     fn drop(&mut self) {
@@ -216,16 +230,6 @@ impl Service {
         let lost = gate.with(|intake, _| intake.take_lost());
         if lost > 0 {
             warn!("{lost} messages found no place: more senders or changes of state than can wait");
-        }
-    }
-
-    /// A step of deleting what is old. What fails now is done later.
-    async fn sweep(&mut self, config: &Config) {
-        let keeping = &config.telemetry;
-        let ago = |days: f64| self.clock.now().plus_s(-days * energy::units::S_PER_DAY);
-        let retention = Retention { fine: ago(keeping.fine_days), coarse_s: keeping.coarse_s, keep: ago(keeping.keep_days) };
-        if let Err(failure) = self.store.retire(&retention, &mut self.sweep).await {
-            debug!("{failure}");
         }
     }
 
@@ -273,16 +277,20 @@ impl Service {
         }
     }
 
-    /// Makes plans that take long on a thread of their own; that they are done is an input.
+    /// Makes plans that take long on threads of their own, which step back behind whatever somebody waits for; that
+    /// one is done is an input.
     fn run_studies(&mut self) {
         for study in self.outbox.take_studies() {
-            let answers = self.answers.clone();
-            let made = tokio::task::spawn_blocking(move || {
+            let (answers, (made, is_made)) = (self.answers.clone(), tokio::sync::oneshot::channel());
+            std::thread::spawn(move || {
+                // Where this may not be asked for, it works all the same.
+                let _ = rustix::process::nice(STUDY_NICE);
                 study.run();
+                let _ = made.send(());
             });
             tokio::spawn(async move {
                 // Also when it failed: then the core fails with it, instead of never making a whole plan again.
-                drop(made.await);
+                drop(is_made.await);
                 drop(answers.send(Input::Studied));
             });
         }
@@ -305,47 +313,6 @@ impl Service {
                 Answer::Nobody => {}
             }
         });
-    }
-
-    /// Writes what waits. A record that the store will never take is dropped, and said so; when
-    /// the disk is full all wait, and old telemetry makes room.
-    async fn flush(&mut self) {
-        if self.outbox.records().is_empty() {
-            return;
-        }
-        match self.store.append(self.outbox.records()).await {
-            Ok(()) => {
-                self.outbox.written();
-                if std::mem::take(&mut self.store_failed) {
-                    info!("the store can be written again");
-                }
-            }
-            Err(StoreError::Deposed { .. }) => self.replaced = true,
-            Err(failure) => {
-                if !std::mem::replace(&mut self.store_failed, true) {
-                    error!("{failure}; the fleet is served on, events wait in memory");
-                }
-                if !failure.may_pass() {
-                    self.append_singly().await;
-                }
-                if self.outbox.failed() {
-                    warn!("telemetry was dropped: the store cannot be written");
-                }
-            }
-        }
-    }
-
-    /// One bad record must not hold back the others.
-    async fn append_singly(&mut self) {
-        for record in self.outbox.take_records() {
-            if let Err(failure) = self.store.append(std::slice::from_ref(&record)).await {
-                if failure.may_pass() {
-                    self.outbox.wait(record);
-                } else {
-                    error!("a record was dropped: {failure}");
-                }
-            }
-        }
     }
 
     async fn tell(&self, query: &Query) {

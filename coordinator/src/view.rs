@@ -51,40 +51,47 @@ pub struct Basis<'a> {
     pub(crate) in_reach: OnceCell<BTreeMap<StationId, usize>>,
 }
 
+/// What the views of all robots have in common.
+struct Around<'v> {
+    /// Place in the order of stations, and what is believed of it.
+    stations: BTreeMap<&'v StationId, (usize, &'v StationView)>,
+    /// What charging takes: at a station, for a battery, in a step of temperature.
+    tables: BTreeMap<(usize, usize, i32), Arc<Table>>,
+    /// Standard deviations that the confidence asks for.
+    caution: f64,
+    is_doubting: bool,
+}
+
 impl Basis<'_> {
     /// What is believed, for planning.
     #[must_use]
     pub fn view(&self) -> View {
         let stations: Vec<StationView> =
             self.models.stations.iter().map(|(id, models)| self.station(id, models, self.fleet.stations.get(id))).collect();
-        let mut tables = BTreeMap::new();
+        let mut around = Around {
+            stations: stations.iter().enumerate().map(|(index, station)| (&station.station, (index, station))).collect(),
+            tables: BTreeMap::new(),
+            caution: Normal::standard().inverse_cdf(self.settings.confidence),
+            is_doubting: self.watch.is_doubting(),
+        };
         let robots = self.fleet.robots.iter().filter_map(|(id, robot)| {
             let (gauge, state) = robot.known()?;
             let plannable = !self.running.contains_key(id) && matches!(state.phase, RobotPhase::Working | RobotPhase::Waiting);
             let battery = self.models.battery(id, &state.battery)?;
-            plannable.then(|| self.robot(id, gauge, state, battery, &stations, &mut tables))
+            plannable.then(|| self.robot(id, gauge, state, battery, &mut around))
         });
         let robots = robots.collect();
         View { now: self.now, robots, stations }
     }
 
-    fn robot(
-        &self,
-        id: &RobotId,
-        gauge: &Gauge,
-        state: &RobotState,
-        battery: &Arc<Model>,
-        stations: &[StationView],
-        tables: &mut BTreeMap<(usize, usize, i32), Arc<Table>>,
-    ) -> RobotView {
+    fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, around: &mut Around<'_>) -> RobotView {
         let (soc, remaining_wh) = self.trust.belief(self.now, id, gauge, state, battery.battery().stored_wh());
-        let doubts = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())];
-        let doubts = doubts.map(|of| self.watch.wider(&of));
+        let subjects = [Subject::RobotBattery, Subject::RobotWork, Subject::RobotWay];
+        let doubts = subjects.map(|subject| if around.is_doubting { self.watch.wider(&subject(id.clone())) } else { 1.0 });
         let soc = wider(soc, doubts[0]);
         let per_s = |power_w: f64| (power_w / battery.battery().stored_wh() / S_PER_H).max(1e-12);
         let drain_soc_per_s = per_s(state.drain_w.value);
-        let caution = Normal::standard().inverse_cdf(self.settings.confidence);
-        let held = self.promised.contains(id);
+        let (caution, held) = (around.caution, self.promised.contains(id));
         let (pessimistic_s, drain_hi_w) = lasting_s(remaining_wh, state, doubts, caution);
         // A promise that was given is not broken over the last minute of its margin.
         let empty_s = if held { lasting_s(remaining_wh, state, doubts, HELD_CAUTION * caution).0 } else { pessimistic_s };
@@ -111,15 +118,16 @@ impl Basis<'_> {
             closed: Vec::new(),
         };
         let mut handled_s: f64 = 0.0;
-        for (index, station) in stations.iter().enumerate() {
-            let Some(travel) = state.travel.get(&station.station) else { continue };
+        // Ways are in order of station, as stations are.
+        for (station, travel) in &state.travel {
+            let Some(&(index, station)) = around.stations.get(station) else { continue };
             if let Some(why) = &station.out_of_order {
                 view.closed.push((station.station.clone(), why.clone()));
                 continue;
             }
             let kind = (index, Arc::as_ptr(battery).addr(), step_of(gauge.temperature_degc) as i32);
             let made = || self.table(&station.station, &self.models.stations[&station.station], battery, gauge.temperature_degc);
-            let table = Arc::clone(tables.entry(kind).or_insert_with(made));
+            let table = Arc::clone(around.tables.entry(kind).or_insert_with(made));
             handled_s = handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
             view.travel.push((index, travel.time_s, table));
         }

@@ -186,9 +186,15 @@ impl Watch {
         self.raised(subject).map_or(1.0, |raised| raised.z.abs().clamp(1.0, WIDER_MAX))
     }
 
+    /// Whether any model is doubted.
+    pub(crate) fn is_doubting(&self) -> bool {
+        self.cusums.values().any(|cusum| cusum.raised().is_some())
+    }
+
     /// Every doubt there is, as it goes on the wire.
     pub(crate) fn doubts(&self, fleet: &Fleet, models: &Models) -> Vec<Doubt> {
-        self.cusums.keys().filter_map(|subject| self.doubt(subject, fleet, models)).collect()
+        let raised = self.cusums.iter().filter(|(_, cusum)| cusum.raised().is_some());
+        raised.filter_map(|(subject, _)| self.doubt(subject, fleet, models)).collect()
     }
 
     /// How every model stands that has been judged.

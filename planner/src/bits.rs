@@ -5,19 +5,25 @@
 pub(crate) struct Bits(Vec<u64>);
 
 impl Bits {
-    /// `ticks` flags, none set.
-    pub(crate) fn new(ticks: usize) -> Self {
-        Self(vec![0; ticks.div_ceil(64) + 1])
+    /// `ticks` flags, all of them set or none.
+    pub(crate) fn new(ticks: usize, set: bool) -> Self {
+        Self(vec![if set { u64::MAX } else { 0 }; ticks.div_ceil(64) + 1])
     }
 
-    /// Sets or clears a flag.
+    /// Sets the flags of `from..` to what holds of these.
     #[inline]
-    pub(crate) fn put(&mut self, tick: usize, set: bool) {
-        let bit = 1 << (tick % 64);
-        if set {
-            self.0[tick / 64] |= bit;
-        } else {
-            self.0[tick / 64] &= !bit;
+    pub(crate) fn put<T: Copy>(&mut self, from: usize, of: &[T], holds: impl Fn(T) -> bool) {
+        let (mut at, mut of) = (from, of);
+        while !of.is_empty() {
+            let (word, bit) = (at / 64, at % 64);
+            let (here, rest) = of.split_at(of.len().min(64 - bit));
+            let (mut mask, mut flags) = (0_u64, 0_u64);
+            for (n, &each) in here.iter().enumerate() {
+                mask |= 1 << n;
+                flags |= u64::from(holds(each)) << n;
+            }
+            self.0[word] = self.0[word] & !(mask << bit) | flags << bit;
+            (at, of) = (at + here.len(), rest);
         }
     }
 

@@ -62,17 +62,14 @@ struct Counters {
 
 impl Counters {
     fn new(ticks: usize, left: i64) -> Self {
-        let mut counters = Self { left: vec![0; ticks], none: Bits::new(ticks) };
-        counters.change(0, ticks, left as i32);
-        counters
+        Self { left: vec![left as i32; ticks], none: Bits::new(ticks, left <= 0) }
     }
 
     #[inline]
     fn change(&mut self, from: usize, to: usize, by: i32) {
-        for (tick, left) in self.left[from..to].iter_mut().enumerate() {
-            *left += by;
-            self.none.put(from + tick, *left <= 0);
-        }
+        let changed = &mut self.left[from..to];
+        changed.iter_mut().for_each(|left| *left += by);
+        self.none.put(from, changed, |left| left <= 0);
     }
 }
 
@@ -98,7 +95,7 @@ impl<'p> Book<'p> {
             slot: Counters::new(ticks, station.swap_slots),
             spares,
             headroom: problem.base_load(station).iter().map(|draw| station.p_max - draw).collect(),
-            tight: Bits::new(ticks),
+            tight: Bits::new(ticks, false),
             energy: supply::limits(station, horizon),
             odds: station.chance.as_ref().map(|chance| Odds::new(chance, station, horizon)),
             robots: Vec::new(),
@@ -128,9 +125,7 @@ impl<'p> Book<'p> {
             let begun = station.chance.as_ref().map_or(0, |chance| chance.begun);
             limit.energy -= begun + base[..limit.before as usize].iter().sum::<i64>();
         }
-        for tick in 0..ticks {
-            book.tight.put(tick, book.headroom[tick] < draw_max);
-        }
+        book.tight.put(0, &book.headroom, |room| room < draw_max);
         book
     }
 
@@ -281,10 +276,9 @@ impl<'p> Book<'p> {
         }
         let (headroom, tight, draw_max) = (&mut self.headroom, &mut self.tight, self.draw_max);
         choices.draws(way, self.station, self.horizon, |from, to, draw| {
-            for (tick, room) in headroom[from..to].iter_mut().enumerate() {
-                *room += i64::from(sign) * draw;
-                tight.put(from + tick, *room < draw_max);
-            }
+            let changed = &mut headroom[from..to];
+            changed.iter_mut().for_each(|room| *room += i64::from(sign) * draw);
+            tight.put(from, changed, |room| room < draw_max);
         });
     }
 

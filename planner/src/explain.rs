@@ -50,7 +50,7 @@ impl<'p> Ways<'p> {
     #[must_use]
     pub fn for_explaining(problem: &'p Problem, sessions: &[Session], asked: impl Fn(usize) -> bool) -> Self {
         let free: Vec<bool> = (0..problem.robots.len()).map(asked).collect();
-        Self::for_replanning(problem, &commitments(problem, sessions), &free, 0)
+        Self::for_replanning(problem, &commitments(problem, sessions), &free, 0, None)
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::draft::{Draft, NONE};
 use crate::problem::Tick;
 use crate::reasons::{self, Obstacle};
+use crate::supply;
 use crate::way::Mode;
 
 /// A plan for every robot of a problem: a session, or the reasons why not.
@@ -88,7 +89,6 @@ impl Plan {
         let mut sessions = sessions(draft);
         assign_bays(draft, &mut sessions);
         let pack_order: Vec<Vec<usize>> = draft.books.iter().map(super::book::Book::packs).collect();
-        let idle = Draft::new(draft.ways);
         let (mut objective, mut bound) = (Levels::default(), Levels::default());
         (objective.stranded, objective.cost) = (draft.score.stranded, draft.score.cost);
         (bound.stranded, bound.cost) = (stranded_bound, cost_bound);
@@ -99,8 +99,11 @@ impl Plan {
             objective.energy += draft.books[station].drawn_before(problem.horizon) + switches(packs.len());
             objective.packs += packs.len() as i64;
             // What the station takes without any service is the least that it ever takes.
-            let least = idle.books[station].packs().len();
-            bound.energy += idle.books[station].drawn_before(problem.horizon) + switches(least);
+            let there = &problem.stations[station];
+            let load = problem.base_load(there);
+            let drawn = |before: Tick| load[..before as usize].iter().sum();
+            let least = supply::fewest_packs(there, problem.horizon, drawn).map_or(there.packs.len(), |packs| packs.len());
+            bound.energy += drawn(problem.horizon) + switches(least);
             bound.packs += least as i64;
         }
         let unserved = (0..problem.robots.len()).filter(|&robot| draft.chosen[robot] == NONE);

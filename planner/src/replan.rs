@@ -131,7 +131,7 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
     anew.sort_by_key(|&robot| urgency(problem, robot));
     neighbours(problem, &draft, &anew, &mut free);
 
-    let ways = Ways::for_replanning(problem, &now, &free, loyalty);
+    let ways = Ways::for_replanning(problem, &now, &free, loyalty, Some(&kept));
     let mut mended = draft.among(&ways);
     for &robot in &anew {
         if let Some(way) = mended.cheapest(robot, if mended.is_stranded(robot) { i64::MAX } else { mended.cost_of(robot) }) {
@@ -175,7 +175,7 @@ pub fn renew(
         return Ok(Replanned { plan, moved, unasked: BTreeSet::new() });
     }
     let free = vec![true; problem.robots.len()];
-    let ways = Ways::for_replanning(problem, &committed, &free, loyalty.min(LOYALTY_MAX) as i32);
+    let ways = Ways::for_replanning(problem, &committed, &free, loyalty.min(LOYALTY_MAX) as i32, None);
     let mut known = Draft::new(&ways);
     let mut in_order: Vec<&Session> = before.iter().collect();
     in_order.sort_by_key(|session| (!problem.robots[session.robot].held, session.start, session.robot));
@@ -256,7 +256,7 @@ fn finished<'p>(problem: &'p Problem, draft: Draft<'_, 'p>, committed: &[Option<
     // Who is left out and was asked about is told why, and for that all ways count.
     let is_told: Vec<bool> =
         (0..honest.len()).map(|robot| honest[robot].is_none() && (asked[robot] || committed[robot].is_some())).collect();
-    let mut ways = Ways::for_replanning(problem, &honest, &is_told, 0);
+    let mut ways = Ways::for_replanning(problem, &honest, &is_told, 0, Some(draft.ways));
     // Without a commitment loyalty has changed nothing.
     ways.take_over(draft.ways, (0..honest.len()).filter(|&robot| is_told[robot] && asked[robot] && committed[robot].is_none()));
     let draft = draft.among(&ways);

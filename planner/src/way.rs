@@ -79,6 +79,8 @@ pub struct Choices {
     pub unserved_cost: i32,
     /// Whether an earlier plan promised it a service.
     pub held: bool,
+    /// Whether ways that it has were left out, because it keeps the one that it was promised.
+    keeps: bool,
 }
 
 /// The ways of all robots, made when first asked for: a change of one robot touches few others.
@@ -99,10 +101,20 @@ impl<'p> Ways<'p> {
     /// those that `free` names have all.
     ///
     /// Giving up a commitment costs `loyalty`: it is added to all other ways of a free robot that
-    /// has one, and to no service at all.
+    /// has one, and to no service at all. Ways that are `known` already are not made again.
     #[must_use]
-    pub(crate) fn for_replanning(problem: &'p Problem, committed: &[Option<Commitment>], free: &[bool], loyalty: i32) -> Self {
+    pub(crate) fn for_replanning(
+        problem: &'p Problem,
+        committed: &[Option<Commitment>],
+        free: &[bool],
+        loyalty: i32,
+        known: Option<&Self>,
+    ) -> Self {
         let made = Self::new(problem);
+        let known = |robot: usize, commitment: &Commitment| {
+            let choices = known?.choices[robot].get()?;
+            (choices.keeps && choices.ways.iter().any(|way| commitment.is(way))).then(|| choices.clone())
+        };
         for (robot, commitment) in committed.iter().enumerate() {
             if free[robot] {
                 if let Some(commitment) = commitment {
@@ -116,7 +128,8 @@ impl<'p> Ways<'p> {
                 continue;
             }
             let only = commitment.map_or(Only::Nothing, Only::This);
-            made.choices[robot].set(choices(problem, robot, Some(only))).expect("set once");
+            let kept = commitment.as_ref().and_then(|commitment| known(robot, commitment));
+            made.choices[robot].set(kept.unwrap_or_else(|| choices(problem, robot, Some(only)))).expect("set once");
         }
         made
     }
@@ -304,7 +317,8 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     let (battery, horizon) = (problem.battery(robot), problem.horizon);
     let (strands, robot) = (problem.strands(robot), &problem.robots[robot]);
     let unserved = robot.missed_unserved(battery.floor);
-    let mut made = Choices { ways: Vec::new(), runs: Vec::new(), strands, unserved_cost: unserved as i32, held: robot.held };
+    let keeps = matches!(only, Some(Only::This(_)));
+    let mut made = Choices { ways: Vec::new(), runs: Vec::new(), strands, unserved_cost: unserved as i32, held: robot.held, keeps };
     if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
         return made;
     }
@@ -315,6 +329,8 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     }
     let is_asked = |station: usize| !matches!(only, Some(Only::This(commitment)) if commitment.station != station);
     let swaps = robot.travel.iter().any(|travel| !problem.stations[travel.station].spares.is_empty());
+    let starts = usize::try_from(last - i64::from(first) + 1).unwrap_or(0);
+    made.ways.reserve(starts * robot.travel.len());
     for start in first.. {
         if i64::from(start) > last || robot.energy - robot.drain_hi * i64::from(start) < battery.floor {
             break;

@@ -21,6 +21,8 @@ const TIME_PASSED: &str = "time passed";
 /// a small fleet takes, and what a mended plan of a large one takes.
 const APART_S: f64 = 1.0;
 const MENDED_APART_S: f64 = 0.1;
+/// Mended plans that may follow each other at once, where there were fewer before.
+const MENDED_AT_ONCE: usize = 5;
 
 /// Robots that are explained at once: it takes a look at all that each could have.
 const EXPLAINED_AT_ONCE: usize = 64;
@@ -34,25 +36,39 @@ pub(super) struct Untold {
 }
 
 impl Core {
+    /// Asks for a plan. Of several reasons the first is told; that time has passed is none beside what happened,
+    /// for which a large fleet's plan is mended at once.
     pub(super) fn replan(&mut self, why: String) {
-        self.trigger.get_or_insert(why);
+        if self.trigger.as_deref().is_none_or(|known| known == TIME_PASSED) {
+            self.trigger = Some(why);
+        }
     }
 
     /// A plan is due when something happened or the last whole one is old; the first waits until
     /// everybody who is configured has spoken, but not for ever.
     pub(super) fn plan_due(&mut self, now: Timestamp) -> bool {
-        let Some(planned) = self.planned else {
+        if self.planned.is_none() {
             let all = self.models.stations.keys().all(|id| self.fleet.stations.get(id).is_some_and(|s| s.known().is_some()))
                 && self.models.robots.keys().all(|id| self.fleet.robots.get(id).is_some_and(|r| r.known().is_some()));
             let waited_s = self.started.map_or(0.0, |started| now.seconds_since(started));
             return self.trigger.is_some() && (all || waited_s >= self.settings.patience_s);
-        };
+        }
         if self.is_old(now) {
             self.replan(TIME_PASSED.to_owned());
         }
         let mended = self.plan.robots().count() > WHOLE_FLEET_MAX;
-        let apart_s = if mended { MENDED_APART_S } else { APART_S };
-        self.trigger.is_some() && now.seconds_since(planned) >= apart_s
+        let (apart_s, at_once) = if mended { (MENDED_APART_S, MENDED_AT_ONCE) } else { (APART_S, 1) };
+        let first = self.lately.iter().rev().nth(at_once - 1);
+        self.trigger.is_some() && first.is_none_or(|first| now.seconds_since(*first) >= apart_s * at_once as f64)
+    }
+
+    /// A plan is made now.
+    fn plans(&mut self, now: Timestamp) {
+        self.planned = Some(now);
+        self.lately.push_back(now);
+        if self.lately.len() > MENDED_AT_ONCE {
+            self.lately.pop_front();
+        }
     }
 
     /// Whether everything is to be planned anew because nobody has for so long.
@@ -72,7 +88,7 @@ impl Core {
         if effort == Effort::Whole {
             self.renewed = Some(now);
         }
-        self.planned = Some(now);
+        self.plans(now);
         let solved = solve(view, &self.settings, &self.plan, effort);
         self.take_plan(now, solved, trigger, effort);
     }
@@ -81,7 +97,7 @@ impl Core {
     fn study(&mut self, now: Timestamp, view: View, trigger: String, needed: Effort) {
         if self.studying.is_some() {
             // More robots are new than can be mended in: they come into the next study.
-            self.planned = Some(now);
+            self.plans(now);
             self.trigger = Some(trigger);
             return;
         }
@@ -93,7 +109,7 @@ impl Core {
         self.studying = Some((study, trigger.clone()));
         // What happened cannot wait that long.
         if needed == Effort::Mend && trigger != TIME_PASSED {
-            self.planned = Some(now);
+            self.plans(now);
             let solved = solve(view, &self.settings, &self.plan, Effort::Mend);
             self.take_plan(now, solved, trigger, Effort::Mend);
         }

@@ -8,6 +8,7 @@ use energy::Need;
 use proto::{BayId, BayPhase, EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
 
 use super::Core;
+use crate::fleet::Station;
 use crate::service_run::{How, ServiceRun, Stage};
 
 /// Where a station says that a robot is.
@@ -100,6 +101,11 @@ impl Core {
         // A bay belongs to one service; who comes second is planned anew when it stands there.
         let taken = |run: &ServiceRun| run.station == station && matches!(&run.how, How::Recharge { bay: own, .. } if *own == bay);
         if self.running.values().any(taken) || !self.models.stations.contains_key(&station) {
+            return;
+        }
+        // In a bay without power nothing can be carried on before that comes back.
+        let known = self.fleet.stations.get(&station).and_then(Station::known);
+        if stage != Stage::Travelling && known.is_some_and(|state| !state.powered) {
             return;
         }
         let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.clone()) else { return };

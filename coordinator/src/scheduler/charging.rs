@@ -15,8 +15,12 @@ use super::usable::Usable;
 use crate::forecast::{self, Draw};
 use crate::models::StationModels;
 
-/// Points of a table.
-const POINTS: u32 = 20;
+/// Steps of a table.
+const STEPS: u32 = 20;
+/// The last steps, in which the current falls off, and into how many each is divided: how gently a charge ends says
+/// how much of a station's last pack is usable.
+const TAPER_STEPS: u32 = 2;
+const TAPER_DIVIDED: u32 = 5;
 /// Temperatures are told apart in steps of this, °C.
 const TEMPERATURE_STEP_DEGC: f64 = 5.0;
 
@@ -51,8 +55,8 @@ pub struct Table {
 impl Table {
     fn new(station: &StationModels, at_once: usize, battery: &Arc<Model>, temperature_degc: f64, from_soc: f64, to_soc: f64) -> Self {
         let recharge = |soc: f64| forecast::recharge(station, at_once, battery, temperature_degc, Estimate::exact(soc), to_soc);
-        let point = |index: u32| {
-            let soc = to_soc * f64::from(index) / f64::from(POINTS);
+        let point = |share: f64| {
+            let soc = to_soc * share;
             let recharge = recharge(soc);
             let bare_wh = forecast::spare_again(station, Estimate::exact(soc), to_soc).mean_wh;
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
@@ -60,7 +64,10 @@ impl Table {
         };
         let reference = recharge(from_soc);
         let mean_wh = reference.need.mean_wh.max(f64::MIN_POSITIVE);
-        let points: Vec<Point> = (0..=POINTS).map(point).collect();
+        let (coarse, fine) = (STEPS - TAPER_STEPS, TAPER_STEPS * TAPER_DIVIDED);
+        let shares = (0..coarse).map(|step| f64::from(step) / f64::from(STEPS));
+        let shares = shares.chain((0..=fine).map(|step| 1.0 - f64::from(fine - step) / f64::from(STEPS * TAPER_DIVIDED)));
+        let points: Vec<Point> = shares.map(point).collect();
         Self {
             lift_wh: points.last().map_or(0.0, |last| last.need_wh),
             points,
@@ -108,8 +115,13 @@ impl Table {
     /// the station's model.
     #[must_use]
     pub fn need(&self, soc: Estimate, wider: f64) -> Need {
-        let at = self.at(soc.value);
-        self.with_doubt(at.need_wh, at.own_variance + (self.slope_wh(soc.value) * soc.sigma).powi(2), wider)
+        self.with_doubt(self.at(soc.value).need_wh, self.own_variance(soc), wider)
+    }
+
+    /// The part of that need's variance that is the robot's own: its battery's, and that of its state of charge, Wh².
+    #[must_use]
+    pub fn own_variance(&self, soc: Estimate) -> f64 {
+        self.at(soc.value).own_variance + (self.slope_wh(soc.value) * soc.sigma).powi(2)
     }
 
     /// A need of this mean and own variance, with the shared doubt that goes with it.
@@ -121,7 +133,7 @@ impl Table {
 
     /// Change of the need with the state of charge, Wh.
     fn slope_wh(&self, soc: f64) -> f64 {
-        let step = self.target_soc() / f64::from(POINTS);
+        let step = self.target_soc() / f64::from(STEPS);
         let low = soc.clamp(0.0, self.target_soc() - step);
         (self.at(low + step).need_wh - self.at(low).need_wh) / step
     }

@@ -21,7 +21,7 @@ const WORTH: f64 = 10.0;
 /// Lengths of a tick, s: the shortest that is fine enough for the fleet.
 const TICKS_S: [u32; 8] = [10, 15, 20, 30, 60, 120, 300, 600];
 /// Ticks times stations that a plan may look at.
-const BOOKED_MAX: f64 = 60_000.0;
+const BOOKED_MAX: f64 = 20_000.0;
 /// Ticks of a horizon: at most, and as many as there may be for any number of stations.
 const TICKS_MAX: [f64; 2] = [300.0, 3000.0];
 /// Nobody plans farther ahead, s.
@@ -376,8 +376,8 @@ impl Places<'_> {
         let gate = if self.gates { promised.map_or(wanted, |start| start.min(wanted)) } else { 0 };
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
         let travel = robot.travel.iter().map(|(station, travel_s, table)| {
-            let need = table.need(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma), 1.0);
-            Travel { station: *station, ticks: grid.up(travel_s + ahead_s), variance: need.own_variance * UNITS_PER_WH.powi(2) }
+            let own_variance = table.own_variance(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma));
+            Travel { station: *station, ticks: grid.up(travel_s + ahead_s), variance: own_variance * UNITS_PER_WH.powi(2) }
         });
         let weight = (robot.weight * WORTH).round().clamp(0.0, 1e4) as i64;
         Robot {

@@ -57,6 +57,9 @@ fn an_aged_pack_is_doubted_before_it_gives_out() {
     let empty = outcome.events.iter().find(|event| event.kind == EventKind::PackDepleted).unwrap();
     let ahead_min = empty.at.seconds_since(outcome.start) / 60.0 - doubted_min(&outcome, "the model of pack-1 of mds-1");
     assert!(ahead_min > 10.0, "{ahead_min} min");
+    // Robots that stay in its dark bays are no news, second after second.
+    let began = outcome.events.iter().filter(|event| event.kind == EventKind::ServiceStarted).count();
+    assert_eq!(began, 3, "only those that were planned");
 }
 
 #[test]

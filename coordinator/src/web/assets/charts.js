@@ -50,9 +50,10 @@ function options(holder, series, unit, height, range) {
   const font = "12px system-ui, sans-serif";
   const axis = { stroke: ink, grid, ticks: { show: false }, font };
   // Without a cursor the legend tells the last value.
-  const number = (chart, v, column) => {
-    const shown = v ?? chart.data[column].findLast((each) => each != null);
-    return shown == null ? "–" : `${shown.toFixed(1)} ${unit}`;
+  const number = (chart, _, column, at) => {
+    const [value, high] = [chart.data[column], chart.data[column + 2]];
+    const row = at != null && value[at] != null ? at : value.findLastIndex((each) => each != null);
+    return row < 0 ? "–" : `${value[row].toFixed(1)} ± ${(high[row] - value[row]).toFixed(1)} ${unit}`;
   };
   const columns = [{ label: "UTC", value: (chart, s) => new Date((s ?? chart.data[0].at(-1)) * 1000).toISOString().slice(11, 19) }];
   const bands = [];
@@ -60,8 +61,8 @@ function options(holder, series, unit, height, range) {
     const colour = cssColour(SERIES_COLOURS[n % SERIES_COLOURS.length]);
     const first = columns.length;
     columns.push({ label: one.name, stroke: colour, width: 2, value: number, spanGaps: true });
-    columns.push({ label: `${one.name} − σ`, stroke: "transparent", width: 0, value: number, points: { show: false }, spanGaps: true });
-    columns.push({ label: `${one.name} + σ`, stroke: "transparent", width: 0, value: number, points: { show: false }, spanGaps: true });
+    columns.push({ label: `${one.name} − σ`, stroke: "transparent", width: 0, points: { show: false }, spanGaps: true });
+    columns.push({ label: `${one.name} + σ`, stroke: "transparent", width: 0, points: { show: false }, spanGaps: true });
     bands.push({ series: [first + 2, first + 1], fill: colour + "55" });
   });
   return {
