@@ -82,16 +82,17 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     println!("machine        {} cores, {}", std::thread::available_parallelism()?, processor());
     for (what, rate_hz) in [("calm", robots as f64), ("flood", rate_hz)] {
         let pid = coordinator.id();
-        let (cpu_begin_s, rss_begin_mb, begin) = (cpu_s(pid), rss_mb(pid), Instant::now());
+        let (cpu_begin_s, rss_begin_mb, begin) = (cpu_s(pid), memory_mb(pid, "VmRSS:"), Instant::now());
         let flood = tokio::spawn(flood(connect(port).await?, names.clone(), rate_hz, seconds, Arc::clone(&seq)));
         let waits_ms = newcomers(&link, &stations, &plans, seconds, &seq, &joined).await?;
         let sent = flood.await??;
         let passed_s = begin.elapsed().as_secs_f64();
-        let (cpu, rss_end_mb) = ((cpu_s(pid) - cpu_begin_s) / passed_s, rss_mb(pid));
+        let (cpu, rss_end_mb) = ((cpu_s(pid) - cpu_begin_s) / passed_s, memory_mb(pid, "VmRSS:"));
         println!("{what}");
         println!("  messages     {sent} gauges of {robots} robots in {passed_s:.1} s: {:.0} per second", sent as f64 / passed_s);
         println!("  processor    {cpu:.2} cores, {:.1} us per message", cpu * passed_s / sent as f64 * 1e6);
-        println!("  memory       {rss_begin_mb:.0} MB at the beginning, {rss_end_mb:.0} MB at the end");
+        let most_mb = memory_mb(pid, "VmHWM:");
+        println!("  memory       {rss_begin_mb:.0} MB at the beginning, {rss_end_mb:.0} MB at the end, {most_mb:.0} MB at most so far");
         let at = |share: f64| waits_ms.get(((waits_ms.len() as f64 * share) as usize).min(waits_ms.len().saturating_sub(1)));
         let [median, most, nearly_all] = [0.5, 0.9, 0.99].map(|share| at(share).copied().unwrap_or(f64::NAN));
         println!("  decisions    {} newcomers: p50 {median:.0} ms, p90 {most:.0} ms, p99 {nearly_all:.0} ms", waits_ms.len());
@@ -236,10 +237,10 @@ fn cpu_s(pid: u32) -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-/// Memory of a process, MB.
-fn rss_mb(pid: u32) -> f64 {
+/// Memory of a process, MB: what it has (VmRSS) or had at most (VmHWM).
+fn memory_mb(pid: u32, which: &str) -> f64 {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix(which)).unwrap_or_default();
     line.split_whitespace().next().and_then(|kb| kb.parse::<f64>().ok()).unwrap_or(f64::NAN) / 1e3
 }
 

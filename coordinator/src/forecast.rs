@@ -63,9 +63,48 @@ pub fn usable_wh(pack: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_
     forecast::remaining_wh(pack, soc, temperature_degc, power_w)
 }
 
+/// How the load of full bays ends, as stretches of equal power (s, W): each bay's charge at `each_w` falls off by
+/// `taper`, and as one lift empties them one after the other, each ends at least `apart_s` after the one before.
+#[must_use]
+pub fn ending(taper: &[(f64, f64)], each_w: f64, bays: usize, apart_s: f64, overhead_w: f64) -> Vec<(f64, f64)> {
+    let ends_s: Vec<f64> = taper
+        .iter()
+        .scan(0.0, |end_s, &(time_s, _)| {
+            *end_s += time_s;
+            Some(*end_s)
+        })
+        .collect();
+    let of_bay_w = |since_s: f64| match ends_s.iter().position(|&end_s| since_s < end_s) {
+        _ if since_s < 0.0 => each_w,
+        Some(stretch) => taper[stretch].1,
+        None => 0.0,
+    };
+    let late_s = |bay: usize| bay as f64 * apart_s;
+    let mut changes_s: Vec<f64> =
+        (0..bays).flat_map(|bay| ends_s.iter().map(move |end_s| end_s + late_s(bay)).chain([late_s(bay)])).collect();
+    changes_s.sort_by(f64::total_cmp);
+    let stretches = changes_s.windows(2).filter(|pair| pair[1] > pair[0]);
+    let power_w = |at_s: f64| overhead_w + (0..bays).map(|bay| of_bay_w(at_s - late_s(bay))).sum::<f64>();
+    stretches.map(|pair| (pair[1] - pair[0], power_w(f64::midpoint(pair[0], pair[1])))).collect()
+}
+
 /// How much more a pack that gives `steady_wh` at full power gives to a load that ends gently, where a full
 /// pack gives `gain_wh` more: one that holds less than the ending gives that much less of it.
 #[must_use]
 pub fn ending_gain_wh(steady_wh: f64, draw: &Draw, gain_wh: f64) -> f64 {
     gain_wh * (steady_wh / draw.ending_wh().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two bays at 10 W, a taper of a minute at 6 W, the second half a minute after the first; the station takes 1 W.
+    #[test]
+    fn bays_end_one_after_the_other() {
+        assert_eq!(ending(&[(60.0, 6.0)], 10.0, 2, 30.0, 1.0), [(30.0, 17.0), (30.0, 13.0), (30.0, 7.0)]);
+        assert_eq!(ending(&[(60.0, 6.0)], 10.0, 2, 0.0, 1.0), [(60.0, 13.0)]);
+        assert_eq!(ending(&[], 10.0, 2, 30.0, 1.0), [(30.0, 11.0)]);
+        assert_eq!(ending(&[], 10.0, 1, 30.0, 1.0), []);
+    }
 }

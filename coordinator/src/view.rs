@@ -330,9 +330,11 @@ impl Basis<'_> {
         let table = self.tables.of(id, models, bays, battery, energy::units::REFERENCE_DEGC, levels);
         let service = table.at(self.settings.serve_below_soc);
         let each_w = service.need_wh / (service.charge_s / S_PER_H).max(1e-6);
-        let of_all_w = |each_w: f64| overhead_w + bays as f64 * each_w;
-        let ending = table.taper(each_w).into_iter().map(|(time_s, each_w)| (time_s, of_all_w(each_w)));
-        Draw { power_w: of_all_w(each_w), ending: ending.collect() }
+        let taper = table.taper(each_w);
+        Draw {
+            power_w: overhead_w + bays as f64 * each_w,
+            ending: forecast::ending(&taper, each_w, bays, models.handling.unload_s, overhead_w),
+        }
     }
 
     /// What charging takes at a station, for a battery like those of its robots.

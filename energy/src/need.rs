@@ -42,13 +42,19 @@ impl Need {
     /// Both needs together.
     #[must_use]
     pub fn plus(&self, other: &Need) -> Self {
-        let parameters = self.shared_wh.len().max(other.shared_wh.len());
-        let at = |need: &Need, index: usize| need.shared_wh.get(index).copied().unwrap_or(0.0);
-        Self {
-            mean_wh: self.mean_wh + other.mean_wh,
-            shared_wh: (0..parameters).map(|index| at(self, index) + at(other, index)).collect(),
-            own_variance: self.own_variance + other.own_variance,
+        let mut sum = self.clone();
+        sum.add(other, 1.0);
+        sum
+    }
+
+    /// Adds another need, `factor` times as long.
+    pub fn add(&mut self, other: &Need, factor: f64) {
+        self.mean_wh += factor * other.mean_wh;
+        if self.shared_wh.len() < other.shared_wh.len() {
+            self.shared_wh.resize(other.shared_wh.len(), 0.0);
         }
+        self.shared_wh.iter_mut().zip(&other.shared_wh).for_each(|(sum, more)| *sum += factor * more);
+        self.own_variance += factor * factor * other.own_variance;
     }
 
     /// Value and standard deviation.

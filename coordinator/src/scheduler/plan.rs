@@ -50,8 +50,8 @@ pub struct Planned {
     pub need: Need,
     /// Packs that pay, in order.
     pub packs: Vec<PackId>,
-    /// Probability that the packs hold enough for all services up to this one, and that the robot lasts until
-    /// then where that is not sure enough.
+    /// Probability that the packs hold enough for all that is drawn until it ends, also by services beside it, and
+    /// that the robot lasts until then where that is not sure enough.
     pub probability: f64,
     /// Why so.
     pub why: Vec<String>,
@@ -92,8 +92,8 @@ impl Plan {
         for (index, station) in task.view.stations.iter().enumerate() {
             let mut here: Vec<&Session> = plan.sessions.iter().filter(|session| session.station == index).collect();
             here.sort_by_key(|session| (session.start, session.robot));
-            let mut ledger = Ledger::new(task, station, index);
-            planned.extend(here.into_iter().map(|session| ledger.planned(session, to_soc)));
+            let mut ledger = Ledger::new(task, station, index, &here);
+            planned.extend(here.into_iter().enumerate().map(|(place, session)| ledger.planned(place, session, to_soc)));
         }
         planned.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
         let told: BTreeMap<&RobotId, &Rejected> = before.rejected.iter().map(|rejected| (&rejected.robot, rejected)).collect();
@@ -151,6 +151,8 @@ struct Ledger<'a> {
     station: &'a StationView,
     index: usize,
     spares: Vec<SpareView>,
+    /// When each service draws, s from now, and what it takes.
+    draws: Vec<(f64, f64, Need)>,
     /// Everything that is promised so far.
     need: Need,
     /// When the last of it ends, s from now.
@@ -158,13 +160,29 @@ struct Ledger<'a> {
 }
 
 impl<'a> Ledger<'a> {
-    fn new(task: &'a Task, station: &'a StationView, index: usize) -> Self {
+    fn new(task: &'a Task, station: &'a StationView, index: usize, here: &[&Session]) -> Self {
         let mut spares = station.spares.clone();
         spares.sort_by(|a, b| b.soc.total_cmp(&a.soc).then_with(|| a.spare.cmp(&b.spare)));
-        Self { task, station, index, spares, need: station.committed.clone(), until_s: station.committed_until_s }
+        let draw = |session: &&Session| {
+            let [start_s, end_s] = [session.start, session.end].map(|tick| task.grid.time(tick).seconds_since(task.view.now));
+            (start_s, end_s, task.need(session.robot, index, session.start, session.mode))
+        };
+        let draws = here.iter().map(draw).collect();
+        Self { task, station, index, spares, draws, need: station.committed.clone(), until_s: station.committed_until_s }
     }
 
-    fn planned(&mut self, session: &Session, to_soc: f64) -> Planned {
+    /// Probability that the packs last until then: a service that ends with others beside it is as sure as they are,
+    /// for when the packs give out, all of them end.
+    fn covered(&self, until_s: f64) -> f64 {
+        let mut need = self.station.committed.plus(&self.overhead(until_s.max(self.station.committed_until_s)));
+        for (start_s, end_s, draws) in self.draws.iter().filter(|(start_s, ..)| *start_s < until_s) {
+            need.add(draws, ((until_s - start_s) / (end_s - start_s)).min(1.0));
+        }
+        covered(self.station, &need)
+    }
+
+    /// The service at this place in order.
+    fn planned(&mut self, place: usize, session: &Session, to_soc: f64) -> Planned {
         let (task, now) = (self.task, self.task.view.now);
         let robot = &task.view.robots[session.robot];
         let [start, end] = [session.start, session.end].map(|tick| task.grid.time(tick));
@@ -174,14 +192,14 @@ impl<'a> Ledger<'a> {
         // Who comes in the first tick in which it can be there, and is late already, leaves at once: the
         // rest of a tick is the planner's rounding, and each new plan would round up anew.
         let at_once = session.start <= first && who.not_before < first;
-        let need = task.need(session.robot, self.index, session.start, session.mode);
+        let need = self.draws[place].2.clone();
         let (start_s, end_s) = (start.seconds_since(now), end.seconds_since(now));
         let before_wh = self.need.mean_wh + self.overhead(self.until_s.max(start_s)).mean_wh;
         self.need = self.need.plus(&need);
         self.until_s = self.until_s.max(end_s);
         let total = self.need.plus(&self.overhead(self.until_s));
         let packs = self.paying(before_wh, total.mean_wh);
-        let (covered, arrives) = (covered(self.station, &total), robot.arrives(start_s));
+        let (covered, arrives) = (self.covered(end_s), robot.arrives(start_s));
         let spare = if session.mode == Mode::Swap || session.mode == Mode::SwapAndRecharge { self.spare(session) } else { None };
         let mut planned = Planned {
             robot: robot.robot.clone(),

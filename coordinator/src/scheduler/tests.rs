@@ -250,3 +250,19 @@ fn as_long_as_all_goes_as_foreseen_no_promise_is_broken_by_planning_again() {
         }
     }
 }
+
+/// The least energy at which both robots get a service, and how sure these are.
+fn just_enough_for_both(bays: usize, socs: [f64; 2]) -> Vec<f64> {
+    let robots = || vec![robot("a", socs[0], &[(0, 60.0)]), robot("b", socs[1], &[(0, 60.0)])];
+    let plans = (0..200).map(|step| solved(robots(), vec![station("s", bays, &[40.0 + 0.25 * f64::from(step)], &[])]).plan);
+    let both = plans.into_iter().find(|plan| plan.planned.len() == 2).unwrap();
+    both.planned.iter().map(|planned| planned.probability).collect()
+}
+
+#[test]
+fn who_charges_beside_another_is_as_sure_as_that_one_and_who_came_before_is_surer() {
+    let beside = just_enough_for_both(2, [0.2, 0.2]);
+    assert!(beside.iter().all(|sure| (0.95..0.98).contains(sure)) && (beside[0] - beside[1]).abs() < 0.003, "{beside:?}");
+    let after = just_enough_for_both(1, [0.2, 0.7]);
+    assert!(after[0] > 0.999 && (0.95..0.98).contains(&after[1]), "{after:?}");
+}

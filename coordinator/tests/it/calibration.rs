@@ -156,7 +156,7 @@ fn promises_are_kept_as_often_as_they_say() {
                     if number >= worlds {
                         return;
                     }
-                    let world = world(1_000 + number);
+                    let world = world(10_000 + number);
                     made.lock().unwrap().push(world);
                 }
             });

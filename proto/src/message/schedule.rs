@@ -76,8 +76,8 @@ pub struct Service {
     pub end: Timestamp,
     /// Energy taken from the packs, Wh (zero or more).
     pub pack_energy_wh: Estimate,
-    /// Probability that the packs hold enough for all services up to this one, and that the robot lasts until
-    /// then where that is not sure enough (0 to 1), as of when it was planned.
+    /// Probability that the packs hold enough for all that is drawn until its end, also by services beside it, and
+    /// that the robot lasts until its begin where that is not sure enough (0 to 1), as of when it was planned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
     /// How far it has come.
