@@ -9,7 +9,6 @@ use crate::thrift::Thrift;
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
 pub const NEVER: u16 = u16::MAX;
-
 /// The same, while it is charged beyond the horizon.
 const LATE: u16 = u16::MAX - 1;
 
@@ -329,8 +328,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     }
     let is_asked = |station: usize| !matches!(only, Some(Only::This(commitment)) if commitment.station != station);
     let swaps = robot.travel.iter().any(|travel| !problem.stations[travel.station].spares.is_empty());
-    let starts = usize::try_from(last - i64::from(first) + 1).unwrap_or(0);
-    made.ways.reserve(starts * robot.travel.len());
+    made.ways.reserve(usize::try_from(last - i64::from(first) + 1).unwrap_or(0) * robot.travel.len());
     for start in first.. {
         if i64::from(start) > last || robot.energy - robot.drain_hi * i64::from(start) < battery.floor {
             break;
