@@ -103,12 +103,14 @@ fn who_joins_while_everything_is_about_to_be_planned_anew_is_planned_for_at_once
     let period_s = core.settings.replan_period_s;
     let renewed_s = core.renewed.unwrap().seconds_since(at(0.0));
 
-    // Somebody joins just before the next whole plan is due, and somebody just after.
-    joins(&mut core, renewed_s + period_s - 0.01, ROBOTS);
-    assert!(tells_of(&core, ROBOTS) && studies(&mut core) == 0);
-    core.handle(at(renewed_s + period_s + 0.01), Input::Tick);
-    joins(&mut core, renewed_s + period_s + 0.02, ROBOTS + 1);
-    core.handle(at(renewed_s + period_s + 0.2), Input::Tick);
+    // So many join just before the next whole plan is due that no other may follow at once, and one just after.
+    let due_s = renewed_s + period_s;
+    (0..5).for_each(|n| joins(&mut core, due_s - 0.05 + 0.01 * n as f64, ROBOTS + n));
+    assert!(tells_of(&core, ROBOTS + 4) && studies(&mut core) == 0);
+    core.handle(at(due_s + 0.01), Input::Tick);
+    joins(&mut core, due_s + 0.02, ROBOTS + 5);
+    assert!(studies(&mut core) == 0 && !tells_of(&core, ROBOTS + 5));
+    core.handle(at(due_s + 0.6), Input::Tick);
     assert_eq!(studies(&mut core), 1, "the whole plan is made beside the core");
-    assert!(tells_of(&core, ROBOTS + 1), "and nobody waits for it: {}", core.schedule().trigger);
+    assert!(tells_of(&core, ROBOTS + 5), "and nobody waits for it: {}", core.schedule().trigger);
 }
