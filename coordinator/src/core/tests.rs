@@ -105,6 +105,10 @@ fn who_joins_while_everything_is_about_to_be_planned_anew_is_planned_for_at_once
 
     // So many join just before the next whole plan is due that no other may follow at once, and one just after.
     let due_s = renewed_s + period_s;
+    // Nobody has fallen silent by then, which would ask for a plan too.
+    (0..ROBOTS).for_each(|n| joins(&mut core, due_s - 2.0, n));
+    core.handle(at(due_s - 1.5), Input::Tick);
+    studies(&mut core);
     (0..5).for_each(|n| joins(&mut core, due_s - 0.05 + 0.01 * n as f64, ROBOTS + n));
     assert!(tells_of(&core, ROBOTS + 4) && studies(&mut core) == 0);
     core.handle(at(due_s + 0.01), Input::Tick);
