@@ -17,6 +17,7 @@ mod strays;
 mod study;
 #[cfg(test)]
 mod tests;
+mod untold;
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -28,8 +29,8 @@ use proto::{
 };
 
 use ask::Asked;
-use plan::Untold;
 pub use study::Study;
+use untold::Untold;
 
 use crate::answers::{self, Explainer};
 use crate::fleet::Fleet;
@@ -322,7 +323,13 @@ impl Core {
     /// nothing would be due until that time came again.
     fn set_back(&mut self, by_ms: i64) {
         let earlier = |at: &mut Timestamp| *at = at.plus_ms(-by_ms);
-        self.started.iter_mut().chain(&mut self.planned).chain(&mut self.renewed).chain(&mut self.lately).for_each(earlier);
+        self.started
+            .iter_mut()
+            .chain(&mut self.planned)
+            .chain(&mut self.renewed)
+            .chain(&mut self.lately)
+            .chain(&mut self.untold.counted)
+            .for_each(earlier);
         self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
         for run in self.running.values_mut() {
             [&mut run.left, &mut run.start, &mut run.end].into_iter().for_each(earlier);

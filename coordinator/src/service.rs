@@ -27,13 +27,14 @@ use tracing::{error, info, warn};
 use zenoh::query::Query;
 
 use hear::{Gate, subscribe};
+use keep::Keeping;
 use lead::monotonic;
 
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
 use crate::intake::Intake;
 use crate::outbox::Outbox;
-use crate::store::{Record, Store, StoreError, Sweep, shown};
+use crate::store::{Record, Store, StoreError, shown};
 use crate::web::{self, Asked, Books, Desk, Past, Question, REPLAN_WHY, WebConfig};
 
 /// Messages that the core takes in before it looks at anything else again.
@@ -54,9 +55,7 @@ struct Service {
     core: Core,
     store: Arc<Store>,
     outbox: Outbox,
-    /// The batch of records that is being written.
-    writing: Option<JoinHandle<keep::Batch>>,
-    store_failed: bool,
+    keeping: Keeping,
     /// Until when it leads for sure; none where nobody can replace it.
     leads_until: Option<Instant>,
     /// Another leads.
@@ -64,8 +63,6 @@ struct Service {
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
     past: Past,
-    sweep: Sweep,
-    sweep_due: bool,
 }
 
 /// Runs until `stop` comes.
@@ -115,15 +112,12 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         core,
         outbox: Outbox::new(numbering.epoch),
         store: Arc::new(store),
-        writing: None,
-        store_failed: false,
+        keeping: Keeping::default(),
         leads_until,
         replaced: false,
         answers: news_in.clone(),
         patience_s,
         past: Past::default(),
-        sweep: Sweep::default(),
-        sweep_due: false,
     };
     let (desk, mut asked) = web::desk();
     let _web = open_web(&config.web, desk).await?;
@@ -139,14 +133,14 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             () = intake.ready() => service.take_in(&intake).await,
             _ = ticks.tick() => service.take(Input::Tick).await,
             _ = flushes.tick() => service.write(),
-            batch = keep::done(&mut service.writing) => service.written(batch).await,
+            done = service.keeping.done() => service.kept(done).await,
             _ = renewals.tick() => service.renew().await,
-            _ = sweeps.tick() => service.sweep_due = true,
+            _ = sweeps.tick() => service.keeping.may_sweep(),
             Some(query) = questions.recv() => service.tell(&query).await,
             Some(asked) = asked.recv() => service.show(asked, config, path).await,
             () = &mut stop => break,
         }
-        service.sweep(config).await;
+        service.sweep(config);
         if service.deposed() {
             return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
@@ -246,7 +240,7 @@ impl Service {
         }
     }
 
-    /// Does what the core wants done: what came since the record at `before`, and the commands.
+    /// Does what the core wants done: what came since the record at `before`; commands leave when that is kept.
     async fn follow(&mut self, before: usize) {
         for record in &self.outbox.records()[before..] {
             match record {
@@ -261,19 +255,16 @@ impl Service {
             }
         }
         self.run_studies();
-        if !self.outbox.urgent() {
-            return;
+        if self.outbox.urgent() {
+            self.write();
         }
-        self.flush().await;
-        if self.deposed() {
-            return;
-        }
-        for command in self.outbox.take_commands() {
-            match command {
-                Output::ToRobot(robot, command) => self.send(Key::RobotCommand(robot), command),
-                Output::ToStation(station, command) => self.send(Key::StationCommand(station), command),
-                Output::Record(_) | Output::Study(_) => {}
-            }
+    }
+
+    fn command(&self, command: Output) {
+        match command {
+            Output::ToRobot(robot, command) => self.send(Key::RobotCommand(robot), command),
+            Output::ToStation(station, command) => self.send(Key::StationCommand(station), command),
+            Output::Record(_) | Output::Study(_) => {}
         }
     }
 

@@ -24,17 +24,6 @@ const MENDED_APART_S: f64 = 0.1;
 /// Mended plans that may follow each other at once, where there were fewer before.
 const MENDED_AT_ONCE: usize = 5;
 
-/// Robots that are explained at once: it takes a look at all that each could have.
-const EXPLAINED_AT_ONCE: usize = 64;
-
-/// What is still to be told of a new plan. It is told with the next ticks: the plan comes first, and what
-/// packs can service only when everything was planned anew.
-#[derive(Debug, Default)]
-pub(super) struct Untold {
-    capacity: bool,
-    robots: BTreeSet<RobotId>,
-}
-
 impl Core {
     /// Asks for a plan. Of several reasons the first is told; that time has passed is none beside what happened,
     /// for which a large fleet's plan is mended at once.
@@ -175,30 +164,26 @@ impl Core {
     /// mended changes little for the others.
     fn note_changes(&mut self, new: &Schedule, effort: Effort) {
         let changes = answers::changes(&self.schedule, new);
-        self.untold.capacity = true;
-        self.untold.robots.extend(changes.iter().map(|(robot, _)| robot.clone()));
+        self.untold.plan(changes.iter().map(|(robot, _)| robot));
         if effort == Effort::Whole {
-            self.untold.robots.extend(self.fleet.robots.keys().cloned());
+            self.untold.plan_of_all(self.fleet.robots.keys());
         }
         self.changed.extend(changes.into_iter().map(|(robot, text)| (robot, vec![text])));
     }
 
     fn tell_capacity(&mut self, now: Timestamp) {
-        self.untold.capacity = false;
+        self.untold.capacity_told(now);
         self.record(Record::Capacity(self.capacity(now)));
     }
 
     /// What packs can still service, and why robots are serviced as they are, for those who ask when no
     /// coordinator answers.
     pub(super) fn tell_answers(&mut self, now: Timestamp) {
-        if self.untold.capacity {
+        if self.untold.capacity_due(now) {
             self.tell_capacity(now);
         }
-        let now_told: Vec<RobotId> = self.untold.robots.iter().take(EXPLAINED_AT_ONCE).cloned().collect();
+        let now_told = self.untold.robots();
         if !now_told.is_empty() {
-            now_told.iter().for_each(|robot| {
-                self.untold.robots.remove(robot);
-            });
             let told = self.explain_all(now, now_told.iter());
             self.record(Record::Explanations(told.into_iter().flatten().collect()));
         }

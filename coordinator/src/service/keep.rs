@@ -1,5 +1,6 @@
 //! Writing beside the core: one batch at a time, in order. A batch of telemetry takes tens of milliseconds, and
-//! nobody whose service is planned meanwhile should wait for it; a command waits for all that it rests on.
+//! nobody whose service is planned meanwhile should wait for it. A command waits for all that it rests on, and the
+//! core goes on: commands leave with the batch that they came before.
 
 use std::sync::Arc;
 
@@ -8,34 +9,60 @@ use tracing::{debug, error, info, warn};
 
 use super::Service;
 use crate::config::Config;
-use crate::store::{Record, Retention, StoreError};
+use crate::core::Output;
+use crate::store::{Record, Retention, StoreError, Sweep};
 
-/// A batch, and what became of it.
-pub(super) type Batch = (Vec<Record>, Result<(), StoreError>);
+/// What the store is busy with, beside the core.
+#[derive(Default)]
+pub(super) struct Keeping {
+    task: Option<JoinHandle<Done>>,
+    /// The commands that leave when it is done.
+    commands: Vec<Output>,
+    failed: bool,
+    /// How far the deleting of what is old has come.
+    sweep: Sweep,
+    sweep_due: bool,
+}
 
-/// The batch under way, when it is done; for ever where there is none.
-pub(super) async fn done(writing: &mut Option<JoinHandle<Batch>>) -> Batch {
-    let Some(batch) = writing else { return std::future::pending().await };
-    let batch = batch.await.expect("writing a batch does not panic");
-    *writing = None;
-    batch
+/// What was done.
+pub(super) enum Done {
+    /// A batch was written, or was not.
+    Written(Vec<Record>, Result<(), StoreError>),
+    /// A step of deleting what is old.
+    Swept(Sweep),
+}
+
+impl Keeping {
+    /// What was done, when it is; for ever where nothing is.
+    pub(super) async fn done(&mut self) -> Done {
+        let Some(task) = &mut self.task else { return std::future::pending().await };
+        let done = task.await.expect("the store does not panic");
+        self.task = None;
+        done
+    }
+
+    /// From now on a step of deleting what is old may be made.
+    pub(super) fn may_sweep(&mut self) {
+        self.sweep_due = true;
+    }
 }
 
 impl Service {
-    /// Begins to write what waits, where nothing is being written.
+    /// Begins to write what waits, where the store has nothing to do.
     pub(super) fn write(&mut self) {
-        if self.writing.is_some() {
+        if self.keeping.task.is_some() {
             self.make_room();
         } else if !self.outbox.records().is_empty() {
             let (store, records) = (Arc::clone(&self.store), self.outbox.take_records());
-            self.writing = Some(tokio::spawn(async move {
+            self.keeping.commands = self.outbox.take_commands();
+            self.keeping.task = Some(tokio::spawn(async move {
                 let written = store.append(&records).await;
-                (records, written)
+                Done::Written(records, written)
             }));
         }
     }
 
-    /// Writes everything that waits, and waits for it.
+    /// Tries once to write everything that waits, and waits for it.
     pub(super) async fn flush(&mut self) {
         self.finish().await;
         self.write();
@@ -43,30 +70,38 @@ impl Service {
     }
 
     async fn finish(&mut self) {
-        if self.writing.is_some() {
-            let batch = done(&mut self.writing).await;
-            self.written(batch).await;
+        while self.keeping.task.is_some() {
+            let done = self.keeping.done().await;
+            self.kept(done).await;
         }
     }
 
-    /// What follows from a batch. A record that the store will never take is dropped, and said so; when the disk is
-    /// full all wait, and old telemetry makes room.
-    pub(super) async fn written(&mut self, (records, written): Batch) {
-        match written {
-            Ok(()) => {
-                if std::mem::take(&mut self.store_failed) {
+    /// What follows from what the store has done. A record that it will never take is dropped, and said so; when the
+    /// disk is full all wait, and old telemetry makes room.
+    pub(super) async fn kept(&mut self, done: Done) {
+        match done {
+            Done::Swept(sweep) => self.keeping.sweep = sweep,
+            Done::Written(_, Ok(())) => {
+                if std::mem::take(&mut self.keeping.failed) {
                     info!("the store can be written again");
                 }
             }
-            Err(StoreError::Deposed { .. }) => self.replaced = true,
-            Err(failure) => {
-                if !std::mem::replace(&mut self.store_failed, true) {
+            Done::Written(_, Err(StoreError::Deposed { .. })) => self.replaced = true,
+            Done::Written(records, Err(failure)) => {
+                if !std::mem::replace(&mut self.keeping.failed, true) {
                     error!("{failure}; the fleet is served on, events wait in memory");
                 }
                 let waiting = if failure.may_pass() { records } else { self.write_singly(records).await };
                 self.outbox.put_back(waiting);
                 self.make_room();
             }
+        }
+        let commands = std::mem::take(&mut self.keeping.commands);
+        if !self.deposed() {
+            commands.into_iter().for_each(|command| self.command(command));
+        }
+        if self.outbox.urgent() {
+            self.write();
         }
     }
 
@@ -91,16 +126,21 @@ impl Service {
         }
     }
 
-    /// A step of deleting what is old, between two batches. What fails now is done later.
-    pub(super) async fn sweep(&mut self, config: &Config) {
-        if self.writing.is_some() || !std::mem::take(&mut self.sweep_due) {
+    /// Begins a step of deleting what is old, where one is due and the store has nothing to do. What fails now is done
+    /// later.
+    pub(super) fn sweep(&mut self, config: &Config) {
+        if self.keeping.task.is_some() || !std::mem::take(&mut self.keeping.sweep_due) {
             return;
         }
         let keeping = &config.telemetry;
         let ago = |days: f64| self.clock.now().plus_s(-days * energy::units::S_PER_DAY);
         let retention = Retention { fine: ago(keeping.fine_days), coarse_s: keeping.coarse_s, keep: ago(keeping.keep_days) };
-        if let Err(failure) = self.store.retire(&retention, &mut self.sweep).await {
-            debug!("{failure}");
-        }
+        let (store, mut sweep) = (Arc::clone(&self.store), std::mem::take(&mut self.keeping.sweep));
+        self.keeping.task = Some(tokio::spawn(async move {
+            if let Err(failure) = store.retire(&retention, &mut sweep).await {
+                debug!("{failure}");
+            }
+            Done::Swept(sweep)
+        }));
     }
 }
