@@ -123,13 +123,13 @@ pub struct Core {
     /// When each station was last told to select a pack.
     selected: BTreeMap<StationId, Timestamp>,
     tables: Tables,
-    /// The last plan with the problem that it solved.
+    /// The problem that the last plan solved; the plan itself has left it.
     solved: Option<Solved>,
     /// The last plan without the services that have begun since.
     plan: Plan,
     /// What was last changed for each robot, by which plan and why.
     changed: BTreeMap<RobotId, Vec<String>>,
-    schedule: Schedule,
+    schedule: Arc<Schedule>,
     promised: BTreeSet<RobotId>,
     /// Robots that are somewhere without a service, since when.
     strays: BTreeMap<RobotId, Timestamp>,
@@ -180,7 +180,7 @@ impl Core {
             solved: None,
             plan: Plan::default(),
             changed: BTreeMap::new(),
-            schedule,
+            schedule: Arc::new(schedule),
             promised: BTreeSet::new(),
             strays: BTreeMap::new(),
             started: None,

@@ -249,7 +249,7 @@ impl Service {
                     self.past.event(event);
                 }
                 // Whoever follows the schedule hears of each new plan without asking.
-                Record::Plan(schedule) => self.tell_all(&Key::Schedule, schedule).await,
+                Record::Plan(schedule) => self.tell_all(&Key::Schedule, schedule.as_ref()).await,
                 Record::Capacity(capacity) => self.tell_all(&Key::Capacity, capacity).await,
                 _ => {}
             }

@@ -131,12 +131,12 @@ impl Core {
     }
 
     /// Puts a new plan in force.
-    fn take_plan(&mut self, now: Timestamp, solved: Solved, trigger: String, effort: Effort) {
-        self.plan = solved.plan.clone();
+    fn take_plan(&mut self, now: Timestamp, mut solved: Solved, trigger: String, effort: Effort) {
+        self.plan = std::mem::take(&mut solved.plan);
         self.solved = Some(solved);
         let number = self.numbering.plan;
         self.numbering.plan += 1;
-        let schedule = answers::schedule(&self.basis(now), &self.plan, number, trigger);
+        let schedule = Arc::new(answers::schedule(&self.basis(now), &self.plan, number, trigger));
         for service in &schedule.services {
             self.promised.insert(service.robot.clone());
         }
@@ -153,7 +153,7 @@ impl Core {
             self.event(now, EventKind::PlanMade, None, None, None, text);
         }
         self.note_changes(&schedule, effort);
-        self.record(Record::Plan(schedule.clone()));
+        self.record(Record::Plan(Arc::clone(&schedule)));
         self.schedule = schedule;
         if effort == Effort::Whole {
             self.tell_capacity(now);
@@ -191,6 +191,6 @@ impl Core {
 
     pub(super) fn refresh_schedule(&mut self, now: Timestamp) {
         let (number, trigger) = (self.schedule.plan, self.schedule.trigger.clone());
-        self.schedule = answers::schedule(&self.basis(self.planned.unwrap_or(now)), &self.plan, number, trigger);
+        self.schedule = Arc::new(answers::schedule(&self.basis(self.planned.unwrap_or(now)), &self.plan, number, trigger));
     }
 }

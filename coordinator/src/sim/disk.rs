@@ -2,6 +2,7 @@
 //! store keeps it (its own tests tear the real file); what was kept survives every kill.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use proto::CommandId;
 
@@ -33,7 +34,7 @@ pub(super) struct Disk {
     /// Two records under one name.
     pub(super) conflicts: Vec<String>,
     events: BTreeMap<u64, proto::Event>,
-    plans: BTreeMap<u64, proto::Schedule>,
+    plans: BTreeMap<u64, Arc<proto::Schedule>>,
     commands: BTreeMap<CommandId, Record>,
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use proto::{
     Capacity, CommandId, CommandReply, Estimate, Event, Explanation, Gauge, Message, PackId, RobotCommand, RobotId, RobotPhase, Schedule,
@@ -256,7 +257,7 @@ impl Reader {
             records.push(Record::Event(self.decode(body, "events")?));
         }
         for body in &plans {
-            records.push(Record::Plan(self.decode(body, "plans")?));
+            records.push(Record::Plan(Arc::new(self.decode(body, "plans")?)));
         }
         records.extend(commands.into_iter().map(|command| match command.sent {
             SentCommand::Robot { robot, command } => Record::RobotCommand { robot, command },

@@ -1,5 +1,7 @@
 //! What the core asks to be kept. Plain data: no database in here.
 
+use std::sync::Arc;
+
 use proto::{
     Capacity, CommandReply, Event, Explanation, Gauge, PackId, RobotCommand, RobotId, RobotState, Schedule, StationCommand, StationId,
     StationState,
@@ -43,7 +45,7 @@ pub enum Record {
     /// Something happened.
     Event(Event),
     /// A plan was made.
-    Plan(Schedule),
+    Plan(Arc<Schedule>),
     /// The packs' capacity was computed.
     Capacity(Capacity),
     /// Robots' places in the plan were explained; replaces what was kept of these robots.

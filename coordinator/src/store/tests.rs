@@ -8,6 +8,7 @@ mod retire;
 mod server;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use proto::*;
 use tempfile::TempDir;
@@ -173,7 +174,7 @@ fn one_of_each() -> Vec<Record> {
         robot_state("r1", 1, RobotPhase::Working),
         station_state(1),
         Record::Event(event(1, "r1 joined")),
-        Record::Plan(schedule(1)),
+        Record::Plan(Arc::new(schedule(1))),
         Record::Capacity(capacity(8)),
         Record::Explanations(vec![explanation("r1", "it runs empty first")]),
         to_robot("c1", 3),

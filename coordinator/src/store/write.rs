@@ -183,7 +183,7 @@ impl<'a> Decision<'a> {
             }
             Record::Plan(schedule) => {
                 let name = || format!("plan {}", schedule.plan);
-                Self::Plan(schedule, count(schedule.plan, name)?, body(schedule, name)?)
+                Self::Plan(schedule, count(schedule.plan, name)?, body(schedule.as_ref(), name)?)
             }
             Record::Capacity(capacity) => Self::Capacity(capacity, body(capacity, || format!("the capacity at {}", capacity.at))?),
             Record::RobotCommand { robot, command } => Self::command(command, Some(robot), None)?,

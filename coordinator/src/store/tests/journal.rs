@@ -197,13 +197,13 @@ async fn an_answer_to_a_command_of_an_earlier_store_does_no_harm(path: &Path) {
 
 async fn a_batch_that_fails_half_way_leaves_nothing(path: &Path) {
     let store = open(path).await;
-    store.append(&[Record::Event(event(5, "r1 joined")), to_robot("c1", 3), Record::Plan(schedule(2))]).await.unwrap();
+    store.append(&[Record::Event(event(5, "r1 joined")), to_robot("c1", 3), Record::Plan(Arc::new(schedule(2)))]).await.unwrap();
     let before = store.counts().await.unwrap();
     let other_plan = Schedule { trigger: "r2 joined".to_owned(), ..schedule(2) };
     let other_target = Record::RobotCommand { robot: id("r2"), command: robot_command("c1", 3) };
     let taken = [
         (Record::Event(event(5, "r2 joined")), "event 5"),
-        (Record::Plan(other_plan), "plan 2"),
+        (Record::Plan(Arc::new(other_plan)), "plan 2"),
         (to_robot("c1", 4), "command c1"),
         (other_target, "command c1"),
     ];
@@ -236,7 +236,7 @@ async fn refuses_what_it_could_not_give_back(path: &Path) {
 }
 
 async fn many_tasks_append_and_read_at_once(path: &Path) {
-    let store = std::sync::Arc::new(open(path).await);
+    let store = Arc::new(open(path).await);
     let tasks: Vec<_> = (0..8_u64)
         .map(|task| {
             let store = store.clone();

@@ -52,7 +52,7 @@ async fn reopening_continues_epoch_and_numbering() {
     let store = open(&path).await;
     assert_eq!((store.epoch(), store.next_event_seq().await.unwrap(), store.next_plan().await.unwrap()), (1, 1, 1));
     store.append(&events(1..=41)).await.unwrap();
-    store.append(&[Record::Plan(schedule(12))]).await.unwrap();
+    store.append(&[Record::Plan(Arc::new(schedule(12)))]).await.unwrap();
     store.close().await;
     let store = open(&path).await;
     assert_eq!((store.epoch(), store.next_event_seq().await.unwrap(), store.next_plan().await.unwrap()), (2, 42, 13));
