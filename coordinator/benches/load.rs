@@ -67,6 +67,8 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     let seq = Arc::new(AtomicU64::new(1));
     let names: Vec<RobotId> = (0..robots).map(|n| id(&format!("r{n}"))).collect();
     let stations = fleet::stations();
+    // Newcomers speak for themselves: in one session with all others, what they say may be dropped in a burst.
+    let own = connect(port).await?;
     let plans = plans(&link).await?;
     let stop = Arc::new(AtomicBool::new(false));
     let joined = Arc::new(AtomicUsize::new(0));
@@ -84,7 +86,7 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
         let pid = coordinator.id();
         let (cpu_begin_s, rss_begin_mb, begin) = (cpu_s(pid), memory_mb(pid, "VmRSS:"), Instant::now());
         let flood = tokio::spawn(flood(connect(port).await?, names.clone(), rate_hz, seconds, Arc::clone(&seq)));
-        let waits_ms = newcomers(&link, &stations, &plans, seconds, &seq, &joined).await?;
+        let waits_ms = newcomers(&own, &stations, &plans, seconds, &seq, &joined).await?;
         let sent = flood.await??;
         let passed_s = begin.elapsed().as_secs_f64();
         let (cpu, rss_end_mb) = ((cpu_s(pid) - cpu_begin_s) / passed_s, memory_mb(pid, "VmRSS:"));

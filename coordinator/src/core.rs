@@ -74,6 +74,27 @@ pub enum Input {
     Studied,
 }
 
+impl Input {
+    /// What it is, for logs.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::RobotGauge(..) => "a robot's gauge",
+            Self::RobotState(..) => "a robot's state",
+            Self::RobotAlive(..) => "a robot that came or went",
+            Self::StationState(..) => "a station's state",
+            Self::PackGauge(..) => "a pack's gauge",
+            Self::StationAlive(..) => "a station that came or went",
+            Self::Reply(_) => "an answer to a command",
+            Self::Tick => "the clock",
+            Self::Nothing => "an old copy",
+            Self::Refused(_) => "what could not be read",
+            Self::Replan(_) => "a wish for a new plan",
+            Self::Studied => "a whole plan that was made beside the core",
+        }
+    }
+}
+
 /// Whose services a message may carry on.
 enum Concerned {
     Robot(RobotId),

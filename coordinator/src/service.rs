@@ -23,7 +23,7 @@ use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
-use tracing::{error, info, warn};
+use tracing::{debug, error, info, warn};
 use zenoh::query::Query;
 
 use hear::{Gate, subscribe};
@@ -43,6 +43,8 @@ const AT_ONCE: usize = 256;
 const FLUSH: Duration = Duration::from_millis(500);
 /// Shortest real time that an answer to a command is waited for.
 const ANSWER_MIN: Duration = Duration::from_secs(1);
+/// An input that takes the core so long is noted in a log of level debug: everybody else waited for it.
+const SLOW: Duration = Duration::from_millis(25);
 /// By how much a study's thread is nicer than the others.
 const STUDY_NICE: i32 = 10;
 /// Real time between two steps of deleting what is old.
@@ -210,9 +212,13 @@ impl Service {
         if input == Input::Tick {
             self.past.look(now, &self.core);
         }
-        let before = self.outbox.records().len();
+        let (before, begin, name) = (self.outbox.records().len(), monotonic(), input.name());
         self.outbox.handle(&mut self.core, now, input);
+        let decided = begin.elapsed();
         self.follow(before).await;
+        if decided >= SLOW {
+            debug!("{name} took the core {} ms, and {} ms until it was told", decided.as_millis(), begin.elapsed().as_millis());
+        }
     }
 
     /// Gives the core what waits for it, some at a time.

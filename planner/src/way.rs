@@ -162,15 +162,15 @@ impl<'p> Ways<'p> {
     pub fn thrifty(&self) -> Self {
         let thrift = Thrift::new(self.problem);
         let choices = (0..self.choices.len()).map(|robot| {
-            let mut choices = self.of(robot).clone();
-            choices.unserved_cost = 0;
-            if choices.strands {
-                choices.ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
-                choices.ways.sort_unstable_by_key(Way::rank);
-            } else {
-                choices.ways.clear();
+            let all = self.of(robot);
+            let (mut ways, mut runs) = (Vec::new(), Vec::new());
+            if all.strands {
+                ways = all.ways.clone();
+                ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
+                ways.sort_unstable_by_key(Way::rank);
+                runs.clone_from(&all.runs);
             }
-            OnceCell::from(choices)
+            OnceCell::from(Choices { ways, runs, unserved_cost: 0, ..*all })
         });
         Self { problem: self.problem, choices: choices.collect() }
     }
