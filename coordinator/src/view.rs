@@ -255,18 +255,21 @@ impl Basis<'_> {
         charging.map_or(planned_s, |left_s| left_s.max(1.0))
     }
 
-    /// How much later than planned a service can begin, s: as long as somebody else is still in its bay.
+    /// How much later than planned a service can begin, s: as long as somebody else is still in its bay, or comes into it
+    /// before, and never earlier than now.
     #[must_use]
     pub fn late_s(&self, run: &ServiceRun) -> f64 {
         let How::Recharge { bay, .. } = &run.how else { return 0.0 };
         if !run.under_way() {
             return 0.0;
         }
-        let in_it = |other: &&ServiceRun| {
-            other.station == run.station && !other.under_way() && matches!(&other.how, How::Recharge { bay: theirs, .. } if theirs == bay)
+        let ahead = |other: &&ServiceRun| {
+            other.station == run.station
+                && matches!(&other.how, How::Recharge { bay: theirs, .. } if theirs == bay)
+                && (!other.under_way() || (other.start, &other.robot) < (run.start, &run.robot))
         };
-        let free_s = self.running.values().filter(in_it).map(|other| self.ends_s(other)).fold(0.0, f64::max);
-        if free_s > 0.0 { (free_s - run.start.seconds_since(self.now)).max(0.0) } else { 0.0 }
+        let free_s = self.running.values().filter(ahead).map(|other| self.ends_s(other)).fold(0.0, f64::max);
+        (free_s - run.start.seconds_since(self.now)).max(0.0)
     }
 
     fn begun(&self, run: &ServiceRun, until_s: f64) -> Begun {

@@ -5,6 +5,8 @@ use coordinator::sim::{Trial, forgetful_trial, large_trial, trial};
 /// Seeds in the test command; `TENDER_SEEDS=FROM..TO` tries others, and prints what went wrong in one
 /// that is tried alone.
 const SEEDS: std::ops::Range<u64> = 0..200;
+/// Seeds that broke a promise once.
+const ONCE_BROKEN: &[u64] = &[419];
 /// The same of large fleets, `TENDER_LARGE_SEEDS`.
 const LARGE_SEEDS: std::ops::Range<u64> = 0..2;
 
@@ -33,6 +35,13 @@ fn no_promise_is_broken_whatever_goes_wrong() {
     let (services, coordinators) = all_hold(trials(seeds, trial), "TENDER_SEEDS");
     // Trials in which nothing happens would hold any promise.
     assert!(count == 1 || (services > count && coordinators > count), "{services} {coordinators}");
+}
+
+#[test]
+fn what_was_broken_once_holds() {
+    for &seed in ONCE_BROKEN {
+        all_hold(trials(seed..seed + 1, trial), "TENDER_SEEDS");
+    }
 }
 
 #[test]
