@@ -4,6 +4,7 @@ use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase,
 
 use super::*;
 use crate::config::Config;
+use crate::service_run::{How, Stage};
 
 /// More than are planned as a whole at once.
 const ROBOTS: usize = 70;
@@ -117,4 +118,38 @@ fn who_joins_while_everything_is_about_to_be_planned_anew_is_planned_for_at_once
     core.handle(at(due_s + 0.6), Input::Tick);
     assert_eq!(studies(&mut core), 1, "the whole plan is made beside the core");
     assert!(tells_of(&core, ROBOTS + 5), "and nobody waits for it: {}", core.schedule().trigger);
+}
+
+#[test]
+fn who_waits_for_a_bay_begins_after_everybody_who_comes_into_it_before_and_never_in_the_past() {
+    let mut core = core();
+    let mut begins = |n: usize, start_s: f64| {
+        let run = ServiceRun {
+            robot: id(&format!("r{n}")),
+            station: id("s"),
+            how: How::Recharge { bay: id("bay-1"), to_soc: 0.98 },
+            left: at(0.0),
+            start: at(start_s),
+            end: at(start_s + 600.0),
+            need: energy::Need::default(),
+            packs: Vec::new(),
+            why: Vec::new(),
+            stage: Stage::Waiting,
+            asked: None,
+        };
+        core.running.insert(run.robot.clone(), run);
+    };
+    begins(0, 100.0);
+    begins(1, 200.0);
+    let counts = |core: &Core, robot: &str| {
+        let (basis, run) = (core.basis(at(150.0)), &core.running[&id::<RobotId>(robot)]);
+        (basis.late_s(run), basis.ends_s(run))
+    };
+    // Nobody is in the bay, but the first can begin no sooner than now, and the second after it.
+    assert_eq!(counts(&core, "r0"), (50.0, 600.0));
+    assert_eq!(counts(&core, "r1"), (550.0, 1200.0));
+    // What has begun ends as it was planned.
+    core.running.get_mut(&id::<RobotId>("r0")).unwrap().stage = Stage::Loading;
+    assert_eq!(counts(&core, "r0"), (0.0, 550.0));
+    assert_eq!(counts(&core, "r1"), (500.0, 1150.0));
 }
