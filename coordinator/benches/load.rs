@@ -60,7 +60,9 @@ fn start(folder: &Path, port: u16) -> anyhow::Result<Child> {
     let log = std::fs::File::create(folder.join("log"))?;
     let mut command = Command::new(env!("CARGO_BIN_EXE_coordinator"));
     // As the unit in packaging/systemd has it.
-    command.env("MIMALLOC_PURGE_DELAY", "10000");
+    if std::env::var_os("MIMALLOC_PURGE_DELAY").is_none() {
+        command.env("MIMALLOC_PURGE_DELAY", "10000");
+    }
     Ok(command.args(["run", "--config"]).arg(path).stderr(log).stdout(Stdio::null()).spawn()?)
 }
 
