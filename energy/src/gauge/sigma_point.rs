@@ -4,8 +4,9 @@
 //!
 //! ```text
 //!   states of the run (SoC, polarisation, temperature ...), every parameter with a sigma,
-//!   error of the capacity, offset and gain of the current sensor, resistance left out    | runs
-//!   offset of the voltage sensor, error of the OCV table at its knots and between them   | lines
+//!   error of the capacity, offset and gain of the current sensor                         | runs
+//!   resistance left out, offset of the voltage sensor, error of the OCV table at its
+//!   knots and between them                                                               | lines
 //! ```
 //!
 //! Each direction of uncertainty (a column of the covariance's Cholesky factor) is followed by two
@@ -15,12 +16,13 @@
 //! table and voltage sensor are states, because they are the same in every sample: a filter that
 //! took them for noise would soon believe itself far better than it is.
 //!
-//! Samples are gathered for ten seconds, in which all runs go on; then the mean of the voltages is
-//! one observation. The covariance stays positive since it is formed as a product (Joseph's form
-//! on the factor).
+//! Samples are gathered for a minute, in which all runs go on; then the mean of the voltages is
+//! one observation (`shown.rs`). The covariance stays positive since it is formed as a product
+//! (Joseph's form on the factor).
 
 mod layout;
 mod pack;
+mod shown;
 
 use std::sync::Arc;
 
@@ -29,22 +31,25 @@ use nalgebra::{DMatrix, DVector};
 use self::layout::{Layout, start_sigma};
 use self::pack::Pack;
 use super::follow::follow;
-use super::ocv_error;
+use super::ocv_error::{self, KNOTS};
 use super::prediction::Watch;
 use super::resistance::{Prior, temperature_factor};
 use super::{Gauge, Reading, Sample};
-use crate::units::S_PER_H;
+use crate::units::{S_PER_DAY, S_PER_H};
 use crate::{Channel, Estimate, Model, Run, Sensor, Start};
 
-/// Time over which samples are gathered, s.
-const WINDOW_S: f64 = 10.0;
+/// Time over which samples are gathered, s. Where a window finds the pack decides how the next one
+/// is read: noise that is averaged within a window does not get into that.
+const WINDOW_S: f64 = 60.0;
 /// Distance of the points in deviations.
 const REACH: f64 = 1.732_050_807_568_877_2;
 /// What a model's voltage is wrong by in ways that no state holds, V per cell in one window
 /// (guess: 0.2 to 5 mV for a fitted model).
 const MODEL_V: f64 = 2e-4;
-/// State of charge over which the resistance left out forgets itself (guess: 0.05 to 0.5).
-const RESISTANCE_LENGTH: f64 = 0.15;
+/// State of charge over which the resistance left out forgets itself, as a multiple of the model's
+/// `ocv_length_soc`: where a smooth error with that length (Matern 3/2) is still like itself to 0.9, an
+/// exponential of this length is too.
+const RESISTANCE_LENGTHS: f64 = 2.9;
 /// State of charge over which what the line between two knots of the OCV table's error leaves out
 /// forgets itself: half their distance.
 const FINE_LENGTH: f64 = 0.5 * ocv_error::SPACING;
@@ -52,9 +57,6 @@ const FINE_LENGTH: f64 = 0.5 * ocv_error::SPACING;
 const CAPACITY_PER_CYCLE: f64 = 2e-4;
 /// Drift of the current sensor's offset over a day, as a share of its deviation.
 const OFFSET_PER_DAY: f64 = 0.1;
-/// While the state of charge is less sure than this, the curve bends too much over what is possible
-/// for anything else to be learned: all other states are considered only.
-const ROUGH_SOC: f64 = 0.01;
 /// An innovation beyond this many of its deviations is a surprise, and widens what may differ
 /// from pack to pack.
 const SURPRISE: f64 = 4.0;
@@ -73,6 +75,8 @@ pub struct SigmaPoint {
     /// The middle, then two points for each column that needs runs.
     points: Vec<Point>,
     gathered: Gathered,
+    /// Windows since the gauge was last told of its start, or surprised.
+    windows: u32,
     current: Sensor,
     /// Resistance of a cell by the model, and deviation of what it leaves out, ohm.
     prior: Prior,
@@ -87,7 +91,9 @@ pub struct SigmaPoint {
 struct Point {
     run: Run<f64>,
     state: DVector<f64>,
+    /// Voltages of a cell, and states of charge, over the window, summed.
     shown_v: f64,
+    soc: f64,
 }
 
 /// What the window under way has seen.
@@ -96,7 +102,18 @@ struct Gathered {
     samples: f64,
     lasted_s: f64,
     cell_v: f64,
+    /// Current through a cell, times how much more its resistance is than at the reference temperature, A.
+    resisted_a: f64,
     moved: f64,
+}
+
+/// A state that is forgotten with the state of charge that it belongs to.
+struct Local {
+    state: usize,
+    /// Share of it that is left after this window.
+    keeps: f64,
+    /// Its deviation where nothing is known.
+    sigma: f64,
 }
 
 impl std::fmt::Debug for SigmaPoint {
@@ -129,15 +146,15 @@ impl SigmaPoint {
         set(layout.capacity, 0.0, model.uncertainty.capacity_relative_sigma);
         set(layout.current_offset, 0.0, current.offset_sigma);
         set(layout.current_gain, 0.0, current.gain_sigma);
-        set(layout.resistance, 0.0, prior.left_out_ohm);
         set(layout.voltage_offset, 0.0, voltage.offset_sigma / f64::from(model.battery().series));
         set(layout.fine, 0.0, fine_v);
-        for one in 0..ocv_error::KNOTS {
-            for other in 0..ocv_error::KNOTS {
+        set(layout.resistance, 0.0, prior.left_out_ohm);
+        for one in 0..KNOTS {
+            for other in 0..KNOTS {
                 p[(layout.ocv + one, layout.ocv + other)] = ocv_error::covariance(&model.uncertainty, one, other);
             }
         }
-        let middle = Point { run: start, state: x.clone(), shown_v: 0.0 };
+        let middle = Point { run: start, state: x.clone(), shown_v: 0.0, soc: 0.0 };
         let mut gauge = Self {
             points: vec![middle; 1 + 2 * layout.followed()],
             factor: DMatrix::zeros(layout.len, layout.len),
@@ -148,6 +165,7 @@ impl SigmaPoint {
             layout,
             x,
             p,
+            windows: 0,
             current,
             prior,
             fine_v,
@@ -173,7 +191,7 @@ impl SigmaPoint {
             }
             point.run.set_parameters(&values);
             point.run.states_mut().copy_from_slice(&point.state.as_slice()[..states]);
-            point.shown_v = 0.0;
+            (point.shown_v, point.soc) = (0.0, 0.0);
         }
         self.gathered = Gathered::default();
     }
@@ -188,10 +206,11 @@ impl SigmaPoint {
             let soc = point.run.states()[0];
             let followed = follow(&mut point.run, sample, true_a / (1.0 + state[layout.capacity]), soc, cycles);
             // The run has the current per capacity of the model, its resistances have the pack's own.
-            let left_out_v = state[layout.resistance] * self.warmth.1 * followed.cell_a + state[layout.capacity] * followed.drop_v;
-            point.shown_v += point.run.channels[Channel::VoltageV] / series - left_out_v;
+            point.shown_v += point.run.channels[Channel::VoltageV] / series - state[layout.capacity] * followed.drop_v;
+            point.soc += followed.soc;
             if index == 0 {
                 self.gathered.moved += followed.moved.abs();
+                self.gathered.resisted_a += self.warmth.1 * followed.cell_a;
             }
         }
         self.gathered.samples += 1.0;
@@ -199,80 +218,69 @@ impl SigmaPoint {
         self.gathered.cell_v += sample.voltage_v / series;
     }
 
-    /// What the errors of sensor and table add to the voltage of a point at a state of charge.
-    fn line_v(&self, state: &DVector<f64>, soc: f64) -> f64 {
-        let (knot, share) = ocv_error::weights(soc);
-        let at = self.layout.ocv + knot;
-        state[self.layout.voltage_offset] + state[self.layout.fine] + (1.0 - share) * state[at] + share * state[at + 1]
+    /// Ends a window: moves mean and covariance to where the runs have gone, and learns from the
+    /// mean voltage.
+    fn learn(&mut self) {
+        let shown = self.shown();
+        let mut spread = self.travel();
+        if shown.surprise() > SURPRISE {
+            self.p = &spread * spread.transpose();
+            self.doubt((shown.surprise() / SURPRISE).min(DOUBT_MAX));
+            self.windows = 0;
+        } else {
+            let gain = &spread * &shown.slopes / shown.expected_v2();
+            spread -= &gain * shown.slopes.transpose();
+            self.p = &spread * spread.transpose() + &gain * gain.transpose() * shown.noise_v2;
+            self.x += gain * shown.innovation_v;
+            self.windows = self.windows.saturating_add(1);
+        }
+        self.drift();
+        self.draw();
     }
 
-    /// Ends a window: moves mean and covariance, and learns from the mean voltage.
-    fn learn(&mut self) {
-        let Gathered { samples, lasted_s, cell_v, moved } = self.gathered;
-        let (layout, states) = (self.layout.clone(), self.layout.first_parameter);
-        // Where the runs have gone.
+    /// Moves the mean to where the runs have gone, and returns the factor of the covariance there.
+    fn travel(&mut self) -> DMatrix<f64> {
+        let states = self.layout.first_parameter;
         let mut spread = self.factor.clone();
-        for column in 0..layout.followed() {
+        for column in 0..self.layout.followed() {
             let (above, below) = (&self.points[1 + 2 * column].run, &self.points[2 + 2 * column].run);
             for row in 0..states {
                 spread[(row, column)] = (above.states()[row] - below.states()[row]) / (2.0 * REACH);
             }
         }
         self.x.rows_mut(0, states).copy_from_slice(self.points[0].run.states());
-        // What belongs to a state of charge is forgotten with the distance from it.
-        let fine_v = self.fine_v;
-        let local = [(layout.resistance, RESISTANCE_LENGTH, self.prior.left_out_ohm), (layout.fine, FINE_LENGTH, fine_v)];
-        for (state, length, _) in local {
-            let keeps = (-moved / length).exp();
+        for Local { state, keeps, .. } in self.local() {
             self.x[state] *= keeps;
             spread.row_mut(state).scale_mut(keeps);
         }
+        spread
+    }
 
-        // What the points show.
-        let shown = |point: &Point| point.shown_v / samples + self.line_v(&point.state, point.run.states()[0]);
-        let middle_v = shown(&self.points[0]);
-        let middle_soc = self.points[0].run.states()[0];
-        let mut slopes = DVector::zeros(layout.len);
-        let (mut mean_v, mut bend_v2) = (middle_v, 0.0);
-        for column in 0..layout.len {
-            if column < layout.followed() {
-                let (above_v, below_v) = (shown(&self.points[1 + 2 * column]), shown(&self.points[2 + 2 * column]));
-                let bend_v = above_v + below_v - 2.0 * middle_v;
-                slopes[column] = (above_v - below_v) / (2.0 * REACH);
-                mean_v += bend_v / (2.0 * REACH * REACH);
-                bend_v2 += (REACH * REACH - 1.0) * (bend_v / (2.0 * REACH * REACH)).powi(2);
-            } else {
-                slopes[column] = self.line_v(&self.factor.column(column).into_owned(), middle_soc);
-            }
-        }
-        let floor_v = self.model.sensor(Channel::VoltageV).floor() / f64::from(self.model.battery().series);
-        let noise_v2 = floor_v * floor_v / samples + MODEL_V * MODEL_V + bend_v2;
-        let expected_v2 = slopes.norm_squared() + noise_v2;
-        let innovation_v = cell_v / samples - mean_v;
-        let surprise = innovation_v.abs() / expected_v2.sqrt();
-        if surprise > SURPRISE {
-            self.p = &spread * spread.transpose();
-            self.doubt((surprise / SURPRISE).min(DOUBT_MAX));
-        } else {
-            let mut gain = &spread * &slopes / expected_v2;
-            if self.p[(0, 0)] > ROUGH_SOC * ROUGH_SOC {
-                gain.rows_mut(1, layout.len - 1).fill(0.0);
-            }
-            spread -= &gain * slopes.transpose();
-            self.p = &spread * spread.transpose() + &gain * gain.transpose() * noise_v2;
-            self.x += gain * innovation_v;
-        }
+    /// State of charge over which the resistance left out forgets itself.
+    fn resistance_length(&self) -> f64 {
+        RESISTANCE_LENGTHS * self.model.uncertainty.ocv_length_soc
+    }
 
-        // What drifts.
+    /// What belongs to a state of charge, and is forgotten with the distance from it.
+    fn local(&self) -> [Local; 2] {
+        let keeps = |length: f64| (-self.gathered.moved / length).exp();
+        [
+            Local { state: self.layout.resistance, keeps: keeps(self.resistance_length()), sigma: self.prior.left_out_ohm },
+            Local { state: self.layout.fine, keeps: keeps(FINE_LENGTH), sigma: self.fine_v },
+        ]
+    }
+
+    /// Widens what has drifted in a window.
+    fn drift(&mut self) {
+        let (Gathered { samples, lasted_s, moved, .. }, local) = (self.gathered, self.local());
         let capacity_ah = self.model.battery().capacity_ah;
-        let mut widen = |state: usize, variance: f64| self.p[(state, state)] += variance;
-        widen(0, (self.current.floor() * lasted_s / S_PER_H / capacity_ah).powi(2) / samples);
-        widen(layout.capacity, CAPACITY_PER_CYCLE.powi(2) * moved);
-        widen(layout.current_offset, (OFFSET_PER_DAY * self.current.offset_sigma).powi(2) * lasted_s / 86_400.0);
-        for (state, length, sigma) in local {
-            widen(state, sigma * sigma * (1.0 - (-2.0 * moved / length).exp()));
+        let mut widen = |state: usize, sigma: f64| self.p[(state, state)] += sigma * sigma;
+        widen(0, self.current.floor() * lasted_s / S_PER_H / capacity_ah / samples.sqrt());
+        widen(self.layout.capacity, CAPACITY_PER_CYCLE * moved.sqrt());
+        widen(self.layout.current_offset, OFFSET_PER_DAY * self.current.offset_sigma * (lasted_s / S_PER_DAY).sqrt());
+        for Local { state, keeps, sigma } in local {
+            widen(state, sigma * (1.0 - keeps * keeps).sqrt());
         }
-        self.draw();
     }
 
     /// A surprise widens what may differ from pack to pack: charge, capacity, resistance.

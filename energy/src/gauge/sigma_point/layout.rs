@@ -1,6 +1,6 @@
 //! Where each part of the filter's state lies, and what is known of it at the start.
 
-use crate::gauge::ocv_error;
+use crate::gauge::ocv_error::KNOTS;
 use crate::{Channel, Model};
 
 /// Where each part of the state begins.
@@ -15,6 +15,7 @@ pub(super) struct Layout {
     pub(super) resistance: usize,
     pub(super) voltage_offset: usize,
     pub(super) fine: usize,
+    /// The OCV table's knots.
     pub(super) ocv: usize,
     pub(super) len: usize,
 }
@@ -35,13 +36,13 @@ impl Layout {
             voltage_offset: capacity + 4,
             fine: capacity + 5,
             ocv,
-            len: ocv + ocv_error::KNOTS,
+            len: ocv + KNOTS,
         }
     }
 
     /// How many of the states need runs.
     pub(super) fn followed(&self) -> usize {
-        self.voltage_offset
+        self.resistance
     }
 }
 

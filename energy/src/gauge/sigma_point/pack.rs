@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{RESISTANCE_LENGTH, SigmaPoint};
+use super::SigmaPoint;
 use crate::gauge::prediction::{Believed, CurrentErrors};
 use crate::{Run, Start, forecast};
 
@@ -46,7 +46,8 @@ impl Believed for Pack<'_> {
         let facts = self.gauge.model.battery();
         let of_pack = inputs[2] * self.gauge.warmth.1 * f64::from(facts.series) / f64::from(facts.parallel);
         let capacity = 1.0 + inputs[1];
-        let more_ohm = |soc: f64| of_pack * (-(inputs[0] - soc).abs() / RESISTANCE_LENGTH).exp();
+        let length = self.gauge.resistance_length();
+        let more_ohm = |soc: f64| of_pack * (-(inputs[0] - soc).abs() / length).exp();
         capacity * forecast::discharge_behind(&mut self.run(inputs), power_w / capacity, more_ohm).energy_wh
     }
 
