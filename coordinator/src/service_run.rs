@@ -97,6 +97,12 @@ impl ServiceRun {
         matches!(self.stage, Stage::Travelling | Stage::Waiting)
     }
 
+    /// Whether its robot comes, or came, into this bay.
+    #[must_use]
+    pub fn is_in(&self, station: &StationId, bay: &BayId) -> bool {
+        self.station == *station && matches!(&self.how, How::Recharge { bay: own, .. } if own == bay)
+    }
+
     /// The first command: the robot leaves its work.
     #[must_use]
     pub fn first(&self) -> RobotAction {

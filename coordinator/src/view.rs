@@ -234,7 +234,7 @@ impl Basis<'_> {
     /// Whether a bay works, and is free or held by a service that has begun. If somebody is in it whom no
     /// service put there, nobody knows for how long.
     fn usable(&self, bay: &proto::BayId, phase: BayPhase, here: &[&ServiceRun]) -> bool {
-        let held = here.iter().any(|run| matches!(&run.how, How::Recharge { bay: own, .. } if own == bay));
+        let held = here.iter().any(|run| run.is_in(&run.station, bay));
         phase != BayPhase::Failed && (held || phase == BayPhase::Free)
     }
 
@@ -264,9 +264,7 @@ impl Basis<'_> {
             return 0.0;
         }
         let ahead = |other: &&ServiceRun| {
-            other.station == run.station
-                && matches!(&other.how, How::Recharge { bay: theirs, .. } if theirs == bay)
-                && (!other.under_way() || (other.start, &other.robot) < (run.start, &run.robot))
+            other.is_in(&run.station, bay) && (!other.under_way() || (other.start, &other.robot) < (run.start, &run.robot))
         };
         let free_s = self.running.values().filter(ahead).map(|other| self.ends_s(other)).fold(0.0, f64::max);
         (free_s - run.start.seconds_since(self.now)).max(0.0)

@@ -1,6 +1,6 @@
 //! Begins services when their robots must leave, and carries them on as far as beliefs allow.
 
-use proto::{EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
+use proto::{BayPhase, EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
 
 use super::{Concerned, Core};
 use crate::answers;
@@ -63,6 +63,10 @@ impl Core {
                 self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
                 continue;
             }
+            if self.keeps_others_out(now, run, belief, place) {
+                self.give_up(now, &robot, "it is not heard, and others want its bay");
+                continue;
+            }
             match run.next(belief, place) {
                 Step::Wait => {}
                 Step::Enter(stage) => self.enter(now, &robot, stage),
@@ -78,6 +82,19 @@ impl Core {
             Concerned::Everybody => self.models.stations.keys().cloned().collect(),
         };
         self.select_packs(now, &stations);
+    }
+
+    /// Whether a robot that is lost on its way keeps a free bay from those who come after it. Nobody can let
+    /// it in before it is heard again; then it is planned for where it stands.
+    fn keeps_others_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> bool {
+        let How::Recharge { bay, .. } = &run.how else { return false };
+        let wanted = |planned: &Planned| planned.station == run.station && planned.bay.as_ref() == Some(bay);
+        run.under_way()
+            && robot.lost
+            && now.seconds_since(run.start) > self.settings.deadline_s
+            && station.bay_phase(bay) == Some(BayPhase::Free)
+            && !self.running.values().any(|other| !other.under_way() && other.is_in(&run.station, bay))
+            && self.plan.planned.iter().any(wanted)
     }
 
     pub(super) fn enter(&mut self, now: Timestamp, robot: &RobotId, stage: Stage) {

@@ -99,8 +99,7 @@ impl Core {
     /// Carries on from `stage` what somebody else has begun.
     fn adopt(&mut self, now: Timestamp, robot: &RobotId, station: StationId, bay: BayId, stage: Stage) {
         // A bay belongs to one service; who comes second is planned anew when it stands there.
-        let taken = |run: &ServiceRun| run.station == station && matches!(&run.how, How::Recharge { bay: own, .. } if *own == bay);
-        if self.running.values().any(taken) || !self.models.stations.contains_key(&station) {
+        if self.running.values().any(|run| run.is_in(&station, &bay)) || !self.models.stations.contains_key(&station) {
             return;
         }
         // In a bay without power nothing can be carried on before that comes back.

@@ -120,23 +120,43 @@ fn who_joins_while_everything_is_about_to_be_planned_anew_is_planned_for_at_once
     assert!(tells_of(&core, ROBOTS + 5), "and nobody waits for it: {}", core.schedule().trigger);
 }
 
+/// The service of robot `n`, which stands before its bay.
+fn waits(n: usize, start_s: f64) -> ServiceRun {
+    ServiceRun {
+        robot: id(&format!("r{n}")),
+        station: id("s"),
+        how: How::Recharge { bay: id("bay-1"), to_soc: 0.98 },
+        left: at(0.0),
+        start: at(start_s),
+        end: at(start_s + 600.0),
+        need: energy::Need::default(),
+        packs: Vec::new(),
+        why: Vec::new(),
+        stage: Stage::Waiting,
+        asked: None,
+    }
+}
+
+#[test]
+fn who_is_lost_before_a_free_bay_does_not_keep_others_out() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    core.running.insert(id("r0"), waits(0, 100.0));
+    core.handle(at(110.0), Input::RobotAlive(id("r0"), false));
+    let begun = |core: &Core| core.running.contains_key(&id::<RobotId>("r0"));
+    core.handle(at(180.0), Input::Tick);
+    assert!(begun(&core), "nobody else wants the bay");
+    joins(&mut core, 181.0, 1);
+    core.handle(at(183.0), Input::Tick);
+    assert!(!begun(&core), "{:?}", core.plan.planned);
+}
+
 #[test]
 fn who_waits_for_a_bay_begins_after_everybody_who_comes_into_it_before_and_never_in_the_past() {
     let mut core = core();
     let mut begins = |n: usize, start_s: f64| {
-        let run = ServiceRun {
-            robot: id(&format!("r{n}")),
-            station: id("s"),
-            how: How::Recharge { bay: id("bay-1"), to_soc: 0.98 },
-            left: at(0.0),
-            start: at(start_s),
-            end: at(start_s + 600.0),
-            need: energy::Need::default(),
-            packs: Vec::new(),
-            why: Vec::new(),
-            stage: Stage::Waiting,
-            asked: None,
-        };
+        let run = waits(n, start_s);
         core.running.insert(run.robot.clone(), run);
     };
     begins(0, 100.0);
