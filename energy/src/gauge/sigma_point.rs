@@ -16,7 +16,7 @@
 //! table and voltage sensor are states, because they are the same in every sample: a filter that
 //! took them for noise would soon believe itself far better than it is.
 //!
-//! Samples are gathered for a minute, in which all runs go on; then the mean of the voltages is
+//! Samples are gathered for two minutes, in which all runs go on; then the mean of the voltages is
 //! one observation (`shown.rs`). The covariance stays positive since it is formed as a product
 //! (Joseph's form on the factor).
 
@@ -40,7 +40,7 @@ use crate::{Channel, Estimate, Model, Run, Sensor, Start};
 
 /// Time over which samples are gathered, s. Where a window finds the pack decides how the next one
 /// is read: noise that is averaged within a window does not get into that.
-const WINDOW_S: f64 = 60.0;
+const WINDOW_S: f64 = 120.0;
 /// Distance of the points in deviations.
 const REACH: f64 = 1.732_050_807_568_877_2;
 /// What a model's voltage is wrong by in ways that no state holds, V per cell in one window

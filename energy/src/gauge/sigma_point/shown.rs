@@ -14,7 +14,7 @@ use crate::gauge::ocv_error::{self, SPACING};
 
 /// Most windows that are taken to be wrong in the same way: an hour (guess: a rest or a drive, 0.3
 /// to 3 hours).
-const ALIKE_MAX: u32 = 60;
+const ALIKE_MAX: u32 = 30;
 
 /// The observation of a window.
 pub(super) struct Shown {
