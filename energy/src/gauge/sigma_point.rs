@@ -16,7 +16,7 @@
 //! table and voltage sensor are states, because they are the same in every sample: a filter that
 //! took them for noise would soon believe itself far better than it is.
 //!
-//! Samples are gathered for two minutes, in which all runs go on; then the mean of the voltages is
+//! Samples are gathered for at most two minutes, in which all runs go on; then the mean of the voltages is
 //! one observation (`shown.rs`). The covariance stays positive since it is formed as a product
 //! (Joseph's form on the factor).
 
@@ -41,6 +41,9 @@ use crate::{Channel, Estimate, Model, Run, Sensor, Start};
 /// Time over which samples are gathered, s. Where a window finds the pack decides how the next one
 /// is read: noise that is averaged within a window does not get into that.
 const WINDOW_S: f64 = 120.0;
+/// State of charge that a window passes through at most (guess: a fast load is read as often as it moves
+/// by a few of the OCV table's points).
+const WINDOW_SOC: f64 = 0.02;
 /// Distance of the points in deviations.
 const REACH: f64 = 1.732_050_807_568_877_2;
 /// What a model's voltage is wrong by in ways that no state holds, V per cell in one window
@@ -322,7 +325,7 @@ impl Gauge for SigmaPoint {
             self.warmth = (sample.temperature_degc, temperature_factor(&self.model, sample.temperature_degc));
         }
         self.follow(sample);
-        if self.gathered.lasted_s >= WINDOW_S {
+        if self.gathered.lasted_s >= WINDOW_S || self.gathered.moved >= WINDOW_SOC {
             self.learn();
         }
         let capacity_ah = self.points[0].run.channels[Channel::CapacityAh] * (1.0 + self.x[self.layout.capacity]);
