@@ -14,6 +14,7 @@
 
 mod fleet;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -31,8 +32,10 @@ const NEWCOMERS_HZ: f64 = 0.8;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Until the coordinator listens for certain.
 const LISTENING: Duration = Duration::from_secs(3);
-/// Until everybody is known and the first plans are made.
-const SETTLED: Duration = Duration::from_secs(15);
+/// Until a first plan, or a whole one, is made.
+const SETTLED: Duration = Duration::from_secs(8);
+/// Longest that a plan of everybody is waited for.
+const SETTLING_MAX: Duration = Duration::from_secs(120);
 
 fn main() -> anyhow::Result<()> {
     let setting = |name: &str, usual: f64| std::env::var(name).map_or(usual, |text| text.parse().expect("a number"));
@@ -79,11 +82,7 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     let states =
         tokio::spawn(say_states(link.clone(), names.clone(), stations.clone(), Arc::clone(&seq), Arc::clone(&joined), Arc::clone(&stop)));
     tokio::time::sleep(LISTENING).await;
-    for (n, robot) in names.iter().enumerate() {
-        link.publish(&Key::RobotGauge(robot.clone()), &gauge(&seq, soc_of(n, robots))).await?;
-    }
-    tokio::time::sleep(SETTLED).await;
-    plans.lock().await.clear();
+    settle(&link, &names, &plans, &seq).await?;
 
     println!("machine        {} cores, {}", std::thread::available_parallelism()?, processor());
     for (what, rate_hz) in [("calm", robots as f64), ("flood", rate_hz)] {
@@ -106,6 +105,31 @@ async fn load(coordinator: &Child, port: u16, robots: usize, rate_hz: f64, secon
     stop.store(true, Ordering::Relaxed);
     states.await??;
     Ok(())
+}
+
+/// Makes everybody known, and waits for a plan that tells of all. What is said in one burst may be dropped, so who is in
+/// no plan says it again.
+async fn settle(link: &Link, names: &[RobotId], plans: &Plans, seq: &AtomicU64) -> anyhow::Result<()> {
+    let mut known: BTreeSet<RobotId> = BTreeSet::new();
+    let begin = Instant::now();
+    while known.len() < names.len() {
+        anyhow::ensure!(begin.elapsed() < SETTLING_MAX, "of {} robots a plan tells of {} only", names.len(), known.len());
+        for (n, robot) in names.iter().enumerate().filter(|(_, robot)| !known.contains(*robot)) {
+            link.publish(&Key::RobotGauge(robot.clone()), &gauge(seq, soc_of(n, names.len()))).await?;
+        }
+        tokio::time::sleep(SETTLED).await;
+        if let Some((_, schedule)) = std::mem::take(&mut *plans.lock().await).pop() {
+            known = told(&schedule).cloned().collect();
+        }
+    }
+    tokio::time::sleep(SETTLED).await;
+    plans.lock().await.clear();
+    Ok(())
+}
+
+/// Everybody that a plan tells of.
+fn told(schedule: &Schedule) -> impl Iterator<Item = &RobotId> {
+    schedule.services.iter().map(|service| &service.robot).chain(schedule.unserved.iter().map(|one| &one.robot))
 }
 
 async fn connect(port: u16) -> anyhow::Result<Link> {
@@ -152,13 +176,9 @@ async fn newcomers(
         let said = Instant::now();
         link.publish(&Key::RobotGauge(robot.clone()), &gauge(seq, NEWCOMER_SOC)).await?;
         joined.store(n + 1, Ordering::Relaxed);
-        let told = |schedule: &Schedule| {
-            let (services, unserved) = (&schedule.services, &schedule.unserved);
-            services.iter().map(|service| &service.robot).chain(unserved.iter().map(|one| &one.robot)).any(|told| *told == robot)
-        };
         while said.elapsed() < PATIENCE {
             let new = std::mem::take(&mut *plans.lock().await);
-            if let Some((at, _)) = new.iter().find(|(_, schedule)| told(schedule)) {
+            if let Some((at, _)) = new.iter().find(|(_, schedule)| told(schedule).any(|told| *told == robot)) {
                 waits_ms.push((*at - said).as_secs_f64() * 1e3);
                 break;
             }

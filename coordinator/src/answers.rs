@@ -12,7 +12,7 @@ pub use self::explain::{Explainer, changes};
 use crate::forecast;
 use crate::models::from_wire;
 use crate::scheduler::capacity::{Holding, Question, capacity as count};
-use crate::scheduler::{PackView, Plan, Planned, StationView};
+use crate::scheduler::{PackView, Plan, Planned, RobotView, StationView};
 use crate::service_run::{How, ServiceRun};
 use crate::view::{Basis, HANDOVER_S};
 
@@ -116,11 +116,14 @@ fn planned_service(planned: &Planned) -> Service {
 #[must_use]
 pub fn capacity(basis: &Basis<'_>) -> Capacity {
     let view = basis.view();
-    let asked = view.stations.iter().enumerate().filter_map(|(index, station)| question(basis, &view.robots, index, station));
+    let mut coming: Vec<(f64, &RobotView)> = view.robots.iter().map(|robot| (robot.wanted_s, robot)).collect();
+    coming.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.robot.cmp(&b.1.robot)));
+    let asked = view.stations.iter().enumerate().filter_map(|(index, station)| question(basis, &coming, index, station));
     count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence)
 }
 
-fn question(basis: &Basis<'_>, robots: &[crate::scheduler::RobotView], index: usize, station: &StationView) -> Option<Question> {
+/// What is asked of a station, for robots in the order in which they want a service.
+fn question(basis: &Basis<'_>, robots: &[(f64, &RobotView)], index: usize, station: &StationView) -> Option<Question> {
     let id = &station.station;
     let (models, known) = (basis.models.stations.get(id)?, basis.fleet.stations.get(id)?);
     let state = known.known()?;
@@ -140,9 +143,7 @@ fn question(basis: &Basis<'_>, robots: &[crate::scheduler::RobotView], index: us
         let gain_wh = station.packs.iter().find(|planned| planned.pack == pack.pack).map_or(0.0, |planned| planned.gain_wh);
         Some(Holding { pack: pack.pack.clone(), remaining_wh: from_wire(gauge.remaining_wh), usable_wh, gain_wh })
     });
-    let mut coming: Vec<(f64, &crate::scheduler::RobotView)> = robots.iter().map(|robot| (robot.wanted_s, robot)).collect();
-    coming.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.robot.cmp(&b.1.robot)));
-    let coming = coming.into_iter().filter_map(|(_, robot)| {
+    let coming = robots.iter().filter_map(|(_, robot)| {
         let (_, travel_s, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
         let soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.max(*travel_s);
         Some((robot.robot.clone(), with_doubt(table.need(Estimate::new(soc.max(0.0), robot.soc.sigma), 1.0))))

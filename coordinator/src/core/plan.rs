@@ -45,10 +45,15 @@ impl Core {
         if self.is_old(now) {
             self.replan(TIME_PASSED.to_owned());
         }
-        let mended = self.plan.robots().count() > WHOLE_FLEET_MAX;
+        let mended = self.is_large();
         let (apart_s, at_once) = if mended { (MENDED_APART_S, MENDED_AT_ONCE) } else { (APART_S, 1) };
         let first = self.lately.iter().rev().nth(at_once - 1);
         self.trigger.is_some() && first.is_none_or(|first| now.seconds_since(*first) >= apart_s * at_once as f64)
+    }
+
+    /// Whether plans of this fleet are mended, and made beside the core.
+    fn is_large(&self) -> bool {
+        self.plan.robots().count() > WHOLE_FLEET_MAX
     }
 
     /// A plan is made now.
@@ -155,7 +160,8 @@ impl Core {
         self.note_changes(&schedule, effort);
         self.record(Record::Plan(Arc::clone(&schedule)));
         self.schedule = schedule;
-        if effort == Effort::Whole {
+        // Of a large fleet that is told with the next tick: who joins meanwhile does not wait for it.
+        if effort == Effort::Whole && !self.is_large() {
             self.tell_capacity(now);
         }
     }
@@ -181,6 +187,10 @@ impl Core {
     pub(super) fn tell_answers(&mut self, now: Timestamp) {
         if self.untold.capacity_due(now) {
             self.tell_capacity(now);
+            // Of a large fleet each of the two takes long: one at a time.
+            if self.is_large() {
+                return;
+            }
         }
         let now_told = self.untold.robots();
         if !now_told.is_empty() {

@@ -253,7 +253,8 @@ fn missed(more_s: f64) -> String {
 
 /// The time of day, to the minute.
 pub(super) fn clock(at: Timestamp) -> String {
-    at.to_string().chars().skip(11).take(5).collect()
+    let minute = at.unix_ms().div_euclid(60_000);
+    format!("{:02}:{:02}", minute.div_euclid(60).rem_euclid(24), minute.rem_euclid(60))
 }
 
 fn list<'a>(names: impl Iterator<Item = &'a str>, none: &str) -> String {

@@ -23,50 +23,50 @@ type Checked = Result<(), MessageError>;
 const SOC: (f64, f64) = (-0.05, 1.05);
 
 /// Refuses `field` unless `holds`.
-pub(super) fn require(holds: bool, field: &str, value: impl Display, allowed: impl Display) -> Checked {
+pub(super) fn require(holds: bool, field: impl Display, value: impl Display, allowed: impl Display) -> Checked {
     match holds {
         true => Ok(()),
-        false => Err(MessageError { field: field.to_owned(), value: value.to_string(), allowed: allowed.to_string() }),
+        false => Err(MessageError { field: field.to_string(), value: value.to_string(), allowed: allowed.to_string() }),
     }
 }
 
 /// Any number but NaN and infinity.
-pub(super) fn finite(field: &str, value: f64) -> Checked {
+pub(super) fn finite(field: impl Display, value: f64) -> Checked {
     require(value.is_finite(), field, value, "a finite number")
 }
 
 /// A finite number within `low..=high`.
-pub(super) fn within(field: &str, value: f64, low: f64, high: f64) -> Checked {
+pub(super) fn within(field: impl Display, value: f64, low: f64, high: f64) -> Checked {
     let holds = value.is_finite() && (low..=high).contains(&value);
     require(holds, field, value, format_args!("{low} to {high}"))
 }
 
 /// A finite number, zero or more.
-pub(super) fn not_negative(field: &str, value: f64) -> Checked {
+pub(super) fn not_negative(field: impl Display, value: f64) -> Checked {
     let holds = value.is_finite() && value >= 0.0;
     require(holds, field, value, "zero or more, and finite")
 }
 
 /// Finite value, finite sigma of zero or more.
-pub(super) fn estimate(field: &str, estimate: Estimate) -> Checked {
-    finite(&format!("{field}.value"), estimate.value)?;
-    not_negative(&format!("{field}.sigma"), estimate.sigma)
+pub(super) fn estimate(field: impl Display, estimate: Estimate) -> Checked {
+    finite(format_args!("{field}.value"), estimate.value)?;
+    not_negative(format_args!("{field}.sigma"), estimate.sigma)
 }
 
 /// An estimate of something that cannot be below zero.
-pub(super) fn estimate_not_negative(field: &str, quantity: Estimate) -> Checked {
-    estimate(field, quantity)?;
-    not_negative(&format!("{field}.value"), quantity.value)
+pub(super) fn estimate_not_negative(field: impl Display, quantity: Estimate) -> Checked {
+    estimate(&field, quantity)?;
+    not_negative(format_args!("{field}.value"), quantity.value)
 }
 
 /// An estimated state of charge.
-pub(super) fn soc_estimate(field: &str, soc: Estimate) -> Checked {
-    estimate(field, soc)?;
-    within(&format!("{field}.value"), soc.value, SOC.0, SOC.1)
+pub(super) fn soc_estimate(field: impl Display, soc: Estimate) -> Checked {
+    estimate(&field, soc)?;
+    within(format_args!("{field}.value"), soc.value, SOC.0, SOC.1)
 }
 
 /// A list in which nothing may be named twice.
-pub(super) fn distinct<T: Ord + Display>(field: &str, names: impl IntoIterator<Item = T>) -> Checked {
+pub(super) fn distinct<T: Ord + Display>(field: impl Display, names: impl IntoIterator<Item = T>) -> Checked {
     let mut names: Vec<T> = names.into_iter().collect();
     names.sort();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {

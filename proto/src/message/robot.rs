@@ -93,9 +93,9 @@ impl Message for RobotState {
         }
         check::estimate("drain_w", self.drain_w)?;
         for (station, travel) in &self.travel {
-            check::not_negative(&format!("travel.{station}.time_s"), travel.time_s)?;
+            check::not_negative(format_args!("travel.{station}.time_s"), travel.time_s)?;
             // May be negative: a way downhill gives energy back.
-            check::estimate(&format!("travel.{station}.energy_wh"), travel.energy_wh)?;
+            check::estimate(format_args!("travel.{station}.energy_wh"), travel.energy_wh)?;
         }
         check::not_negative("mission.weight", self.mission.weight)
     }

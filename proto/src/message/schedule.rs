@@ -89,12 +89,12 @@ pub struct Service {
 impl Service {
     fn validate(&self, field: &str) -> Result<(), MessageError> {
         if let Mode::Recharge { to_soc } = self.mode {
-            check::within(&format!("{field}.to_soc"), to_soc, 0.0, 1.0)?;
+            check::within(format_args!("{field}.to_soc"), to_soc, 0.0, 1.0)?;
         }
         let ordered = self.end >= self.start;
-        check::require(ordered, &format!("{field}.end"), self.end, "not before `start`")?;
-        check::within(&format!("{field}.probability"), self.probability.unwrap_or(1.0), 0.0, 1.0)?;
-        check::estimate_not_negative(&format!("{field}.pack_energy_wh"), self.pack_energy_wh)
+        check::require(ordered, format_args!("{field}.end"), self.end, "not before `start`")?;
+        check::within(format_args!("{field}.probability"), self.probability.unwrap_or(1.0), 0.0, 1.0)?;
+        check::estimate_not_negative(format_args!("{field}.pack_energy_wh"), self.pack_energy_wh)
     }
 }
 
@@ -134,7 +134,7 @@ pub struct Doubt {
 
 impl Doubt {
     fn validate(&self, field: &str) -> Result<(), MessageError> {
-        check::finite(&format!("{field}.z"), self.z)
+        check::finite(format_args!("{field}.z"), self.z)
     }
 }
 
@@ -312,8 +312,8 @@ impl Message for Capacity {
 
 fn promises(field: &str, promises: &[Promise]) -> Result<(), MessageError> {
     for (index, promise) in promises.iter().enumerate() {
-        check::within(&format!("{field}[{index}].probability"), promise.probability, 0.0, 1.0)?;
-        check::estimate_not_negative(&format!("{field}[{index}].need_wh"), promise.need_wh)?;
+        check::within(format_args!("{field}[{index}].probability"), promise.probability, 0.0, 1.0)?;
+        check::estimate_not_negative(format_args!("{field}[{index}].need_wh"), promise.need_wh)?;
     }
     Ok(())
 }

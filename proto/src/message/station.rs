@@ -106,7 +106,7 @@ impl Message for StationState {
         }
         check::finite("pack_power_w", self.pack_power_w)?;
         for spare in &self.spares {
-            check::soc_estimate(&format!("spares.{}.soc", spare.spare), spare.soc)?;
+            check::soc_estimate(format_args!("spares.{}.soc", spare.spare), spare.soc)?;
         }
         Ok(())
     }
