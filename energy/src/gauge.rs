@@ -47,6 +47,19 @@ pub struct Sample {
     pub temperature_degc: f64,
 }
 
+/// No pack has a current (A), a voltage (V) or a temperature (°C) like this, and no two samples lie so far apart (s).
+pub const MEASURED_MAX: f64 = 1e7;
+
+impl Sample {
+    /// Whether this can have been measured: every number finite and below [`MEASURED_MAX`], the interval not negative.
+    /// Open inputs, lost messages and a driver's marks for "nothing" (such as -3.4e38) give others.
+    #[must_use]
+    pub fn is_reading(&self) -> bool {
+        let values = [self.dt_s, self.current_a, self.voltage_v, self.temperature_degc];
+        values.iter().all(|value| value.abs() < MEASURED_MAX) && self.dt_s >= 0.0
+    }
+}
+
 /// What a gauge knows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
@@ -75,7 +88,7 @@ pub trait Gauge: Send {
     /// The battery model that the gauge believes.
     fn model(&self) -> &Arc<Model>;
 
-    /// Takes in one sample.
+    /// Takes in one sample. One that is no reading ([`Sample::is_reading`]) changes nothing: its time is not counted.
     fn update(&mut self, sample: &Sample);
 
     /// Another pack was put in, whose state of charge is known this well.

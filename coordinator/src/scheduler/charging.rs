@@ -147,8 +147,8 @@ type Kind = (StationId, usize, usize, i32);
 #[derive(Debug, Default)]
 pub struct Tables {
     known: Mutex<BTreeMap<Kind, Arc<Table>>>,
-    /// What gentle endings gain: station, kind of pack, power (mW), temperature step.
-    gains: Mutex<BTreeMap<(StationId, usize, i64, i32), f64>>,
+    /// What gentle endings gain: station, kind of pack, power (bits), temperature step.
+    gains: Mutex<BTreeMap<(StationId, usize, u64, i32), f64>>,
     /// What packs give.
     pub usable: Usable,
 }
@@ -176,7 +176,7 @@ impl Tables {
     #[must_use]
     pub fn gain_wh(&self, id: &StationId, pack: &Arc<Model>, temperature_degc: f64, draw: &Draw) -> f64 {
         let step = step_of(temperature_degc);
-        let kind = (id.clone(), Arc::as_ptr(pack).addr(), (draw.power_w * 1e3) as i64, step as i32);
+        let kind = (id.clone(), Arc::as_ptr(pack).addr(), draw.power_w.to_bits(), step as i32);
         let mut gains = self.gains.lock().unwrap_or_else(PoisonError::into_inner);
         *gains.entry(kind).or_insert_with(|| energy::forecast::ending::gain_wh(pack, step * TEMPERATURE_STEP_DEGC, draw))
     }

@@ -14,8 +14,8 @@ const SOC_STEP: f64 = 0.01;
 /// few degrees below.
 const TEMPERATURE_STEP_DEGC: f64 = 1.0;
 
-/// Kind of pack, power (mW), place on the grid: state of charge, temperature.
-type Kind = (usize, i64, i32, i32);
+/// Kind of pack, power (bits: a station works at one of few), place on the grid: state of charge, temperature.
+type Kind = (usize, u64, i32, i32);
 
 /// All discharges that were asked for so far. They follow from models that never change, so keeping them
 /// saves time and changes nothing.
@@ -48,7 +48,7 @@ impl Usable {
 
     /// A point, with the doubt of the pack's parameters alone.
     fn point(&self, pack: &Arc<Model>, power_w: f64, soc: i32, temperature: i32) -> Estimate {
-        let kind = (Arc::as_ptr(pack).addr(), (power_w * 1e3).round() as i64, soc, temperature);
+        let kind = (Arc::as_ptr(pack).addr(), power_w.to_bits(), soc, temperature);
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         *known.entry(kind).or_insert_with(|| {
             let soc = Estimate::exact(f64::from(soc) * SOC_STEP);

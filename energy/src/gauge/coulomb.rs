@@ -91,6 +91,9 @@ impl Gauge for CoulombCounter {
     }
 
     fn update(&mut self, sample: &Sample) {
+        if !sample.is_reading() {
+            return;
+        }
         let (followed, _) = self.0.count(sample, false);
         if let Some(rested) = self.0.rested(sample) {
             let seen = Seen {

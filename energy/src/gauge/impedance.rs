@@ -270,6 +270,9 @@ impl Gauge for ImpedanceTrack {
     }
 
     fn update(&mut self, sample: &Sample) {
+        if !sample.is_reading() {
+            return;
+        }
         if (sample.temperature_degc - self.factor.0).abs() > 1.0 {
             let degc = sample.temperature_degc;
             self.factor = (degc, resistance::temperature_factor(&self.counter.model, degc));

@@ -322,6 +322,9 @@ impl Gauge for SigmaPoint {
     }
 
     fn update(&mut self, sample: &Sample) {
+        if !sample.is_reading() {
+            return;
+        }
         if (sample.temperature_degc - self.warmth.0).abs() > 1.0 {
             self.warmth = (sample.temperature_degc, temperature_factor(&self.model, sample.temperature_degc));
         }

@@ -177,3 +177,26 @@ fn another_pack_begins_anew() {
         assert!((reading.soh.value - 1.0).abs() < 1e-9);
     }
 }
+
+#[test]
+fn what_is_no_reading_changes_nothing() {
+    let nothing = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -3.4e38];
+    for &kind in Kind::ALL {
+        let mut pack = pack(1.0, 1.0, 0.8);
+        let [mut disturbed, mut undisturbed] = [(); 2].map(|()| kind.open(believed(), Estimate::new(0.8, 0.02), 25.0));
+        for _ in 0..200 {
+            pack.step_power(7.0, 5.0).unwrap();
+            let good = sample(&pack, 5.0);
+            for bad in nothing {
+                disturbed.update(&Sample { current_a: bad, ..good });
+                disturbed.update(&Sample { voltage_v: bad, ..good });
+                disturbed.update(&Sample { temperature_degc: bad, ..good });
+                disturbed.update(&Sample { dt_s: bad, ..good });
+            }
+            disturbed.update(&Sample { dt_s: -5.0, ..good });
+            disturbed.update(&good);
+            undisturbed.update(&good);
+        }
+        assert_eq!(disturbed.reading(), undisturbed.reading(), "{kind:?}");
+    }
+}
