@@ -147,8 +147,9 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
     }
-    service.flush().await;
-    if let Some(store) = Arc::into_inner(service.store) {
+    if !service.flush().await {
+        error!("the store does not answer: what waited for it is not kept");
+    } else if let Some(store) = Arc::into_inner(service.store) {
         store.close().await;
     }
     info!("coordinator of site {} has stopped", service.link.site);

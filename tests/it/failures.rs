@@ -2,8 +2,11 @@
 
 use std::time::Duration;
 
+use anyhow::Context as _;
 use node::Link;
-use proto::{EventKind, Key, RobotId};
+use proto::{EventKind, Key, Pattern, RobotId, RobotPhase, RobotState};
+use sqlx::Connection as _;
+use sqlx::sqlite::SqliteConnectOptions;
 use tests::{Fleet, program, workspace};
 
 fn fleet() -> anyhow::Result<Fleet> {
@@ -135,6 +138,41 @@ async fn messages_of_another_version_and_garbage_are_refused_by_name() -> anyhow
         }
         anyhow::ensure!(heard, "{part} was not refused; {:?}", tokio::task::block_in_place(|| fleet.events()));
     }
+    Ok(())
+}
+
+/// Somebody else writes into the store and does not end: commands leave all the same, and nothing is lost by it.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_store_that_does_not_answer_stops_nobody() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let mut coordinator = fleet.coordinator()?;
+    let link = Link::open(&fleet.network(), fleet.deployment.coordinator.site.clone()).await?;
+    let (told, mut telling) = tokio::sync::mpsc::unbounded_channel();
+    let heard = move |sample: zenoh::sample::Sample| drop(told.send(node::session::decoded::<RobotState>(sample.payload())));
+    let _states = link.listen(&Pattern::AllRobotStates, heard).await?;
+    let _agents = fleet.agents()?;
+    tokio::task::block_in_place(|| fleet.wait_for("plan", Duration::from_secs(60), |event| event.kind == EventKind::PlanMade))?;
+
+    let mut holder = sqlx::SqliteConnection::connect_with(&SqliteConnectOptions::new().filename(fleet.path("tender.db"))).await?;
+    sqlx::query("BEGIN IMMEDIATE").execute(&mut holder).await?;
+    let before = tokio::task::block_in_place(|| fleet.events())?.len();
+    let charging = async {
+        while let Some(state) = telling.recv().await {
+            if state.is_ok_and(|state| state.phase == RobotPhase::Charging) {
+                break;
+            }
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(60), charging).await.context("nobody was let in while the store was held")?;
+    assert_eq!(tokio::task::block_in_place(|| fleet.events())?.len(), before, "nothing can have been written");
+    sqlx::query("ROLLBACK").execute(&mut holder).await?;
+
+    let done = |event: &proto::Event| event.kind == EventKind::ServiceDone;
+    tokio::task::block_in_place(|| fleet.wait_for("end of a service", Duration::from_secs(120), done))?;
+    let events = tokio::task::block_in_place(|| fleet.events())?;
+    assert!(events.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1));
+    assert!(events.iter().any(|event| event.kind == EventKind::CommandSent), "what was commanded meanwhile is told");
+    coordinator.kill();
     Ok(())
 }
 

@@ -3,21 +3,31 @@
 //! core goes on: commands leave with the batch that they came before.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use tokio::task::JoinHandle;
 use tracing::{debug, error, info, warn};
 
 use super::Service;
+use super::lead::monotonic;
 use crate::config::Config;
 use crate::core::Output;
 use crate::store::{Record, Retention, StoreError, Sweep};
+
+/// Longest that commands wait for a store that neither writes nor fails: a disk that hangs, a file that somebody locks.
+const HANGING: Duration = Duration::from_secs(2);
+/// Longest that a coordinator which is told to stop waits for it.
+const STOPPING: Duration = Duration::from_secs(20);
 
 /// What the store is busy with, beside the core.
 #[derive(Default)]
 pub(super) struct Keeping {
     task: Option<JoinHandle<Done>>,
+    /// When that began.
+    since: Option<Instant>,
     /// The commands that leave when it is done.
     commands: Vec<Output>,
+    /// The last time it could not be written, or it has not answered for too long.
     failed: bool,
     /// How far the deleting of what is old has come.
     sweep: Sweep,
@@ -52,9 +62,11 @@ impl Service {
     pub(super) fn write(&mut self) {
         if self.keeping.task.is_some() {
             self.make_room();
+            self.hurry();
         } else if !self.outbox.records().is_empty() {
             let (store, records) = (Arc::clone(&self.store), self.outbox.take_records());
             self.keeping.commands = self.outbox.take_commands();
+            self.keeping.since = Some(monotonic());
             self.keeping.task = Some(tokio::spawn(async move {
                 let written = store.append(&records).await;
                 Done::Written(records, written)
@@ -62,11 +74,34 @@ impl Service {
         }
     }
 
-    /// Tries once to write everything that waits, and waits for it.
-    pub(super) async fn flush(&mut self) {
-        self.finish().await;
-        self.write();
-        self.finish().await;
+    /// Lets commands go that a store keeps waiting which does not answer, as if it had failed.
+    fn hurry(&mut self) {
+        let waited = self.keeping.since.map_or(Duration::ZERO, |since| since.elapsed());
+        if waited < HANGING && !self.keeping.failed {
+            return;
+        }
+        if !std::mem::replace(&mut self.keeping.failed, true) {
+            error!("the store has not answered for {} s; the fleet is served on, events wait in memory", waited.as_secs());
+        }
+        let mut commands = std::mem::take(&mut self.keeping.commands);
+        commands.append(&mut self.outbox.take_commands());
+        self.send_all(commands);
+    }
+
+    fn send_all(&self, commands: Vec<Output>) {
+        if !self.deposed() {
+            commands.into_iter().for_each(|command| self.command(command));
+        }
+    }
+
+    /// Tries once to write everything that waits, and waits for it, but not for ever: false when that was in vain.
+    pub(super) async fn flush(&mut self) -> bool {
+        let flushed = async {
+            self.finish().await;
+            self.write();
+            self.finish().await;
+        };
+        tokio::time::timeout(STOPPING, flushed).await.is_ok()
     }
 
     async fn finish(&mut self) {
@@ -97,9 +132,7 @@ impl Service {
             }
         }
         let commands = std::mem::take(&mut self.keeping.commands);
-        if !self.deposed() {
-            commands.into_iter().for_each(|command| self.command(command));
-        }
+        self.send_all(commands);
         if self.outbox.urgent() {
             self.write();
         }
@@ -136,6 +169,7 @@ impl Service {
         let ago = |days: f64| self.clock.now().plus_s(-days * energy::units::S_PER_DAY);
         let retention = Retention { fine: ago(keeping.fine_days), coarse_s: keeping.coarse_s, keep: ago(keeping.keep_days) };
         let (store, mut sweep) = (Arc::clone(&self.store), std::mem::take(&mut self.keeping.sweep));
+        self.keeping.since = Some(monotonic());
         self.keeping.task = Some(tokio::spawn(async move {
             if let Err(failure) = store.retire(&retention, &mut sweep).await {
                 debug!("{failure}");
