@@ -124,7 +124,8 @@ impl Service {
             Done::Written(_, Err(StoreError::Deposed { .. })) => self.replaced = true,
             Done::Written(records, Err(failure)) => {
                 if !std::mem::replace(&mut self.keeping.failed, true) {
-                    error!("{failure}; the fleet is served on, events wait in memory");
+                    let cause = std::error::Error::source(&failure).map_or_else(String::new, |source| format!(": {source}"));
+                    error!("{failure}{cause}; the fleet is served on, events wait in memory");
                 }
                 let waiting = if failure.may_pass() { records } else { self.write_singly(records).await };
                 self.outbox.put_back(waiting);
