@@ -56,6 +56,27 @@ pub struct StationModels {
     pub spare_battery: Option<Arc<Model>>,
 }
 
+/// Stations that are alike in all that decides what a service takes there: models by address, figures by their bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Alike {
+    models: [usize; 3],
+    figures: [u64; 5],
+}
+
+impl StationModels {
+    /// Which stations it is like.
+    #[must_use]
+    pub fn alike(&self) -> Alike {
+        let address = |model: Option<&Arc<Model>>| model.map_or(0, |model| Arc::as_ptr(model).addr());
+        let Handling { load_s, unload_s, swap_s } = self.handling;
+        Alike {
+            // Of its packs the first stands for their voltage.
+            models: [address(Some(&self.load)), address(self.packs.values().next()), address(self.spare_battery.as_ref())],
+            figures: [load_s, unload_s, swap_s, self.converter_w_max, self.recharge_w].map(f64::to_bits),
+        }
+    }
+}
+
 /// All models.
 #[derive(Debug, Clone, Default)]
 pub struct Models {

@@ -144,7 +144,7 @@ impl Basis<'_> {
     #[must_use]
     pub fn table(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, temperature_degc: f64) -> Arc<Table> {
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
-        self.tables.of(id, models, self.side_by_side(id), battery, temperature_degc, levels)
+        self.tables.of(models, self.side_by_side(id), battery, temperature_degc, levels)
     }
 
     /// One station, with what services that have begun hold of it.
@@ -288,7 +288,7 @@ impl Basis<'_> {
     /// Packs that hold something, in the order in which they are drained: the active one, then
     /// the fullest last, so that full packs stay full.
     fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
-        let draw = self.working_draw(id, models, state);
+        let draw = self.working_draw(models, state);
         let mut packs: Vec<PackView> = state
             .packs
             .iter()
@@ -296,7 +296,7 @@ impl Basis<'_> {
             .filter_map(|pack| {
                 let (gauge, model) = (station.packs.get(&pack.pack)?, models.packs.get(&pack.pack)?);
                 let usable_wh = self.tables.usable.wh(model, from_wire(gauge.soc), gauge.temperature_degc, draw.power_w);
-                let gain_wh = self.tables.gain_wh(id, model, gauge.temperature_degc, &draw);
+                let gain_wh = self.tables.gain_wh(models, state.bays.len(), model, gauge.temperature_degc, &draw);
                 let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
                 let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
                 Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh })
@@ -323,12 +323,12 @@ impl Basis<'_> {
     /// Power out of the active pack while every bay charges, and how it falls at the end of that: usable
     /// energy is counted for this load.
     #[must_use]
-    pub fn working_draw(&self, id: &StationId, models: &StationModels, state: &StationState) -> Draw {
+    pub fn working_draw(&self, models: &StationModels, state: &StationState) -> Draw {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return Draw::steady(overhead_w) };
         let bays = state.bays.len();
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
-        let table = self.tables.of(id, models, bays, battery, energy::units::REFERENCE_DEGC, levels);
+        let table = self.tables.of(models, bays, battery, energy::units::REFERENCE_DEGC, levels);
         let service = table.at(self.settings.serve_below_soc);
         let each_w = service.need_wh / (service.charge_s / S_PER_H).max(1e-6);
         let taper = table.taper(each_w);

@@ -2,9 +2,15 @@
 //! exchange. A way has a fixed cost and a fixed use of the station, tick by tick, so a plan is
 //! nothing but a choice of at most one way for each robot.
 
-use std::cell::OnceCell;
+mod charge;
 
-use crate::problem::{Battery, Charger, LeftPacks, Problem, Station, Tick};
+use std::cell::OnceCell;
+use std::sync::Arc;
+
+pub use charge::charge_need;
+use charge::{From, Runs, taken};
+
+use crate::problem::{LeftPacks, Problem, Station, Tick};
 use crate::thrift::Thrift;
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
@@ -59,19 +65,12 @@ impl Way {
     }
 }
 
-/// A number of ticks with the same draw.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Run {
-    ticks: u32,
-    draw: i64,
-}
-
 /// The ways of one robot, the cheapest first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choices {
     /// By cost, then energy.
     pub ways: Vec<Way>,
-    runs: Vec<Run>,
+    runs: Arc<Runs>,
     /// Whether it runs empty without a service.
     pub strands: bool,
     /// Worth of the work that it misses without a service.
@@ -163,14 +162,13 @@ impl<'p> Ways<'p> {
         let thrift = Thrift::new(self.problem);
         let choices = (0..self.choices.len()).map(|robot| {
             let all = self.of(robot);
-            let (mut ways, mut runs) = (Vec::new(), Vec::new());
+            let mut ways = Vec::new();
             if all.strands {
                 ways = all.ways.clone();
                 ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
                 ways.sort_unstable_by_key(Way::rank);
-                runs.clone_from(&all.runs);
             }
-            OnceCell::from(Choices { ways, runs, unserved_cost: 0, ..*all })
+            OnceCell::from(Choices { ways, runs: Arc::clone(&all.runs), unserved_cost: 0, ..*all })
         });
         Self { problem: self.problem, choices: choices.collect() }
     }
@@ -194,12 +192,12 @@ impl Choices {
             each(start as usize, end as usize, station.swap_draw);
             (end, if way.mode == Mode::Swap { end } else { Tick::from(way.ready).min(horizon) })
         };
-        for run in &self.runs[way.runs as usize..] {
+        for (ticks, draw) in self.runs.from(way.runs) {
             if at >= to {
                 break;
             }
-            let next = (at + run.ticks).min(to);
-            each(at as usize, next as usize, run.draw);
+            let next = (at + ticks).min(to);
+            each(at as usize, next as usize, draw);
             at = next;
         }
         if let Mode::Charge(_) = way.mode {
@@ -212,56 +210,6 @@ impl Choices {
     pub fn find(&self, station: usize, start: Tick, mode: Mode) -> Option<usize> {
         self.ways.iter().position(|way| usize::from(way.station) == station && Tick::from(way.start) == start && way.mode == mode)
     }
-}
-
-/// A charge from one level up: what it takes to reach each target.
-struct Charge {
-    /// Ticks until each target and what is stored then, in order of targets.
-    reached: Vec<(Tick, i64)>,
-    runs: Vec<Run>,
-}
-
-/// Charges from `energy` through all `targets` (ascending), by whole runs instead of ticks.
-fn charge(battery: &Battery, charger: &Charger, energy: i64, targets: &[i64], bare: bool) -> Charge {
-    let (mut energy, mut ticks) = (energy, 0);
-    let mut charge = Charge { reached: Vec::with_capacity(targets.len()), runs: Vec::with_capacity(charger.curve.len()) };
-    let mut at = 0;
-    for &target in targets {
-        while energy < target {
-            while energy >= charger.curve[at].below {
-                at += 1;
-            }
-            let segment = &charger.curve[at];
-            let stop = segment.below.min(target);
-            let steps = (stop - energy + segment.gain - 1) / segment.gain;
-            energy = (energy + steps * segment.gain).min(battery.capacity);
-            ticks += steps as Tick;
-            let draw = if bare { segment.draw_bare } else { segment.draw };
-            match charge.runs.last_mut() {
-                Some(run) if run.draw == draw => run.ticks += steps as u32,
-                _ => charge.runs.push(Run { ticks: steps as u32, draw }),
-            }
-        }
-        charge.reached.push((ticks, energy));
-    }
-    charge
-}
-
-/// What the station's packs give to charge from `energy` to `target`, mWh.
-#[must_use]
-pub fn charge_need(battery: &Battery, charger: usize, energy: i64, target: i64) -> i64 {
-    charge(battery, &battery.chargers[charger], energy, &[target], false).runs.iter().map(|run| i64::from(run.ticks) * run.draw).sum()
-}
-
-fn taken(runs: &[Run], ticks: Tick) -> i64 {
-    let mut left = ticks;
-    let mut sum = 0;
-    for run in runs {
-        let now = run.ticks.min(left);
-        sum += i64::from(now) * run.draw;
-        left -= now;
-    }
-    sum
 }
 
 /// A service that a plan promised.
@@ -288,36 +236,14 @@ enum Only {
     This(Commitment),
 }
 
-/// A start at a charger: what charging takes from there.
-struct From {
-    charger: usize,
-    charged: Charge,
-    charged_runs: u32,
-    bare: Option<Charge>,
-    bare_runs: u32,
-}
-
-impl From {
-    fn new(battery: &Battery, charger: usize, energy: i64, targets: &[i64], swaps: bool, runs: &mut Vec<Run>) -> Self {
-        let at = &battery.chargers[charger];
-        let charged = charge(battery, at, energy, targets, false);
-        let charged_runs = runs.len() as u32;
-        runs.extend_from_slice(&charged.runs);
-        let swap = swaps && at.swap_energy - energy >= battery.min_gain;
-        let bare = swap.then(|| charge(battery, at, energy, &[at.swap_energy], true));
-        let bare_runs = runs.len() as u32;
-        runs.extend(bare.iter().flat_map(|bare| &bare.runs));
-        Self { charger, charged, charged_runs, bare, bare_runs }
-    }
-}
-
 /// All ways to service a robot that could be part of a best plan, or only one of them.
 fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     let (battery, horizon) = (problem.battery(robot), problem.horizon);
     let (strands, robot) = (problem.strands(robot), &problem.robots[robot]);
     let unserved = robot.missed_unserved(battery.floor);
     let keeps = matches!(only, Some(Only::This(_)));
-    let mut made = Choices { ways: Vec::new(), runs: Vec::new(), strands, unserved_cost: unserved as i32, held: robot.held, keeps };
+    let mut runs = Runs::default();
+    let mut made = Choices { ways: Vec::new(), runs: Arc::default(), strands, unserved_cost: unserved as i32, held: robot.held, keeps };
     if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
         return made;
     }
@@ -339,7 +265,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         for travel in robot.travel.iter().filter(|travel| travel.ticks <= start && is_asked(travel.station)) {
             let station = &problem.stations[travel.station];
             let place = at.iter().position(|from| from.charger == station.charger).unwrap_or_else(|| {
-                at.push(From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut made.runs));
+                at.push(From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut runs));
                 at.len() - 1
             });
             let from = &at[place];
@@ -395,5 +321,6 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         made.ways.retain(|way| commitment.is(way));
     }
     made.ways.sort_unstable_by_key(Way::rank);
+    made.runs = Arc::new(runs.closed());
     made
 }

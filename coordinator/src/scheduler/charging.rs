@@ -1,7 +1,7 @@
 //! What charging takes and how long it lasts, from the energy models: the CC-CV charge of a robot's
 //! battery behind a station's converters, tabulated over the state of charge.
 //!
-//! A table is made once for a kind of battery at a station, a number of robots side by side and a
+//! A table is made once for a kind of battery at a kind of station, a number of robots side by side and a
 //! temperature; plans look it up.
 
 use std::collections::BTreeMap;
@@ -9,11 +9,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
-use proto::StationId;
 
 use super::usable::Usable;
 use crate::forecast::{self, Draw};
-use crate::models::StationModels;
+use crate::models::{Alike, StationModels};
 
 /// Steps of a table.
 const STEPS: u32 = 20;
@@ -140,15 +139,15 @@ impl Table {
 }
 
 /// Station, battery, robots side by side, temperature step.
-type Kind = (StationId, usize, usize, i32);
+type Kind = (Alike, usize, usize, i32);
 
 /// All tables that were asked for so far. They follow from models that never change, so keeping them
 /// saves time and changes nothing.
 #[derive(Debug, Default)]
 pub struct Tables {
     known: Mutex<BTreeMap<Kind, Arc<Table>>>,
-    /// What gentle endings gain: station, kind of pack, power (bits), temperature step.
-    gains: Mutex<BTreeMap<(StationId, usize, u64, i32), f64>>,
+    /// What gentle endings gain: station and its bays, kind of pack, power (bits), temperature step.
+    gains: Mutex<BTreeMap<(Alike, usize, usize, u64, i32), f64>>,
     /// What packs give.
     pub usable: Usable,
 }
@@ -159,7 +158,6 @@ impl Tables {
     #[must_use]
     pub fn of(
         &self,
-        id: &StationId,
         station: &StationModels,
         at_once: usize,
         battery: &Arc<Model>,
@@ -167,16 +165,17 @@ impl Tables {
         [from_soc, to_soc]: [f64; 2],
     ) -> Arc<Table> {
         let step = step_of(temperature_degc);
-        let kind = (id.clone(), Arc::as_ptr(battery).addr(), at_once, step as i32);
+        let kind = (station.alike(), Arc::as_ptr(battery).addr(), at_once, step as i32);
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let made = || Arc::new(Table::new(station, at_once, battery, step * TEMPERATURE_STEP_DEGC, from_soc, to_soc));
         Arc::clone(known.entry(kind).or_insert_with(made))
     }
-    /// How much more a pack of this kind gives because the station's load ends gently, Wh.
+
+    /// How much more a pack of this kind gives because the load of the station's bays ends gently, Wh.
     #[must_use]
-    pub fn gain_wh(&self, id: &StationId, pack: &Arc<Model>, temperature_degc: f64, draw: &Draw) -> f64 {
+    pub fn gain_wh(&self, station: &StationModels, bays: usize, pack: &Arc<Model>, temperature_degc: f64, draw: &Draw) -> f64 {
         let step = step_of(temperature_degc);
-        let kind = (id.clone(), Arc::as_ptr(pack).addr(), draw.power_w.to_bits(), step as i32);
+        let kind = (station.alike(), bays, Arc::as_ptr(pack).addr(), draw.power_w.to_bits(), step as i32);
         let mut gains = self.gains.lock().unwrap_or_else(PoisonError::into_inner);
         *gains.entry(kind).or_insert_with(|| energy::forecast::ending::gain_wh(pack, step * TEMPERATURE_STEP_DEGC, draw))
     }

@@ -1,10 +1,12 @@
 //! A view as a `planner::Problem`: seconds become ticks of a grid, Wh become whole units.
 
+mod battery;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
-use planner::problem::{Battery, Chance, Charger, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Tick, Travel};
+use planner::problem::{Battery, Chance, LeftPacks, Ongoing, Pack, Problem, Robot, Station, Tick, Travel};
 use planner::{Mode, Session};
 use proto::{BayId, RobotId, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -33,8 +35,6 @@ const NO_LIMIT: i64 = 1 << 40;
 /// A promise that was given is kept as long as it is more likely than not that it can be; what makes it
 /// less likely is measured, never planned ([`planner::hold`]).
 const KEEP_CONFIDENCE: f64 = 0.5;
-/// Spares that hold this much less than the fullest wait until that is handed out, as a fraction.
-const SPARES_ALIKE_SOC: f64 = 0.1;
 
 /// Where ticks lie in time: on the same grid for every plan, so that plans can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,11 +107,13 @@ impl Task {
                 kind
             })
             .collect();
-        let batteries = batteries.iter().zip(&tables).map(|(robot, tables)| battery(robot, tables, &view.stations, settings, tick_s));
-        let batteries: Vec<Battery> = batteries.collect();
+        let batteries =
+            batteries.iter().zip(&tables).map(|(robot, tables)| battery::battery(robot, tables, &view.stations, settings, tick_s));
+        let mut batteries: Vec<Battery> = batteries.collect();
+        let charger_of = battery::share_chargers(&mut batteries, view.stations.len());
         let stations = view.stations.iter().enumerate().map(|(index, station)| {
             let lift_wh = tables.iter().find_map(|tables| tables.get(&index)).map_or(0.0, |table| table.lift_wh);
-            self::station(&view, station, index, lift_wh, settings, grid)
+            self::station(&view, station, charger_of[index], lift_wh, settings, grid)
         });
         let stations: Vec<Station> = stations.collect();
         let before_of = before.iter().map(|planned| (&planned.robot, planned)).collect();
@@ -219,56 +221,7 @@ fn close_horizon(problem: &mut Problem, view: &View) {
     }
 }
 
-fn battery(robot: &RobotView, tables: &BTreeMap<usize, Arc<Table>>, stations: &[StationView], settings: &Settings, tick_s: u32) -> Battery {
-    let capacity = robot.battery.battery().stored_wh() * UNITS_PER_WH;
-    let chargers = (0..stations.len()).map(|station| {
-        let swap_soc = alike(&stations[station]).map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
-        let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
-        let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, tick_s));
-        let any = Segment { below: capacity as i64, gain: capacity as i64, draw: 0, draw_bare: 0 };
-        Charger { swap_energy, curve: if curve.is_empty() { vec![any] } else { curve } }
-    });
-    Battery {
-        capacity: capacity as i64,
-        floor: 0,
-        min_gain: (settings.min_gain_soc * capacity) as i64,
-        targets: vec![(settings.charge_to_soc * capacity) as i64],
-        chargers: chargers.collect(),
-    }
-}
-
-/// Spares that are handed out next: the fullest, and those that hold nearly as much.
-fn alike(station: &StationView) -> impl Iterator<Item = &super::problem::SpareView> {
-    let fullest = station.spares.iter().map(|spare| spare.soc).fold(0.0, f64::max);
-    station.spares.iter().filter(move |spare| spare.soc >= fullest - SPARES_ALIKE_SOC)
-}
-
-/// A table as stretches of equal power.
-fn curve(table: &Table, capacity: f64, tick_s: u32) -> Vec<Segment> {
-    let mut curve: Vec<Segment> = Vec::new();
-    for pair in table.points.windows(2) {
-        let [low, high] = [pair[0], pair[1]];
-        let ticks = (low.charge_s - high.charge_s) / f64::from(tick_s);
-        let last = curve.last().copied();
-        let below = (high.soc * capacity) as i64;
-        if ticks <= 1e-6 || below <= last.map_or(0, |last| last.below) {
-            continue;
-        }
-        let per_tick = |wh: f64| ((wh * UNITS_PER_WH / ticks).round() as i64).max(0);
-        curve.push(Segment {
-            below,
-            gain: (((high.soc - low.soc) * capacity / ticks).round() as i64).max(1),
-            draw: per_tick(low.need_wh - high.need_wh),
-            draw_bare: per_tick(low.bare_wh - high.bare_wh),
-        });
-    }
-    if let Some(last) = curve.last_mut() {
-        last.below = capacity as i64;
-    }
-    curve
-}
-
-fn station(view: &View, station: &StationView, index: usize, lift_wh: f64, settings: &Settings, grid: Grid) -> Station {
+fn station(view: &View, station: &StationView, charger: usize, lift_wh: f64, settings: &Settings, grid: Grid) -> Station {
     let ahead_s = view.now.seconds_since(grid.origin);
     let tick = |seconds: f64| grid.up(seconds + ahead_s);
     let [load_ticks, unload_ticks, swap_ticks] =
@@ -301,7 +254,7 @@ fn station(view: &View, station: &StationView, index: usize, lift_wh: f64, setti
     let usable = |wh: f64| (wh.max(0.0) * UNITS_PER_WH) as i64;
     Station {
         name: station.station.to_string(),
-        charger: index,
+        charger,
         bays: if out { 0 } else { station.bays.len() as u32 },
         lift_slots: 1,
         swap_slots: 1,
@@ -314,7 +267,7 @@ fn station(view: &View, station: &StationView, index: usize, lift_wh: f64, setti
         unload_draw: lift_draw,
         swap_ticks,
         swap_draw: (swap_wh * UNITS_PER_WH / f64::from(swap_ticks.max(1))).round() as i64,
-        spares: alike(station).map(|spare| if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }).collect(),
+        spares: battery::spares_alike(station).map(|spare| if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }).collect(),
         left_packs: if station.charges_spares { LeftPacks::Charged } else { LeftPacks::PutAside },
         packs: station
             .packs

@@ -1,0 +1,88 @@
+//! A kind of battery for the planner: what it holds, and how each station charges it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use planner::problem::{Battery, Charger, Segment};
+
+use super::UNITS_PER_WH;
+use crate::models::Settings;
+use crate::scheduler::charging::Table;
+use crate::scheduler::problem::{RobotView, SpareView, StationView};
+
+/// Spares that hold this much less than the fullest wait until that is handed out, as a fraction.
+const SPARES_ALIKE_SOC: f64 = 0.1;
+
+/// A battery like that of `robot`; `tables` says what charging it takes at the stations in reach.
+pub(super) fn battery(
+    robot: &RobotView,
+    tables: &BTreeMap<usize, Arc<Table>>,
+    stations: &[StationView],
+    settings: &Settings,
+    tick_s: u32,
+) -> Battery {
+    let capacity = robot.battery.battery().stored_wh() * UNITS_PER_WH;
+    let chargers = (0..stations.len()).map(|station| {
+        let swap_soc = spares_alike(&stations[station]).map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
+        let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
+        let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, tick_s));
+        let any = Segment { below: capacity as i64, gain: capacity as i64, draw: 0, draw_bare: 0 };
+        Charger { swap_energy, curve: if curve.is_empty() { vec![any] } else { curve } }
+    });
+    Battery {
+        capacity: capacity as i64,
+        floor: 0,
+        min_gain: (settings.min_gain_soc * capacity) as i64,
+        targets: vec![(settings.charge_to_soc * capacity) as i64],
+        chargers: chargers.collect(),
+    }
+}
+
+/// Leaves one charger for all stations that charge every battery alike: the planner works out a charge once for each.
+/// Which one is whose.
+pub(super) fn share_chargers(batteries: &mut [Battery], stations: usize) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::new();
+    let alike = |a: usize, b: usize| batteries.iter().all(|battery| battery.chargers[a] == battery.chargers[b]);
+    let charger_of = (0..stations).map(|station| {
+        kept.iter().position(|&known| alike(known, station)).unwrap_or_else(|| {
+            kept.push(station);
+            kept.len() - 1
+        })
+    });
+    let charger_of: Vec<usize> = charger_of.collect();
+    for battery in batteries {
+        battery.chargers = kept.iter().map(|&station| battery.chargers[station].clone()).collect();
+    }
+    charger_of
+}
+
+/// Spares that are handed out next: the fullest, and those that hold nearly as much.
+pub(super) fn spares_alike(station: &StationView) -> impl Iterator<Item = &SpareView> {
+    let fullest = station.spares.iter().map(|spare| spare.soc).fold(0.0, f64::max);
+    station.spares.iter().filter(move |spare| spare.soc >= fullest - SPARES_ALIKE_SOC)
+}
+
+/// A table as stretches of equal power.
+fn curve(table: &Table, capacity: f64, tick_s: u32) -> Vec<Segment> {
+    let mut curve: Vec<Segment> = Vec::new();
+    for pair in table.points.windows(2) {
+        let [low, high] = [pair[0], pair[1]];
+        let ticks = (low.charge_s - high.charge_s) / f64::from(tick_s);
+        let last = curve.last().copied();
+        let below = (high.soc * capacity) as i64;
+        if ticks <= 1e-6 || below <= last.map_or(0, |last| last.below) {
+            continue;
+        }
+        let per_tick = |wh: f64| ((wh * UNITS_PER_WH / ticks).round() as i64).max(0);
+        curve.push(Segment {
+            below,
+            gain: (((high.soc - low.soc) * capacity / ticks).round() as i64).max(1),
+            draw: per_tick(low.need_wh - high.need_wh),
+            draw_bare: per_tick(low.bare_wh - high.bare_wh),
+        });
+    }
+    if let Some(last) = curve.last_mut() {
+        last.below = capacity as i64;
+    }
+    curve
+}

@@ -1,0 +1,124 @@
+//! Charges by whole runs of equal draw instead of ticks.
+
+use crate::problem::{Battery, Charger, Tick};
+
+/// A number of ticks with the same draw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Run {
+    ticks: u32,
+    draw: i64,
+    /// Segment of the charger's curve that has this draw.
+    segment: u32,
+}
+
+/// The runs of many charges, one after the other. There are some twenty for each tick in which a robot can begin, so
+/// what they draw is kept once.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Runs {
+    /// Draws of the segments of each curve in use.
+    draws: Vec<i64>,
+    /// Where those of a charger begin, with the robot powered or its pack alone.
+    curves: Vec<((usize, bool), u32)>,
+    /// Ticks, and where their draw is.
+    runs: Vec<(u32, u32)>,
+}
+
+impl Runs {
+    /// The runs from a place on: how long and how much, those of the next charge after those of this one.
+    #[inline]
+    pub(super) fn from(&self, place: u32) -> impl Iterator<Item = (Tick, i64)> + '_ {
+        self.runs[place as usize..].iter().map(|&(ticks, draw)| (ticks, self.draws[draw as usize]))
+    }
+
+    /// Adds a charge at the charger of this index; where its runs begin.
+    fn add(&mut self, (charger, bare): (usize, bool), at: &Charger, charge: &Charge) -> u32 {
+        let known = self.curves.iter().find(|(curve, _)| *curve == (charger, bare)).map(|(_, begin)| *begin);
+        let begin = known.unwrap_or_else(|| {
+            let begin = self.draws.len() as u32;
+            self.draws.extend(at.curve.iter().map(|segment| if bare { segment.draw_bare } else { segment.draw }));
+            self.curves.push(((charger, bare), begin));
+            begin
+        });
+        let place = self.runs.len() as u32;
+        self.runs.extend(charge.runs.iter().map(|run| (run.ticks, begin + run.segment)));
+        place
+    }
+
+    /// The same, in no more memory than they take.
+    pub(super) fn closed(mut self) -> Self {
+        self.runs.shrink_to_fit();
+        self
+    }
+}
+
+/// A charge from one level up: what it takes to reach each target.
+pub(super) struct Charge {
+    /// Ticks until each target and what is stored then, in order of targets.
+    pub(super) reached: Vec<(Tick, i64)>,
+    pub(super) runs: Vec<Run>,
+}
+
+/// Charges from `energy` through all `targets` (ascending).
+fn charge(battery: &Battery, charger: &Charger, energy: i64, targets: &[i64], bare: bool) -> Charge {
+    let (mut energy, mut ticks) = (energy, 0);
+    let mut charge = Charge { reached: Vec::with_capacity(targets.len()), runs: Vec::with_capacity(charger.curve.len()) };
+    let mut at = 0;
+    for &target in targets {
+        while energy < target {
+            while energy >= charger.curve[at].below {
+                at += 1;
+            }
+            let segment = &charger.curve[at];
+            let stop = segment.below.min(target);
+            let steps = (stop - energy + segment.gain - 1) / segment.gain;
+            energy = (energy + steps * segment.gain).min(battery.capacity);
+            ticks += steps as Tick;
+            let draw = if bare { segment.draw_bare } else { segment.draw };
+            match charge.runs.last_mut() {
+                Some(run) if run.draw == draw => run.ticks += steps as u32,
+                _ => charge.runs.push(Run { ticks: steps as u32, draw, segment: at as u32 }),
+            }
+        }
+        charge.reached.push((ticks, energy));
+    }
+    charge
+}
+
+/// What the station's packs give to charge from `energy` to `target`, mWh.
+#[must_use]
+pub fn charge_need(battery: &Battery, charger: usize, energy: i64, target: i64) -> i64 {
+    charge(battery, &battery.chargers[charger], energy, &[target], false).runs.iter().map(|run| i64::from(run.ticks) * run.draw).sum()
+}
+
+/// What the first ticks of a charge draw.
+pub(super) fn taken(runs: &[Run], ticks: Tick) -> i64 {
+    let mut left = ticks;
+    let mut sum = 0;
+    for run in runs {
+        let now = run.ticks.min(left);
+        sum += i64::from(now) * run.draw;
+        left -= now;
+    }
+    sum
+}
+
+/// A start at a charger: what charging takes from there.
+pub(super) struct From {
+    pub(super) charger: usize,
+    pub(super) charged: Charge,
+    pub(super) charged_runs: u32,
+    pub(super) bare: Option<Charge>,
+    pub(super) bare_runs: u32,
+}
+
+impl From {
+    pub(super) fn new(battery: &Battery, charger: usize, energy: i64, targets: &[i64], swaps: bool, runs: &mut Runs) -> Self {
+        let at = &battery.chargers[charger];
+        let charged = charge(battery, at, energy, targets, false);
+        let charged_runs = runs.add((charger, false), at, &charged);
+        let swap = swaps && at.swap_energy - energy >= battery.min_gain;
+        let bare = swap.then(|| charge(battery, at, energy, &[at.swap_energy], true));
+        let bare_runs = bare.as_ref().map_or(0, |bare| runs.add((charger, true), at, bare));
+        Self { charger, charged, charged_runs, bare, bare_runs }
+    }
+}
