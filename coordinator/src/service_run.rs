@@ -1,5 +1,7 @@
 //! A service that has begun, and the commands that carry it on.
 
+use std::sync::Arc;
+
 use proto::{
     BayId, BayPhase, CommandId, PackId, RobotAction, RobotId, RobotPhase, ServiceStatus, SpareId, StationAction, StationId, StationState,
     Timestamp,
@@ -66,7 +68,7 @@ pub struct ServiceRun {
     /// Packs that pay.
     pub packs: Vec<PackId>,
     /// Why it was planned so.
-    pub why: Vec<String>,
+    pub why: Arc<[String]>,
     /// Where it stands.
     pub stage: Stage,
     /// The command that waits for an answer.

@@ -124,7 +124,7 @@ impl Core {
             end: start.plus_s(charge_s),
             need: Need::default(),
             packs: Vec::new(),
-            why: vec!["begun by the coordinator before this one, or by the robot itself".to_owned()],
+            why: ["begun by the coordinator before this one, or by the robot itself".to_owned()].into(),
             stage,
             asked: None,
         };

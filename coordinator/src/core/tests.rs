@@ -131,7 +131,7 @@ fn waits(n: usize, start_s: f64) -> ServiceRun {
         end: at(start_s + 600.0),
         need: energy::Need::default(),
         packs: Vec::new(),
-        why: Vec::new(),
+        why: Vec::new().into(),
         stage: Stage::Waiting,
         asked: None,
     }

@@ -1,6 +1,7 @@
 //! A plan in the fleet's terms: every robot serviced, or with the reasons why not.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use energy::Need;
 use energy::units::S_PER_H;
@@ -10,7 +11,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::problem::{SpareView, StationView};
 use super::translate::Task;
-use super::words;
+use super::words::{self, Grounds};
 
 /// A plan.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -54,7 +55,9 @@ pub struct Planned {
     /// that the robot lasts until then where that is not sure enough.
     pub probability: f64,
     /// Why so.
-    pub why: Vec<String>,
+    pub why: Arc<[String]>,
+    /// The figures in that: as long as they stay the same, so do the words.
+    pub grounds: Grounds,
 }
 
 /// A robot without a service.
@@ -89,10 +92,11 @@ impl Plan {
         let plan = &found.plan;
         let moved = found.moved.iter().map(|&robot| task.view.robots[robot].robot.clone()).collect();
         let mut planned: Vec<Planned> = Vec::new();
+        let promised: BTreeMap<&RobotId, &Planned> = before.planned.iter().map(|planned| (&planned.robot, planned)).collect();
         for (index, station) in task.view.stations.iter().enumerate() {
             let mut here: Vec<&Session> = plan.sessions.iter().filter(|session| session.station == index).collect();
             here.sort_by_key(|session| (session.start, session.robot));
-            let mut ledger = Ledger::new(task, station, index, &here);
+            let mut ledger = Ledger::new(task, station, index, &here, &promised);
             planned.extend(here.into_iter().enumerate().map(|(place, session)| ledger.planned(place, session, to_soc)));
         }
         planned.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
@@ -150,6 +154,8 @@ struct Ledger<'a> {
     task: &'a Task,
     station: &'a StationView,
     index: usize,
+    /// What the plan before told of each robot.
+    told: &'a BTreeMap<&'a RobotId, &'a Planned>,
     spares: Vec<SpareView>,
     /// When each service draws, s from now, and what it takes.
     draws: Vec<(f64, f64, Need)>,
@@ -160,7 +166,13 @@ struct Ledger<'a> {
 }
 
 impl<'a> Ledger<'a> {
-    fn new(task: &'a Task, station: &'a StationView, index: usize, here: &[&Session]) -> Self {
+    fn new(
+        task: &'a Task,
+        station: &'a StationView,
+        index: usize,
+        here: &[&Session],
+        told: &'a BTreeMap<&'a RobotId, &'a Planned>,
+    ) -> Self {
         let mut spares = station.spares.clone();
         spares.sort_by(|a, b| b.soc.total_cmp(&a.soc).then_with(|| a.spare.cmp(&b.spare)));
         let draw = |session: &&Session| {
@@ -168,7 +180,7 @@ impl<'a> Ledger<'a> {
             (start_s, end_s, task.need(session.robot, index, session.start, session.mode))
         };
         let draws = here.iter().map(draw).collect();
-        Self { task, station, index, spares, draws, need: station.committed.clone(), until_s: station.committed_until_s }
+        Self { task, station, index, told, spares, draws, need: station.committed.clone(), until_s: station.committed_until_s }
     }
 
     /// Probability that the packs last until then: a service that ends with others beside it is as sure as they are,
@@ -193,6 +205,7 @@ impl<'a> Ledger<'a> {
         // rest of a tick is the planner's rounding, and each new plan would round up anew.
         let at_once = session.start <= first && who.not_before < first;
         let need = self.draws[place].2.clone();
+        let need_wh = need.mean_wh;
         let (start_s, end_s) = (start.seconds_since(now), end.seconds_since(now));
         let before_wh = self.need.mean_wh + self.overhead(self.until_s.max(start_s)).mean_wh;
         self.need = self.need.plus(&need);
@@ -214,9 +227,11 @@ impl<'a> Ledger<'a> {
             need,
             packs,
             probability: covered * arrives,
-            why: Vec::new(),
+            why: Arc::default(),
+            grounds: Grounds::new(task, session, need_wh, covered, arrives),
         };
-        planned.why = words::why(task, session, &planned, covered, arrives);
+        let told = self.told.get(&planned.robot).filter(|told| told.grounds == planned.grounds && told.packs == planned.packs);
+        planned.why = told.map_or_else(|| planned.grounds.words(&planned.packs).into(), |told| Arc::clone(&told.why));
         planned
     }
 

@@ -6,10 +6,9 @@ use planner::book::Clash;
 use planner::problem::Tick;
 use planner::reasons::Why;
 use planner::{Explained, Explainer, Mode, Session, Unserved, Ways, explain::Other};
-use proto::{RobotId, StationId, Timestamp};
+use proto::{PackId, RobotId, StationId, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::plan::Planned;
 use super::translate::Task;
 
 /// What can be told of a robot's place in a plan.
@@ -34,38 +33,84 @@ pub struct Alternative {
     pub why_not: Vec<String>,
 }
 
-/// Why this service: what it saves, when it comes, and who pays. Its packs cover it and the robot arrives with
-/// these probabilities.
-pub(super) fn why(task: &Task, session: &Session, planned: &Planned, covered: f64, arrives: f64) -> Vec<String> {
-    let robot = &task.problem.robots[session.robot];
-    let away = robot.travel.iter().find(|travel| travel.station == session.station).map_or(0, |travel| travel.ticks);
-    let wanted = robot.wanted.unwrap_or(0).max(away);
-    let minutes = |ticks: Tick| f64::from(ticks) * f64::from(task.grid.tick_s) / 60.0;
-    let (before, after) = (minutes(wanted.saturating_sub(session.start)), minutes(session.start.saturating_sub(wanted)));
-    let time = if before >= 0.5 {
-        format!("comes {before:.0} min before it is wanted: later no place would be free in time")
-    } else if after >= 0.5 {
-        format!("comes {after:.0} min after it is wanted")
-    } else if robot.wanted.is_none_or(|wanted| away >= wanted) {
-        "comes as soon as the robot can be there".to_owned()
-    } else {
-        "comes when it is wanted".to_owned()
-    };
-    let empty = task.grid.time(Tick::try_from(task.problem.endurance(session.robot)).unwrap_or(Tick::MAX).min(task.problem.horizon));
-    let without = if arrives < 1.0 {
-        format!("the robot may be empty before that, and lasts with probability {:.0} %", arrives * 100.0)
-    } else {
-        format!("without it the robot may be empty at {}", clock(empty))
-    };
-    vec![
-        format!("{time}; {without}"),
-        format!(
-            "takes {:.1} Wh from {}; the packs hold it with probability {:.1} %",
-            planned.need.mean_wh,
-            list(planned.packs.iter().map(AsRef::as_ref), "no pack"),
-            covered * 100.0
-        ),
-    ]
+/// Why a service is planned as it is, as far as it is told: figures as whole numbers of what is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Grounds {
+    /// When it comes, against when it is wanted, min.
+    comes: Comes,
+    /// When the robot may be empty without it, or how likely it lasts until then, %.
+    without: Without,
+    /// What it takes, tenths of a Wh.
+    need: i64,
+    /// How likely the packs hold that, tenths of a percent.
+    covered: i64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Comes {
+    Before(i64),
+    After(i64),
+    AtOnce,
+    #[default]
+    WhenWanted,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Without {
+    /// Minutes since 1970.
+    EmptyAt(i64),
+    Lasts(i64),
+}
+
+impl Default for Without {
+    fn default() -> Self {
+        Self::EmptyAt(0)
+    }
+}
+
+impl Grounds {
+    /// Those of a service. Its packs cover it and the robot arrives with these probabilities.
+    pub(super) fn new(task: &Task, session: &Session, need_wh: f64, covered: f64, arrives: f64) -> Self {
+        let robot = &task.problem.robots[session.robot];
+        let away = robot.travel.iter().find(|travel| travel.station == session.station).map_or(0, |travel| travel.ticks);
+        let wanted = robot.wanted.unwrap_or(0).max(away);
+        let minutes = |ticks: Tick| f64::from(ticks) * f64::from(task.grid.tick_s) / 60.0;
+        let (before, after) = (minutes(wanted.saturating_sub(session.start)), minutes(session.start.saturating_sub(wanted)));
+        let comes = if before >= 0.5 {
+            Comes::Before(before.round() as i64)
+        } else if after >= 0.5 {
+            Comes::After(after.round() as i64)
+        } else if robot.wanted.is_none_or(|wanted| away >= wanted) {
+            Comes::AtOnce
+        } else {
+            Comes::WhenWanted
+        };
+        let empty = Tick::try_from(task.problem.endurance(session.robot)).unwrap_or(Tick::MAX).min(task.problem.horizon);
+        let without = if arrives < 1.0 {
+            Without::Lasts((arrives * 100.0).round() as i64)
+        } else {
+            Without::EmptyAt(task.grid.time(empty).unix_ms().div_euclid(60_000))
+        };
+        Self { comes, without, need: (need_wh * 10.0).round() as i64, covered: (covered * 1000.0).round() as i64 }
+    }
+
+    /// Why this service: what it saves, when it comes, and who pays.
+    pub(super) fn words(&self, packs: &[PackId]) -> Vec<String> {
+        let comes = match self.comes {
+            Comes::Before(minutes) => format!("comes {minutes} min before it is wanted: later no place would be free in time"),
+            Comes::After(minutes) => format!("comes {minutes} min after it is wanted"),
+            Comes::AtOnce => "comes as soon as the robot can be there".to_owned(),
+            Comes::WhenWanted => "comes when it is wanted".to_owned(),
+        };
+        let without = match self.without {
+            Without::Lasts(percent) => format!("the robot may be empty before that, and lasts with probability {percent} %"),
+            Without::EmptyAt(minute) => format!("without it the robot may be empty at {}", clock(Timestamp::from_unix_ms(minute * 60_000))),
+        };
+        let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);
+        let from = list(packs.iter().map(AsRef::as_ref), "no pack");
+        let (need, covered) = (tenths(self.need), tenths(self.covered));
+        vec![format!("{comes}; {without}"), format!("takes {need} Wh from {from}; the packs hold it with probability {covered} %")]
+    }
 }
 
 /// Why a robot has no service: one reason per station that it could reach.

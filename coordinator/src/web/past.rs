@@ -181,7 +181,7 @@ mod tests {
             pack_energy_wh: Estimate::new(20.0, 1.0),
             probability: None,
             status: ServiceStatus::Charging,
-            why: Vec::new(),
+            why: Vec::new().into(),
         };
         let mut past = Past::default();
         past.running.insert(robot.clone(), service.clone());

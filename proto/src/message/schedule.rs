@@ -1,6 +1,7 @@
 //! What the coordinator decided, what the packs can still pay for, and why.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -83,7 +84,7 @@ pub struct Service {
     /// How far it has come.
     pub status: ServiceStatus,
     /// Why this station, mode and time.
-    pub why: Vec<String>,
+    pub why: Arc<[String]>,
 }
 
 impl Service {
