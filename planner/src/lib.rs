@@ -93,7 +93,7 @@ pub fn plan(problem: &Problem, policy_name: &str, seed: u64, budget: &mut dyn Bu
     if !impossible.is_empty() {
         return Err(NoPlan::Impossible(impossible));
     }
-    Ok(policy.plan(&Ways::new(problem), seed, budget))
+    Ok(policy.plan(&Ways::all(problem), seed, budget))
 }
 
 fn unknown_policy(wrong: &str) -> NoPlan {

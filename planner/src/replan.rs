@@ -175,7 +175,7 @@ pub fn renew(
         return Ok(Replanned { plan, moved, unasked: BTreeSet::new() });
     }
     let free = vec![true; problem.robots.len()];
-    let ways = Ways::for_replanning(problem, &committed, &free, loyalty.min(LOYALTY_MAX) as i32, None);
+    let ways = Ways::all_loyal(problem, &committed, loyalty.min(LOYALTY_MAX) as i32);
     let mut known = Draft::new(&ways);
     let mut in_order: Vec<&Session> = before.iter().collect();
     in_order.sort_by_key(|session| (!problem.robots[session.robot].held, session.start, session.robot));
@@ -201,7 +201,7 @@ pub fn renew(
     let mut mended = finished(problem, draft, &committed, &free);
     // Two sets of all ways need not be in memory at once.
     drop(ways);
-    let honest = Ways::new(problem);
+    let honest = Ways::all(problem);
     mended.plan.bound.stranded = optimise::least_stranded(&honest);
     mended.plan.bound.cost = bound(&honest, &mended.plan, &mut Moves(BOUND_ROUNDS * 4 * problem.robots.len() as u64));
     Ok(mended)

@@ -10,6 +10,8 @@ use std::sync::Arc;
 pub use charge::charge_need;
 use charge::{From, Runs, taken};
 
+use rayon::prelude::*;
+
 use crate::problem::{LeftPacks, Problem, Station, Tick};
 use crate::thrift::Thrift;
 
@@ -17,6 +19,8 @@ use crate::thrift::Thrift;
 pub const NEVER: u16 = u16::MAX;
 /// The same, while it is charged beyond the horizon.
 const LATE: u16 = u16::MAX - 1;
+/// The smallest fleet whose ways are made on several threads: those of a smaller one are made before others have begun.
+const SHARED_MIN: usize = 128;
 
 /// How a robot is serviced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -95,6 +99,32 @@ impl<'p> Ways<'p> {
         Self { problem, choices: vec![OnceCell::new(); problem.robots.len()] }
     }
 
+    /// All of them at once.
+    #[must_use]
+    pub fn all(problem: &'p Problem) -> Self {
+        Self::made(problem, |robot| choices(problem, robot, None))
+    }
+
+    /// All of them at once, where giving up a commitment costs `loyalty`: see [`Self::for_replanning`].
+    #[must_use]
+    pub(crate) fn all_loyal(problem: &'p Problem, committed: &[Option<Commitment>], loyalty: i32) -> Self {
+        Self::made(problem, |robot| match &committed[robot] {
+            Some(commitment) => loyal(problem, robot, commitment, loyalty),
+            None => choices(problem, robot, None),
+        })
+    }
+
+    /// Those of a large fleet are made on as many threads as there are.
+    fn made(problem: &'p Problem, of: impl Fn(usize) -> Choices + Sync) -> Self {
+        let robots = 0..problem.robots.len();
+        let choices = if robots.len() < SHARED_MIN {
+            robots.map(|robot| OnceCell::from(of(robot))).collect()
+        } else {
+            robots.into_par_iter().map(|robot| OnceCell::from(of(robot))).collect()
+        };
+        Self { problem, choices }
+    }
+
     /// The ways that a replanning needs: a robot with a commitment has that alone, others none, and
     /// those that `free` names have all.
     ///
@@ -116,12 +146,7 @@ impl<'p> Ways<'p> {
         for (robot, commitment) in committed.iter().enumerate() {
             if free[robot] {
                 if let Some(commitment) = commitment {
-                    let mut all = choices(problem, robot, None);
-                    let kept = |way: &Way| commitment.is(way);
-                    all.ways.iter_mut().filter(|way| !kept(way)).for_each(|way| way.cost += loyalty);
-                    all.unserved_cost += loyalty;
-                    all.ways.sort_unstable_by_key(Way::rank);
-                    made.choices[robot].set(all).expect("set once");
+                    made.leave(robot, loyal(problem, robot, commitment, loyalty));
                 }
                 continue;
             }
@@ -234,6 +259,15 @@ impl Commitment {
 enum Only {
     Nothing,
     This(Commitment),
+}
+
+/// All ways of a robot, those but the one that it was promised dearer by `loyalty`.
+fn loyal(problem: &Problem, robot: usize, commitment: &Commitment, loyalty: i32) -> Choices {
+    let mut all = choices(problem, robot, None);
+    all.ways.iter_mut().filter(|way| !commitment.is(way)).for_each(|way| way.cost += loyalty);
+    all.unserved_cost += loyalty;
+    all.ways.sort_unstable_by_key(Way::rank);
+    all
 }
 
 /// All ways to service a robot that could be part of a best plan, or only one of them.
