@@ -64,10 +64,11 @@ fn robot(id: &RobotId) -> Vec<Grant> {
         ("ingress", SPEAKS, vec![own("gauge"), own("state"), sim("draw")]),
         ("ingress", &["liveliness_token"], vec![own("alive")]),
         ("ingress", ANSWERS, vec![own("command")]),
-        ("ingress", LISTENS, vec![sim("supply")]),
-        ("ingress", WATCHES, vec!["coordinator/alive".to_owned()]),
+        // Under its own keys it listens for another that has its name.
+        ("ingress", LISTENS, vec![sim("supply"), own("state")]),
+        ("ingress", WATCHES, vec!["coordinator/alive".to_owned(), own("alive")]),
         ("egress", &["query"], vec![own("command")]),
-        ("egress", SPEAKS, vec![sim("supply")]),
+        ("egress", SPEAKS, vec![sim("supply"), own("state")]),
     ]
 }
 
@@ -78,10 +79,10 @@ fn station(id: &StationId) -> Vec<Grant> {
         ("ingress", SPEAKS, vec![own("state"), own("pack/*/gauge"), sim("supply")]),
         ("ingress", &["liveliness_token"], vec![own("alive")]),
         ("ingress", ANSWERS, vec![own("command")]),
-        ("ingress", LISTENS, vec![sim("draw"), "robot/*/state".to_owned()]),
-        ("ingress", WATCHES, vec!["coordinator/alive".to_owned()]),
+        ("ingress", LISTENS, vec![sim("draw"), "robot/*/state".to_owned(), own("state")]),
+        ("ingress", WATCHES, vec!["coordinator/alive".to_owned(), own("alive")]),
         ("egress", &["query"], vec![own("command")]),
-        ("egress", SPEAKS, vec![sim("draw"), "robot/*/state".to_owned()]),
+        ("egress", SPEAKS, vec![sim("draw"), "robot/*/state".to_owned(), own("state")]),
     ]
 }
 

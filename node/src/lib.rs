@@ -11,7 +11,7 @@
 //!           wire.rs     estimates and readings on the wire
 //!   shell   clock.rs    real or accelerated time
 //!           network.rs  the [network] table; access.rs who may say what
-//!           session.rs  a Zenoh session: publish, ask, serve, watch
+//!           session.rs  a Zenoh session: publish, ask, serve, watch; sole.rs nobody else speaks as this agent
 //!           files.rs    texts and models from disk
 //!           settings.rs keys from flags and environment over those of the file
 //!           log.rs      what this program says of itself, on stderr
@@ -40,6 +40,7 @@ mod selector;
 pub mod session;
 pub mod settings;
 mod silence;
+mod sole;
 mod stop;
 mod telemetry;
 mod vehicle;
@@ -57,6 +58,7 @@ pub use publish::{Due, Publish};
 pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY};
 pub use session::Link;
 pub use silence::Silence;
+pub use sole::Sole;
 pub use stop::told_to_stop;
 pub use telemetry::{LOAD_INPUTS, STATION_INPUTS, Telemetry, load_columns};
 pub use vehicle::Vehicle;

@@ -165,10 +165,15 @@ pub async fn command<M: Message>(query: &Query) -> Option<M> {
         Some(Err(error)) => error.to_string(),
         None => "a command needs a payload".to_owned(),
     };
-    if let Err(error) = query.reply_err(wrong).await {
-        warn!("a refusal was not sent: {error}");
-    }
+    refuse(query, wrong).await;
     None
+}
+
+/// Refuses a query, and says why.
+pub async fn refuse(query: &Query, why: String) {
+    if let Err(failure) = query.reply_err(why).await {
+        warn!("a refusal was not sent: {failure}");
+    }
 }
 
 /// Answers a query; an answer that is lost is asked for again.

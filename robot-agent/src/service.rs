@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use energy::Channel;
-use node::session::{command, decoded, reply};
-use node::{Clock, LOAD_INPUTS, Link, LiveLog, MemoryFile, told_to_stop};
+use node::session::{command, decoded, refuse, reply};
+use node::{Clock, LOAD_INPUTS, Link, LiveLog, MemoryFile, Sole, told_to_stop};
 use proto::{Key, Pattern, RobotCommand, SimSupply, Timestamp};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
@@ -31,7 +31,10 @@ pub async fn run(
 ) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let robot = &config.id;
-    let _alive = link.announce(&Key::RobotAlive(robot.clone())).await?;
+    let clock = Clock::new(config.clock);
+    let (alive, said) = (Key::RobotAlive(robot.clone()), Key::RobotState(robot.clone()));
+    let period = clock.real(config.publish.state_period_s);
+    let mut sole = Sole::claim(&link, format!("robot {robot}"), &alive, &said, period).await?;
     let (commands_in, mut commands) = mpsc::unbounded_channel();
     let _commands = link.serve(Key::RobotCommand(robot.clone()).build(&link.site), commands_in).await?;
     let (supplies_in, mut supplies) = mpsc::unbounded_channel::<SimSupply>();
@@ -47,7 +50,6 @@ pub async fn run(
         warn!("no way to any station is known: {robot} is watched and never serviced; give travel_s, or --travel STATION=SECONDS");
     }
 
-    let clock = Clock::new(config.clock);
     let mut ticks = tokio::time::interval(clock.real(STEP_S).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut last = clock.now();
@@ -81,7 +83,9 @@ pub async fn run(
             Some(supply) = supplies.recv() => source.supply(&supply),
             Some(heard) = lives.recv() => agent.handle(clock.now(), Input::Coordinator(heard)),
             Some(query) = commands.recv() => {
-                if let Some(command) = command::<RobotCommand>(&query).await {
+                if let Some(why) = sole.doubt() {
+                    refuse(&query, why).await;
+                } else if let Some(command) = command::<RobotCommand>(&query).await {
                     agent.handle(clock.now(), Input::Command(command));
                     drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station, &mut memory, log.as_mut()).await?;
                 }

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use energy::{Channel, Estimate};
-use node::session::{command, decoded, reply};
-use node::{Clock, Link, LiveLog, MemoryFile, STATION_INPUTS, told_to_stop};
+use node::session::{command, decoded, refuse, reply};
+use node::{Clock, Link, LiveLog, MemoryFile, STATION_INPUTS, Sole, told_to_stop};
 use proto::{Key, PackId, Pattern, RobotId, RobotState, SimDraw, StationCommand, Timestamp};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
@@ -33,7 +33,10 @@ pub async fn run(
 ) -> anyhow::Result<()> {
     let link = Link::open(&config.network, config.site.clone()).await?;
     let station = &config.id;
-    let _alive = link.announce(&Key::StationAlive(station.clone())).await?;
+    let clock = Clock::new(config.clock);
+    let (alive, said) = (Key::StationAlive(station.clone()), Key::StationState(station.clone()));
+    let period = clock.real(config.publish.state_period_s);
+    let mut sole = Sole::claim(&link, format!("station {station}"), &alive, &said, period).await?;
     let (commands_in, mut commands) = mpsc::unbounded_channel();
     let _commands = link.serve(Key::StationCommand(station.clone()).build(&link.site), commands_in).await?;
     let (draws_in, mut draws) = mpsc::unbounded_channel::<(RobotId, SimDraw)>();
@@ -57,7 +60,6 @@ pub async fn run(
     let _robots = link.listen(&Pattern::AllRobotStates, said).await?;
     info!("station {station} is up");
 
-    let clock = Clock::new(config.clock);
     let mut ticks = tokio::time::interval(clock.real(STEP_S).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut last = clock.now();
@@ -95,7 +97,9 @@ pub async fn run(
             Some((robot, state)) = robots.recv() => agent.handle(clock.now(), Input::Robot(robot, state)),
             Some(heard) = lives.recv() => agent.handle(clock.now(), Input::Coordinator(heard)),
             Some(query) = commands.recv() => {
-                if let Some(command) = command::<StationCommand>(&query).await {
+                if let Some(why) = sole.doubt() {
+                    refuse(&query, why).await;
+                } else if let Some(command) = command::<StationCommand>(&query).await {
                     agent.handle(clock.now(), Input::Command(command));
                     drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut memory, log.as_mut()).await?;
                 }

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use node::Link;
-use proto::{EventKind, Key, Pattern, RobotId, RobotPhase, RobotState};
+use node::session::Answer;
+use proto::{CommandReply, EventKind, Key, Pattern, RobotAction, RobotCommand, RobotId, RobotPhase, RobotState};
 use sqlx::Connection as _;
 use sqlx::sqlite::SqliteConnectOptions;
 use tests::{Fleet, program, workspace};
@@ -139,6 +140,46 @@ async fn messages_of_another_version_and_garbage_are_refused_by_name() -> anyhow
         anyhow::ensure!(heard, "{part} was not refused; {:?}", tokio::task::block_in_place(|| fleet.events()));
     }
     Ok(())
+}
+
+/// Two with one name: who comes later is refused, and where both are there already neither obeys.
+#[tokio::test(flavor = "multi_thread")]
+async fn two_agents_with_one_id_do_not_both_obey() -> anyhow::Result<()> {
+    let fleet = fleet()?;
+    let site = fleet.deployment.coordinator.site.clone();
+    let _coordinator = fleet.coordinator()?;
+    let link = Link::open(&fleet.network(), site.clone()).await?;
+    let robot = RobotId::new("explorer-1")?;
+    let own = || program("robot-agent").args(["run", "--config"]).arg(fleet.path("explorer-1.toml")).output();
+
+    let states = Pattern::AllRobotStates;
+    let (told, mut telling) = tokio::sync::mpsc::unbounded_channel();
+    let heard = move |sample: zenoh::sample::Sample| drop(told.send(node::session::decoded::<RobotState>(sample.payload())));
+    let listening = link.listen(&states, heard).await?;
+    let mut one = program("robot-agent");
+    one.args(["run", "--config"]).arg(fleet.path("explorer-1.toml"));
+    let _one = tests::start(one)?;
+    let state = tokio::time::timeout(Duration::from_secs(30), telling.recv()).await?.context("a state")??;
+    let second = tokio::task::block_in_place(own)?;
+    assert_eq!(second.status.code(), Some(2));
+    assert!(text(&second.stderr).contains("another process speaks as robot explorer-1 already"), "{}", text(&second.stderr));
+
+    // Another host that met the first one only later speaks under the same key.
+    drop(listening);
+    let command = RobotCommand { id: "c9-1".parse()?, at: state.at, deadline: state.at.plus_s(1e6), epoch: 9, action: RobotAction::Undock };
+    let mut answers = Vec::new();
+    for _ in 0..100 {
+        link.publish(&Key::RobotState(robot.clone()), &state).await?;
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        let answer = link.ask::<_, CommandReply>(&Key::RobotCommand(robot.clone()), Some(&command), Duration::from_secs(2)).await;
+        if let Answer::Refused(why) = &answer
+            && why.contains("another process speaks as robot explorer-1 too")
+        {
+            return Ok(());
+        }
+        answers.push(answer);
+    }
+    anyhow::bail!("it obeyed: {answers:?}")
 }
 
 /// Somebody else writes into the store and does not end: commands leave all the same, and nothing is lost by it.

@@ -98,8 +98,10 @@ impl Core {
 
     /// Carries on from `stage` what somebody else has begun.
     fn adopt(&mut self, now: Timestamp, robot: &RobotId, station: StationId, bay: BayId, stage: Stage) {
-        // A bay belongs to one service; who comes second is planned anew when it stands there.
-        if self.running.values().any(|run| run.is_in(&station, &bay)) || !self.models.stations.contains_key(&station) {
+        // A bay belongs to one service; who comes second is planned anew when it stands there. Who is in it is let out,
+        // also when somebody is on the way to it: nobody else would.
+        let before = |run: &ServiceRun| run.is_in(&station, &bay) && (stage == Stage::Travelling || !run.under_way());
+        if self.running.values().any(before) || !self.models.stations.contains_key(&station) {
             return;
         }
         // In a bay without power nothing can be carried on before that comes back.

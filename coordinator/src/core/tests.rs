@@ -138,6 +138,34 @@ fn waits(n: usize, start_s: f64) -> ServiceRun {
 }
 
 #[test]
+fn who_is_found_in_a_bay_is_let_out_though_somebody_is_on_the_way_to_it() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    joins(&mut core, 0.0, 1);
+    core.running.insert(id("r1"), waits(1, 100.0));
+    let charges = RobotState {
+        at: at(1.0),
+        seq: 2000,
+        phase: RobotPhase::Charging,
+        station: Some(id("s")),
+        bay: Some(id("bay-1")),
+        ..core.fleet.robots[&id::<RobotId>("r0")].state.clone().unwrap()
+    };
+    core.handle(at(1.0), Input::RobotState(id("r0"), charges));
+    let held = StationState {
+        at: at(1.0),
+        seq: 2000,
+        bays: vec![BayState { bay: id("bay-1"), phase: BayPhase::Occupied, robot: Some(id("r0")) }],
+        ..core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap()
+    };
+    core.handle(at(1.0), Input::StationState(id("s"), held));
+    core.handle(at(2.0), Input::Tick);
+    assert_eq!(core.running.get(&id::<RobotId>("r0")).map(|run| run.stage), Some(Stage::Charging));
+    assert!(core.running.contains_key(&id::<RobotId>("r1")), "who is on the way waits");
+}
+
+#[test]
 fn who_is_lost_before_a_free_bay_does_not_keep_others_out() {
     let mut core = core();
     station_joins(&mut core, 0.0);

@@ -188,17 +188,19 @@ impl Watch {
         let time_to_full_s =
             (power_w < -idle_w).then(|| line(&mut self.predictor.to_full, &x, &p, 0.0, idle_w, |x| believed.charge_s(x)).estimate(&x, &p));
         let time_to_empty_s = (power_w > idle_w).then(|| {
-            // t = E / P: a share dE / E, and as much as the current was shown too high.
-            let energy_wh = remaining_wh.value.max(f64::MIN_POSITIVE);
+            // t = E / P: dt P is dE, and E by as much as the current was shown too high.
+            let energy_wh = remaining_wh.value;
             let shown = [mean_v / power_w, 1.0];
             let noise_w = model.sensor(Channel::CurrentA).floor() * mean_v;
-            let mut square = (remaining_wh.sigma / energy_wh).powi(2) + self.power.noise_share * (noise_w / power_w).powi(2);
+            let mut share2 = self.power.noise_share * (noise_w / power_w).powi(2);
+            let mut square_wh2 = remaining_wh.sigma.powi(2);
             for one in 0..2 {
-                square += 2.0 * shown[one] * remaining_slopes.dot(&errors.with_inputs[one]) / energy_wh;
-                square += (0..2).map(|other| shown[one] * shown[other] * errors.covariance[one][other]).sum::<f64>();
+                square_wh2 += 2.0 * energy_wh * shown[one] * remaining_slopes.dot(&errors.with_inputs[one]);
+                share2 += (0..2).map(|other| shown[one] * shown[other] * errors.covariance[one][other]).sum::<f64>();
             }
-            let time_s = remaining_wh.value * S_PER_H / power_w;
-            Estimate::new(time_s, time_s * square.max(0.0).sqrt())
+            square_wh2 += energy_wh.powi(2) * share2;
+            let per_wh_s = S_PER_H / power_w;
+            Estimate::new(energy_wh * per_wh_s, square_wh2.max(0.0).sqrt() * per_wh_s)
         });
         Reading {
             soc,

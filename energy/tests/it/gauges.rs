@@ -141,6 +141,20 @@ fn energy_goes_to_zero_at_the_end_of_discharge() {
 }
 
 #[test]
+fn an_empty_pack_that_goes_on_has_nothing_left_and_a_sigma() {
+    for &kind in Kind::ALL {
+        let mut gauge = kind.open(believed(), Estimate::new(0.02, 0.005), 25.0);
+        for _ in 0..1000 {
+            gauge.update(&Sample { dt_s: 5.0, current_a: 0.6, voltage_v: 9.0, temperature_degc: 25.0 });
+            let reading = gauge.reading();
+            let left_s = reading.time_to_empty_s.expect("it is drained");
+            assert!(left_s.value.is_finite() && left_s.sigma.is_finite(), "{kind:?}: {reading:?}");
+        }
+        assert!(gauge.reading().remaining_wh.value < 0.05, "{kind:?}: {:?}", gauge.reading());
+    }
+}
+
+#[test]
 fn asleep_only_self_discharge_is_counted() {
     let mut gauge = ImpedanceTrack::new(believed(), Estimate::new(0.8, 0.002), 25.0);
     let before = gauge.soc();
