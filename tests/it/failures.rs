@@ -142,6 +142,44 @@ async fn messages_of_another_version_and_garbage_are_refused_by_name() -> anyhow
     Ok(())
 }
 
+/// A listener of everything that never comes back from the first message, and a page's reader that never reads.
+#[tokio::test(flavor = "multi_thread")]
+async fn who_listens_too_slowly_holds_up_nobody() -> anyhow::Result<()> {
+    use std::io::{Read as _, Write as _};
+    let mut fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 100.0)?;
+    fleet.deployment.coordinator.web.port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    fleet.write()?;
+    let _coordinator = fleet.coordinator()?;
+    fleet_up(&fleet)?;
+    let link = Link::open(&fleet.network(), fleet.deployment.coordinator.site.clone()).await?;
+    let (let_go, held) = std::sync::mpsc::channel::<()>();
+    let held = std::sync::Mutex::new(held);
+    let stuck = move |_| drop(held.lock().map(|held| held.recv()));
+    let listening = link.session.declare_subscriber("tender/**").callback(stuck);
+    let listening = listening.await.map_err(|error| anyhow::anyhow!("{error}"))?;
+    // More than all buffers on the way to it hold.
+    let talker = Link::open(&fleet.network(), link.site.clone()).await?;
+    for _ in 0..1000 {
+        talker.session.put("tender/noise", vec![0_u8; 65_536]).await.map_err(|error| anyhow::anyhow!("{error}"))?;
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    let web = &fleet.deployment.coordinator.web;
+    let up = || std::net::TcpStream::connect((web.address, web.port)).is_ok();
+    anyhow::ensure!(tests::patiently(Duration::from_secs(30), up), "no dashboard");
+    let mut reader = std::net::TcpStream::connect((web.address, web.port))?;
+    reader.write_all(b"GET /api/v1/live HTTP/1.1\r\nHost: localhost\r\nAccept: text/event-stream\r\n\r\n")?;
+    let mut first = [0; 15];
+    reader.read_exact(&mut first)?;
+    assert_eq!(&first, b"HTTP/1.1 200 OK");
+
+    let _agents = fleet.agents()?;
+    let done = |event: &proto::Event| event.kind == EventKind::ServiceDone;
+    tokio::task::block_in_place(|| fleet.wait_for("end of a service", Duration::from_secs(120), done))?;
+    drop(let_go);
+    drop((listening, reader));
+    Ok(())
+}
+
 /// Two with one name: who comes later is refused, and where both are there already neither obeys.
 #[tokio::test(flavor = "multi_thread")]
 async fn two_agents_with_one_id_do_not_both_obey() -> anyhow::Result<()> {

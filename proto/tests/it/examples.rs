@@ -118,7 +118,7 @@ fn service(robot: &str, mode: Mode) -> Service {
         pack_energy_wh: Estimate::new(17.9, 0.7),
         probability: Some(0.975),
         status: ServiceStatus::Planned,
-        why: vec!["north is nearest".to_owned()],
+        why: ["north is nearest".to_owned()].into(),
     }
 }
 
