@@ -140,14 +140,16 @@ impl Table {
 
 /// Station, battery, robots side by side, temperature step.
 type Kind = (Alike, usize, usize, i32);
+/// Station and its bays, kind of pack, power (bits), temperature step.
+type Ending = (Alike, usize, usize, u64, i32);
 
 /// All tables that were asked for so far. They follow from models that never change, so keeping them
 /// saves time and changes nothing.
 #[derive(Debug, Default)]
 pub struct Tables {
     known: Mutex<BTreeMap<Kind, Arc<Table>>>,
-    /// What gentle endings gain: station and its bays, kind of pack, power (bits), temperature step.
-    gains: Mutex<BTreeMap<(Alike, usize, usize, u64, i32), f64>>,
+    /// What gentle endings gain, Wh.
+    gains: Mutex<BTreeMap<Ending, f64>>,
     /// What packs give.
     pub usable: Usable,
 }

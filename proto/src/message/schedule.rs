@@ -291,20 +291,20 @@ impl Message for Capacity {
     fn validate(&self) -> Result<(), MessageError> {
         for (index, pack) in self.packs.iter().enumerate() {
             let field = |name: &str| format!("packs[{index}].{name}");
-            check::estimate(&field("remaining_wh"), pack.remaining_wh)?;
-            check::estimate(&field("usable_wh"), pack.usable_wh)?;
-            check::estimate_not_negative(&field("service_wh"), pack.service_wh)?;
+            check::estimate(field("remaining_wh"), pack.remaining_wh)?;
+            check::estimate(field("usable_wh"), pack.usable_wh)?;
+            check::estimate_not_negative(field("service_wh"), pack.service_wh)?;
             for (cause, &energy_wh) in &pack.breakdown_wh {
-                check::finite(&field(&format!("breakdown_wh.{cause}")), energy_wh)?;
+                check::finite(field(&format!("breakdown_wh.{cause}")), energy_wh)?;
             }
-            check::within(&field("confidence"), pack.confidence, 0.0, 1.0)?;
-            check::not_negative(&field("short_for_next_wh"), pack.short_for_next_wh)?;
+            check::within(field("confidence"), pack.confidence, 0.0, 1.0)?;
+            check::not_negative(field("short_for_next_wh"), pack.short_for_next_wh)?;
             promises(&field("promises"), &pack.promises)?;
         }
         for (index, station) in self.stations.iter().enumerate() {
             let field = |name: &str| format!("stations[{index}].{name}");
-            check::estimate(&field("usable_wh"), station.usable_wh)?;
-            check::not_negative(&field("short_for_next_wh"), station.short_for_next_wh)?;
+            check::estimate(field("usable_wh"), station.usable_wh)?;
+            check::not_negative(field("short_for_next_wh"), station.short_for_next_wh)?;
             promises(&field("promises"), &station.promises)?;
         }
         check::within("confidence", self.confidence, 0.0, 1.0)
