@@ -150,7 +150,7 @@ impl ServiceRun {
                 Some(BayPhase::Failed) | None => Step::Fail(format!("bay {bay} is out of order")),
                 Some(_) => Step::Wait,
             },
-            (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked) => {
+            (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked | RobotPhase::Charging) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::Charging)
             }
             // It drives out by itself too, unless a lift holds it after all.

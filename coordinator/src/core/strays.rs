@@ -73,8 +73,9 @@ impl Core {
     fn settle(&mut self, now: Timestamp, robot: &RobotId, phase: RobotPhase, place: Held, settled: bool) {
         use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
         match (phase, place) {
-            (Docked, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Loading),
-            (Charging | Charged, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Charging),
+            // Who charges is told how far: by itself it would go on to where its own rule ends.
+            (Docked | Charging, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Loading),
+            (Charged, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Charging),
             (Travelling, _) => {
                 let state = self.fleet.robots[robot].state.clone();
                 // Without a bay it goes by its own rule, and plans when it is there.

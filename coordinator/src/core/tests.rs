@@ -161,7 +161,15 @@ fn who_is_found_in_a_bay_is_let_out_though_somebody_is_on_the_way_to_it() {
     };
     core.handle(at(1.0), Input::StationState(id("s"), held));
     core.handle(at(2.0), Input::Tick);
-    assert_eq!(core.running.get(&id::<RobotId>("r0")).map(|run| run.stage), Some(Stage::Charging));
+    assert_eq!(core.running.get(&id::<RobotId>("r0")).map(|run| run.stage), Some(Stage::Loading));
+    studies(&mut core);
+    core.handle(at(3.0), Input::Tick);
+    let told = std::iter::from_fn(|| core.poll()).find_map(|output| match output {
+        Output::ToRobot(robot, command) => Some((robot, command.action)),
+        _ => None,
+    });
+    let how_far = proto::RobotAction::ChargeTo { soc: core.settings.charge_to_soc };
+    assert_eq!(told, Some((id("r0"), how_far)), "it may charge by a rule of its own");
     assert!(core.running.contains_key(&id::<RobotId>("r1")), "who is on the way waits");
 }
 
