@@ -70,7 +70,8 @@ struct Service {
 /// Runs until `stop` comes.
 ///
 /// # Errors
-/// When models, store or network cannot be had, or another coordinator serves the site.
+/// When models, store or network cannot be had, another coordinator serves the site, or at the end the store does not
+/// answer.
 pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output = ()>) -> anyhow::Result<()> {
     let (settings, models) = config.load(path)?;
     let place = store_path(config, path);
@@ -147,9 +148,8 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
     }
-    if !service.flush().await {
-        error!("the store does not answer: what waited for it is not kept");
-    } else if let Some(store) = Arc::into_inner(service.store) {
+    ensure!(service.flush().await, "the store {} does not answer: what waited for it is not kept", shown(&place).display());
+    if let Some(store) = Arc::into_inner(service.store) {
         store.close().await;
     }
     info!("coordinator of site {} has stopped", service.link.site);
