@@ -133,6 +133,9 @@ impl<'p> Book<'p> {
     #[inline]
     #[must_use]
     pub fn fits(&self, choices: &Choices, way: &Way) -> bool {
+        if !self.may_feed(way) {
+            return false;
+        }
         let (start, end) = (usize::from(way.start), usize::from(way.end));
         let drawn_to = if let Mode::Charge(_) = way.mode {
             let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
@@ -175,7 +178,12 @@ impl<'p> Book<'p> {
     /// Whether power and energy are there for a way, wherever it may take place.
     #[must_use]
     pub fn feeds(&self, choices: &Choices, way: &Way) -> bool {
-        self.lack(choices, way).is_none()
+        self.may_feed(way) && self.lack(choices, way).is_none()
+    }
+
+    /// Whether all packs together still hold what a way takes: where they do not, nothing else needs a look.
+    fn may_feed(&self, way: &Way) -> bool {
+        self.energy.last().is_none_or(|limit| way.energy <= limit.energy)
     }
 
     /// The first lack of power or energy, whether there is a place or not.

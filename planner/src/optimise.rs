@@ -20,7 +20,7 @@ use crate::draft::{Draft, NONE, broken};
 use crate::guide::Guide;
 use crate::plan::{Levels, Plan};
 use crate::prices::{Level, Prices};
-use crate::search::Search;
+use crate::search::{SETTLED_MAX, Search};
 use crate::turns;
 use crate::way::Ways;
 
@@ -68,6 +68,8 @@ const THRIFTY_HEAT: [f64; 2] = [30.0, 0.5];
 const PROVEN_ROUNDS: u32 = 16;
 /// The largest fleet for which they run: they come after the budget, so they must be short.
 const PROVEN_ROBOTS_MAX: usize = 64;
+/// Rounds in which everybody may take a better place, when there is no time.
+const HASTY: u32 = 2;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
@@ -94,14 +96,14 @@ pub(crate) fn best<'w, 'p>(
         Some(known) if (known.broken(), known.score) <= (at_once.broken(), at_once.score) => known,
         _ => at_once,
     });
-    search.settle();
+    search.settle(if run.used() < 1.0 { SETTLED_MAX } else { HASTY });
     let least = least_stranded(ways);
     let mut prices = Prices::new(ways, Level::Cost { stranded_max: search.best_score.stranded });
     if run.used() < 1.0 && !search.idle() {
         run.strand_few(&mut search, least);
         run.miss_little(&mut search, &mut prices, least);
         search.return_to_best();
-        search.settle();
+        search.settle(SETTLED_MAX);
     }
     let draft = search.draft;
     let least = if prices.improved() { proven_least(ways, least, draft.score.stranded) } else { least };
@@ -207,7 +209,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             && broken(self.ways.problem(), &few) <= broken(self.ways.problem(), &found.best)
         {
             found.go_on_from(&few);
-            found.settle();
+            found.settle(SETTLED_MAX);
         }
     }
 

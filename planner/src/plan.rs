@@ -1,10 +1,12 @@
 //! A finished plan: who is serviced where, when and how, which packs pay, and what is proven.
 
+use rayon::prelude::*;
+
 use crate::draft::{Draft, NONE};
 use crate::problem::Tick;
 use crate::reasons::{self, Obstacle};
 use crate::supply;
-use crate::way::Mode;
+use crate::way::{Mode, SHARED_MIN};
 
 /// A plan for every robot of a problem: a session, or the reasons why not.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,13 +108,18 @@ impl Plan {
             bound.energy += drawn(problem.horizon) + switches(least);
             bound.packs += least as i64;
         }
-        let unserved = (0..problem.robots.len()).filter(|&robot| draft.chosen[robot] == NONE);
-        let unserved = unserved.map(|robot| {
+        let unserved: Vec<usize> = (0..problem.robots.len()).filter(|&robot| draft.chosen[robot] == NONE).collect();
+        let why = |&robot: &usize| {
             let obstacles = reasons::obstacles(draft, robot);
             let reasons = reasons::why_not(draft, robot, &obstacles);
             Unserved { robot, stranded: problem.strands(robot), wants_place: reasons::wants_place(draft, robot), obstacles, reasons }
-        });
-        Self { sessions, unserved: unserved.collect(), pack_order, objective, bound }
+        };
+        let unserved = if unserved.len() < SHARED_MIN {
+            unserved.iter().map(why).collect()
+        } else {
+            unserved.par_iter().map(why).collect()
+        };
+        Self { sessions, unserved, pack_order, objective, bound }
     }
 }
 

@@ -22,8 +22,8 @@ const COMPARED: u32 = 4;
 
 /// One wish of so many is for any way at all: lists by price forget what rarely pays.
 const ANY_OF: u32 = 16;
-/// Rounds in which everybody may take a better place that is free.
-const SETTLED_MAX: u32 = 6;
+/// Rounds in which everybody may take a better place that is free, when there is time.
+pub const SETTLED_MAX: u32 = 6;
 
 /// A search and the best plan that it has come across.
 #[derive(Debug)]
@@ -76,9 +76,9 @@ impl<'w, 'p> Search<'w, 'p> {
         self.waiting.clear();
     }
 
-    /// Lets every robot in turn take the best way that is free to it, by cost and then by energy.
-    pub fn settle(&mut self) {
-        for _ in 0..SETTLED_MAX {
+    /// Lets every robot in turn take the best way that is free to it, by cost and then by energy, so often.
+    pub fn settle(&mut self, rounds: u32) {
+        for _ in 0..rounds {
             let before = self.draft.score;
             for place in 0..self.movable.len() {
                 let robot = self.movable[place] as usize;

@@ -4,23 +4,22 @@
 
 mod charge;
 
-use std::cell::OnceCell;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 pub use charge::charge_need;
 use charge::{From, Runs, taken};
 
 use rayon::prelude::*;
 
-use crate::problem::{LeftPacks, Problem, Station, Tick};
+use crate::problem::{LeftPacks, Problem, Station, Tick, Travel};
 use crate::thrift::Thrift;
 
 /// For [`Way::ready`]: it gives no spare back within the horizon.
 pub const NEVER: u16 = u16::MAX;
 /// The same, while it is charged beyond the horizon.
 const LATE: u16 = u16::MAX - 1;
-/// The smallest fleet whose ways are made on several threads: those of a smaller one are made before others have begun.
-const SHARED_MIN: usize = 128;
+/// So many robots are looked at on several threads; fewer are done before others have begun.
+pub(crate) const SHARED_MIN: usize = 128;
 
 /// How a robot is serviced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -56,19 +55,6 @@ pub struct Way {
     pub energy: i64,
 }
 
-impl Way {
-    /// Cost, then energy, then what makes it this way: one number, because one is compared fastest.
-    fn rank(&self) -> u128 {
-        let mode = match self.mode {
-            Mode::Charge(level) => u128::from(level),
-            Mode::Swap => 256,
-            Mode::SwapAndRecharge => 257,
-        };
-        let what = u128::from(self.start) << 32 | u128::from(self.station) << 16 | mode;
-        (self.cost as u128) << 96 | (self.energy as u128) << 48 | what
-    }
-}
-
 /// The ways of one robot, the cheapest first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choices {
@@ -89,14 +75,14 @@ pub struct Choices {
 #[derive(Debug)]
 pub struct Ways<'p> {
     problem: &'p Problem,
-    choices: Vec<OnceCell<Choices>>,
+    choices: Vec<OnceLock<Choices>>,
 }
 
 impl<'p> Ways<'p> {
     /// The ways of the problem's robots.
     #[must_use]
     pub fn new(problem: &'p Problem) -> Self {
-        Self { problem, choices: vec![OnceCell::new(); problem.robots.len()] }
+        Self { problem, choices: vec![OnceLock::new(); problem.robots.len()] }
     }
 
     /// All of them at once.
@@ -118,9 +104,9 @@ impl<'p> Ways<'p> {
     fn made(problem: &'p Problem, of: impl Fn(usize) -> Choices + Sync) -> Self {
         let robots = 0..problem.robots.len();
         let choices = if robots.len() < SHARED_MIN {
-            robots.map(|robot| OnceCell::from(of(robot))).collect()
+            robots.map(|robot| OnceLock::from(of(robot))).collect()
         } else {
-            robots.into_par_iter().map(|robot| OnceCell::from(of(robot))).collect()
+            robots.into_par_iter().map(|robot| OnceLock::from(of(robot))).collect()
         };
         Self { problem, choices }
     }
@@ -191,9 +177,9 @@ impl<'p> Ways<'p> {
             if all.strands {
                 ways = all.ways.clone();
                 ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
-                ways.sort_unstable_by_key(Way::rank);
+                ways.sort_unstable_by_key(|way| (way.cost, way.energy, way.start, way.station, way.mode));
             }
-            OnceCell::from(Choices { ways, runs: Arc::clone(&all.runs), unserved_cost: 0, ..*all })
+            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), unserved_cost: 0, ..*all })
         });
         Self { problem: self.problem, choices: choices.collect() }
     }
@@ -264,9 +250,13 @@ enum Only {
 /// All ways of a robot, those but the one that it was promised dearer by `loyalty`.
 fn loyal(problem: &Problem, robot: usize, commitment: &Commitment, loyalty: i32) -> Choices {
     let mut all = choices(problem, robot, None);
-    all.ways.iter_mut().filter(|way| !commitment.is(way)).for_each(|way| way.cost += loyalty);
+    let promised = all.ways.iter().position(|way| commitment.is(way)).map(|place| all.ways.remove(place));
+    all.ways.iter_mut().for_each(|way| way.cost += loyalty);
     all.unserved_cost += loyalty;
-    all.ways.sort_unstable_by_key(Way::rank);
+    if let Some(promised) = promised {
+        let place = all.ways.partition_point(|way| (way.cost, way.energy) < (promised.cost, promised.energy));
+        all.ways.insert(place, promised);
+    }
     all
 }
 
@@ -287,6 +277,9 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         (first, last) = (first.max(commitment.start), last.min(i64::from(commitment.start)));
     }
     let is_asked = |station: usize| !matches!(only, Some(Only::This(commitment)) if commitment.station != station);
+    // Ways are made in the order in which equal ones stay: by start, station and mode.
+    let mut travels: Vec<&Travel> = robot.travel.iter().filter(|travel| is_asked(travel.station)).collect();
+    travels.sort_by_key(|travel| travel.station);
     let swaps = robot.travel.iter().any(|travel| !problem.stations[travel.station].spares.is_empty());
     made.ways.reserve(usize::try_from(last - i64::from(first) + 1).unwrap_or(0) * robot.travel.len());
     for start in first.. {
@@ -296,7 +289,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         let energy = robot.energy - robot.drain * i64::from(start);
         let wanted = battery.targets.partition_point(|target| target - energy < battery.min_gain);
         let mut at: Vec<From> = Vec::new();
-        for travel in robot.travel.iter().filter(|travel| travel.ticks <= start && is_asked(travel.station)) {
+        for travel in travels.iter().filter(|travel| travel.ticks <= start) {
             let station = &problem.stations[travel.station];
             let place = at.iter().position(|from| from.charger == station.charger).unwrap_or_else(|| {
                 at.push(From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut runs));
@@ -354,7 +347,16 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     if let Some(Only::This(commitment)) = only {
         made.ways.retain(|way| commitment.is(way));
     }
-    made.ways.sort_unstable_by_key(Way::rank);
+    made.ways = in_order(&made.ways);
     made.runs = Arc::new(runs.closed());
     made
+}
+
+/// Ways by cost, then energy; where both are equal the order stays. Whole numbers are sorted in place of ways,
+/// since that is much of the work of making them.
+fn in_order(ways: &[Way]) -> Vec<Way> {
+    let rank = |(way, place): (&Way, u128)| (way.cost as u128) << 96 | (way.energy as u128) << 32 | place;
+    let mut ranks: Vec<u128> = ways.iter().zip(0..).map(rank).collect();
+    ranks.sort_unstable();
+    ranks.into_iter().map(|rank| ways[rank as u32 as usize]).collect()
 }
