@@ -133,9 +133,6 @@ impl<'p> Book<'p> {
     #[inline]
     #[must_use]
     pub fn fits(&self, choices: &Choices, way: &Way) -> bool {
-        if !self.may_feed(way) {
-            return false;
-        }
         let (start, end) = (usize::from(way.start), usize::from(way.end));
         let drawn_to = if let Mode::Charge(_) = way.mode {
             let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
@@ -149,6 +146,9 @@ impl<'p> Book<'p> {
             }
             if way.ready == NEVER { end } else { self.spare_back(way) }
         };
+        if !self.may_feed(way) {
+            return false;
+        }
         // Limits rise with time, so a way that all packs can pay may still come too early.
         let plenty = self.energy.iter().all(|limit| Tick::from(way.start) >= limit.before || way.energy <= limit.energy);
         let calm = !self.tight.any(start, drawn_to.min(self.horizon as usize));

@@ -22,7 +22,7 @@ use crate::plan::{Levels, Plan};
 use crate::prices::{Level, Prices};
 use crate::search::{SETTLED_MAX, Search};
 use crate::turns;
-use crate::way::Ways;
+use crate::way::{SHARED_MIN, Ways};
 
 /// How long to go on.
 pub trait Budget {
@@ -70,6 +70,8 @@ const PROVEN_ROUNDS: u32 = 16;
 const PROVEN_ROBOTS_MAX: usize = 64;
 /// Rounds in which everybody may take a better place, when there is no time.
 const HASTY: u32 = 2;
+/// Moves of a robot in the time that prices take for a step of theirs.
+const MOVES_BESIDE: u64 = 4;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
@@ -100,7 +102,7 @@ pub(crate) fn best<'w, 'p>(
     let least = least_stranded(ways);
     let mut prices = Prices::new(ways, Level::Cost { stranded_max: search.best_score.stranded });
     if run.used() < 1.0 && !search.idle() {
-        run.strand_few(&mut search, least);
+        run.strand_few(&mut search, &mut prices, least);
         run.miss_little(&mut search, &mut prices, least);
         search.return_to_best();
         search.settle(SETTLED_MAX);
@@ -167,7 +169,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
     }
 
     /// Strands fewer, whatever work is missed for it.
-    fn strand_few(&mut self, found: &mut Search<'w, 'p>, least: i64) {
+    fn strand_few(&mut self, found: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) {
         let start = self.used();
         if found.best_score.stranded <= least {
             return;
@@ -202,7 +204,13 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             if at >= until || search.best_score.stranded <= least {
                 break;
             }
-            self.search(&mut search, &guide, heat(THRIFTY_HEAT, (at - start) / (until - start)));
+            let heat = heat(THRIFTY_HEAT, (at - start) / (until - start));
+            if self.is_large() {
+                prices.cap_stranded(search.best_score.stranded.min(found.best_score.stranded));
+                self.search_beside(&mut search, &guide, heat, prices, found.best_score.cost);
+            } else {
+                self.search(&mut search, &guide, heat);
+            }
         }
         let few = self.ways.translated(&thrifty, &search.best);
         if search.best_score.stranded < found.best_score.stranded
@@ -228,8 +236,11 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             if at >= 1.0 || (proven && at >= 0.3) || search.idle() {
                 break;
             }
-            if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
-                prices.cap_stranded(score.stranded);
+            prices.cap_stranded(score.stranded);
+            if self.is_large() && prices.improved() {
+                let guide = prices.guide().clone();
+                self.search_beside(search, &guide, heat([hot, COLD], (at - start) / (1.0 - start)), prices, score.cost);
+            } else if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
                 self.moves += prices.improve(score.cost);
                 priced += self.used() - at;
             } else {
@@ -242,6 +253,19 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 searched += self.used() - at;
             }
         }
+    }
+
+    /// Whether there is work for several threads.
+    fn is_large(&self) -> bool {
+        self.ways.problem().robots.len() >= SHARED_MIN
+    }
+
+    /// Searches on one thread while prices are bettered on another. How much each does does not depend on time.
+    fn search_beside(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64, prices: &mut Prices<'w, 'p>, aim: i64) {
+        let moves = self.ways.problem().robots.len() as u64 * MOVES_BESIDE;
+        let rng = &mut self.rng;
+        rayon::join(|| search.run(guide, rng, moves, heat), || prices.improve(aim));
+        self.moves += moves;
     }
 
     fn search(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64) {

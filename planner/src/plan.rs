@@ -114,11 +114,8 @@ impl Plan {
             let reasons = reasons::why_not(draft, robot, &obstacles);
             Unserved { robot, stranded: problem.strands(robot), wants_place: reasons::wants_place(draft, robot), obstacles, reasons }
         };
-        let unserved = if unserved.len() < SHARED_MIN {
-            unserved.iter().map(why).collect()
-        } else {
-            unserved.par_iter().map(why).collect()
-        };
+        let unserved =
+            if unserved.len() < SHARED_MIN { unserved.iter().map(why).collect() } else { unserved.par_iter().map(why).collect() };
         Self { sessions, unserved, pack_order, objective, bound }
     }
 }
