@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, Model};
+use energy::{Channel, EffectSpec, Model};
 
 use super::candidate::{Candidate, Untested, candidates};
 use super::evidence::Evidence;
-use super::judge::{ABSORBED, Refusal, explained, refusals, squares, threshold};
+use super::judge::{ABSORBED, Refusal, explained, hardly_moves, refusals, squares, threshold};
 use super::prune::shorter;
 use super::score::{Score, Scoring};
 use super::state::State;
@@ -88,6 +88,24 @@ impl Step {
             alike.into_iter().for_each(|place| refit(place, &mut trials));
             trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
         }
+        // So must what the catalogue says is taken for it: from the base, which has bent itself to do without
+        // either, the way to the one may be open and that to the other not.
+        if let Some(best) = trials.first().filter(|best| best.delta_bic > threshold(able.len())).cloned() {
+            let taken_for = |a: &EffectSpec, b: &EffectSpec| a.confused_with.iter().any(|(id, _)| *id == b.id);
+            let others = scored.iter().map(|(score, _)| score).filter(|score| {
+                let behind = |trial: &Trial| trial.spec.id != score.spec.id || best.delta_bic - trial.delta_bic > ALIKE;
+                (taken_for(best.spec, score.spec) || taken_for(score.spec, best.spec)) && trials.iter().all(behind)
+            });
+            let others: Vec<Trial> = others.filter_map(|score| Trial::from_rival(&base, score, &best, holdout)).collect();
+            for other in others {
+                match trials.iter().position(|trial| trial.spec.id == other.spec.id) {
+                    Some(place) if trials[place].delta_bic < other.delta_bic => trials[place] = other,
+                    Some(_) => {}
+                    None => trials.push(other),
+                }
+            }
+            trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+        }
         let judge = |trial: Trial| {
             let refusals = refusals(&base, &trial, &base_holdout, holdout, able.len());
             (trial, refusals)
@@ -120,9 +138,14 @@ impl Step {
             0 if explained(&base) => Outcome::Complete,
             0 => Outcome::Unknown,
             _ => {
+                let (first, others) = trials.split_first().expect("one was accepted");
                 let alike = |&place: &usize| {
-                    let likely = trials[0].delta_bic - trials[place].delta_bic < ALIKE;
-                    likely && !trials[0].is_also(&trials[place]) && !trials[place].is_also(&trials[0])
+                    let other = &others[place - 1];
+                    let same = hardly_moves(&first.state, &other.state);
+                    // More numbers for the same predictions are not another explanation.
+                    let needless = same && other.state.freedom > first.state.freedom;
+                    let likely = same || first.delta_bic - other.delta_bic < ALIKE;
+                    likely && !needless && !first.is_also(other) && !other.is_also(first)
                 };
                 Outcome::Missing((1..accepted).filter(alike).collect())
             }
@@ -133,7 +156,7 @@ impl Step {
 }
 
 /// The effect that does as well as the first, and with fewer numbers: by a criterion less than a
-/// hundredth below the first's, with an error on held-out logs that is no larger. A table of
+/// hundredth below the first's, or predictions that hardly differ, with an error on held-out logs that is no larger. A table of
 /// numbers finds something to do in the last rows before empty, where a tiny error of charge is one
 /// of millivolts.
 fn simplest(judged: &[(Trial, Vec<Refusal>)], holdout: Option<&Arc<Evidence>>) -> Option<usize> {
@@ -141,7 +164,7 @@ fn simplest(judged: &[(Trial, Vec<Refusal>)], holdout: Option<&Arc<Evidence>>) -
     let held = |trial: &Trial| holdout.map_or(1.0, |evidence| squares(evidence, &trial.holdout));
     let does_as_well = |&place: &usize| {
         let trial = &judged[place].0;
-        let near = trial.delta_bic > (1.0 - AS_WELL) * first.delta_bic;
+        let near = trial.delta_bic > (1.0 - AS_WELL) * first.delta_bic || hardly_moves(&first.state, &trial.state);
         near && held(trial) <= (1.0 + AS_WELL) * held(first) && trial.spec.parameters.len() < first.spec.parameters.len()
     };
     (1..judged.len()).filter(does_as_well).min_by_key(|&place| judged[place].0.spec.parameters.len())

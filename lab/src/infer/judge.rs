@@ -92,7 +92,7 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout:
 /// Whether no prediction of a measured channel moves by a fifth of what one reading can show, over all
 /// rows: so little is left by tables that are straight between their points, by means of rows and by the
 /// noise of inputs.
-fn hardly_moves(base: &State, other: &State) -> bool {
+pub(super) fn hardly_moves(base: &State, other: &State) -> bool {
     let evidence = &base.frame.evidence;
     evidence.floors.iter().all(|&(channel, floor)| {
         let (mut squares, mut count) = (0.0, 0.0);

@@ -9,7 +9,6 @@ use std::sync::Arc;
 
 use super::discover::{Outcome, Step};
 use super::evidence::Evidence;
-use super::frame::Frame;
 use super::judge::threshold;
 use super::state::State;
 use super::trial::Trial;
@@ -21,7 +20,7 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
     let last = &newest.trials[0].state;
     let without = |place: usize| {
         let later = steps[place + 1..].iter();
-        let state = later.clone().try_fold(steps[place].base.clone(), |state, step| added(&state, step.trials[0].spec.id, last));
+        let state = later.clone().try_fold(steps[place].base.clone(), |state, step| state.with(step.trials[0].spec, last));
         state.map(|state| (place, state))
     };
     let cost = |(place, state): &(usize, State)| state.bic() - last.bic() - threshold(steps[*place].scores.len());
@@ -31,7 +30,7 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
     let mut base = steps[place].base.clone();
     for (index, step) in steps.iter().enumerate().skip(place + 1) {
         let found = &step.trials[0];
-        let state = added(&base, found.spec.id, last)?;
+        let state = base.with(found.spec, last)?;
         let trial = Trial::of(&base, state, found.spec, found.uniqueness, holdout);
         let next = trial.state.clone();
         // The first look at this base is told as it was, with what was taken in the end before all else.
@@ -58,20 +57,4 @@ fn taken(mut step: Step, trial: Trial) -> Step {
     step.refusals.insert(0, Vec::new());
     step.outcome = Outcome::Missing(Vec::new());
     step
-}
-
-/// A state with one more effect, all numbers beginning where another has them.
-fn added(state: &State, id: &str, like: &State) -> Option<State> {
-    let model = state.frame.model.with(id).ok()?;
-    let frame = Arc::new(Frame::new(Arc::new(model), Arc::clone(&state.frame.evidence)));
-    let (known, values) = (like.frame.model.parameters(), like.frame.values(&like.x));
-    let value = |index: &usize| {
-        let parameter = &frame.model.parameters()[*index];
-        let place = known.iter().position(|other| other.effect == parameter.effect && other.name == parameter.name);
-        place.map_or(parameter.value, |place| values[place])
-    };
-    let free = frame.free.iter().map(value);
-    let rough = frame.known.iter().map(|known| like.frame.error(&like.x, known.what));
-    let start: Vec<f64> = free.chain(rough).collect();
-    Some(State::fit(frame, &start, &like.noise))
 }

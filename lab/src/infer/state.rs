@@ -10,9 +10,10 @@
 
 use std::sync::{Arc, OnceLock};
 
-use energy::{Channel, Model};
+use energy::{Channel, EffectSpec, Model};
 use nalgebra::DMatrix;
 
+use super::candidate::usual;
 use super::descent::{Asked, Place, descend};
 use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
@@ -76,6 +77,25 @@ impl State {
         let white = descend(&frame, &begin.x, &State::white(&frame), &all(&frame), Asked::Never);
         let again = State::fit(Arc::clone(&frame), &white.x, &noises(&frame, &white.residual));
         if again.cost < begin.cost { again } else { begin }
+    }
+
+    /// This state with one more effect, all numbers beginning where another state has them, and those that
+    /// it lacks at their usual size.
+    #[must_use]
+    pub(super) fn with(&self, effect: &EffectSpec, like: &State) -> Option<State> {
+        let model = self.frame.model.with(effect.id).ok()?;
+        let frame = Arc::new(Frame::new(Arc::new(model), Arc::clone(&self.frame.evidence)));
+        let (known, values) = (like.frame.model.parameters(), like.frame.values(&like.x));
+        let value = |index: &usize| {
+            let parameter = &frame.model.parameters()[*index];
+            let place = known.iter().position(|other| other.effect == parameter.effect && other.name == parameter.name);
+            let own = || effect.parameters.iter().find(|own| parameter.effect == effect.id && own.name == parameter.name);
+            place.map_or_else(|| own().map_or(parameter.value, usual), |place| values[place])
+        };
+        let free = frame.free.iter().map(value);
+        let rough = frame.known.iter().map(|known| like.frame.error(&like.x, known.what));
+        let start: Vec<f64> = free.chain(rough).collect();
+        Some(State::fit(frame, &start, &like.noise))
     }
 
     /// The better of this state and those that begin elsewhere, where it leaves slow noise. How far a

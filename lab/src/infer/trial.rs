@@ -56,6 +56,13 @@ impl Trial {
         Trial::of(base, state.or_with_other_starts().with_what_is_open_as_before(), candidate.spec, score.uniqueness, holdout)
     }
 
+    /// Refits the base model with an effect from where a rival's refit ended.
+    #[must_use]
+    pub fn from_rival(base: &State, score: &Score, rival: &Trial, holdout: Option<&Arc<Evidence>>) -> Option<Trial> {
+        let state = base.with(score.spec, &rival.state)?;
+        Some(Trial::of(base, state.with_what_is_open_as_before(), score.spec, score.uniqueness, holdout))
+    }
+
     /// Cost of a first refit with the candidate at its usual size: cheap, and enough to see that an
     /// effect does nothing for the base model.
     #[must_use]
