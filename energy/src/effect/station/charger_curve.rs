@@ -1,13 +1,14 @@
 //! Efficiency of the robots' chargers against their load.
 //!
-//! `P_in = n_docked P_0 + (1 + a) P_out + b P_out^2 / n_charging`, all powers in W. `P_0` is what
-//! one charger takes while nothing is charged (W), `a` the loss in proportion (diode drop,
-//! switching; no unit), `b` the loss in the square of the load (resistance of switch and inductor,
-//! 1/W). The load is shared equally by the `n_charging` chargers that work: the square of a sum of
+//! `P_in = n_docked P_0 + n_charging P_1 + (1 + a) P_out + b P_out^2 / n_charging`, all powers in W.
+//! `P_0` is what one charger takes while nothing is charged (W), `P_1` what it takes beside that while
+//! it charges, whatever the current (gate drive, magnetisation of the inductor, W), `a` the loss in
+//! proportion (diode drop, switching; no unit), `b` the loss in the square of the load (resistance of
+//! switch and inductor, 1/W). The load is shared equally by the `n_charging` chargers that work: the square of a sum of
 //! unlike loads is up to twice that, but only while both are small. A model has this or
 //! `charger_efficiency`; with both, the losses come on top of each other.
 //!
-//! Efficiency is best where the constant loss equals the square one, `P = sqrt(P_0 / b)` for one
+//! Efficiency is best where the constant loss equals the square one, `P = sqrt((P_0 + P_1) / b)` for one
 //! charger, and falls steeply below: the end of the constant-voltage part is where it is worst.
 //!
 //! Absence: what is missing is not in proportion to the charge power: too little explained while
@@ -24,7 +25,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Charger,
     channel: Channel::PackPowerW,
     needs: &[Channel::ChargePowerW, Channel::RobotsDocked, Channel::RobotsCharging],
-    equation: "P_in = n_docked P_0 + (1 + a) P_out + b P_out^2 / n_charging",
+    equation: "P_in = n_docked P_0 + n_charging P_1 + (1 + a) P_out + b P_out^2 / n_charging",
     source: "loss polynomial of switch-mode converters: Erickson and Maksimovic, Fundamentals of Power Electronics, chapter 3; Kottas, Eq. 4.1 with the loss put right",
     validity: "chargers of one kind that share the load about equally",
     signature: "missing power that is not in proportion to the charge power: worst at the end of the charge",
@@ -62,6 +63,15 @@ static SPEC: EffectSpec = EffectSpec {
             max: 0.1,
             source: "0.1-0.4 ohm in series at 11 V: R / V^2",
         },
+        ParameterSpec {
+            name: "working_w",
+            meaning: "power of one charger beside its standby while it charges, whatever the current",
+            default: 0.0,
+            null: Some(0.0),
+            min: 0.0,
+            max: 5.0,
+            source: "guess: often within the standby power; gate drive and magnetisation of a switch-mode charger, some tenths of a watt",
+        },
     ],
     states: &[],
 };
@@ -76,8 +86,9 @@ impl Physics for ChargerCurve {
         let out_w = channels[Channel::PackPowerW];
         // A robot that is full still has its own load behind the charger: at least one works.
         let working = if channels[Channel::RobotsCharging].re() > 1.0 { channels[Channel::RobotsCharging] } else { S::from(1.0) };
-        let [standby_w, proportional, square] = [own.parameters[0], own.parameters[1], own.parameters[2]];
-        let lost_w = standby_w * channels[Channel::RobotsDocked] + proportional * out_w + square * out_w * out_w / working;
+        let [standby_w, proportional, square, working_w] = [own.parameters[0], own.parameters[1], own.parameters[2], own.parameters[3]];
+        let constant_w = standby_w * channels[Channel::RobotsDocked] + working_w * channels[Channel::RobotsCharging];
+        let lost_w = constant_w + proportional * out_w + square * out_w * out_w / working;
         channels.add(Channel::PackPowerW, lost_w);
     }
 }
@@ -87,7 +98,7 @@ mod tests {
     use super::*;
     use crate::effect::step_once;
 
-    fn in_w(parameters: [f64; 3], out_w: f64, robots: f64) -> f64 {
+    fn in_w(parameters: [f64; 4], out_w: f64, robots: f64) -> f64 {
         let mut channels = Channels::filled(0.0);
         channels[Channel::PackPowerW] = out_w;
         channels[Channel::RobotsDocked] = robots;
@@ -99,9 +110,11 @@ mod tests {
     #[test]
     fn one_charger_by_hand_and_three_as_three_times_one() {
         // 0.1 + 1.05 x 10 + 0.003 x 100 = 10.9 W.
-        assert!((in_w([0.1, 0.05, 0.003], 10.0, 1.0) - 10.9).abs() < 1e-12);
-        assert!((in_w([0.1, 0.05, 0.003], 30.0, 3.0) - 32.7).abs() < 1e-12);
-        assert!((in_w([0.1, 0.05, 0.003], 0.0, 0.0)).abs() < 1e-12);
+        assert!((in_w([0.1, 0.05, 0.003, 0.0], 10.0, 1.0) - 10.9).abs() < 1e-12);
+        assert!((in_w([0.1, 0.05, 0.003, 0.0], 30.0, 3.0) - 32.7).abs() < 1e-12);
+        assert!((in_w([0.1, 0.05, 0.003, 0.0], 0.0, 0.0)).abs() < 1e-12);
+        // 0.4 W more for each that charges.
+        assert!((in_w([0.1, 0.05, 0.003, 0.4], 30.0, 3.0) - 33.9).abs() < 1e-12);
     }
 
     /// Synchronous switch-mode chargers for three cells reach up to 97 % (bq24610, as Texas
@@ -109,7 +122,7 @@ mod tests {
     /// equal (textbook).
     #[test]
     fn the_default_has_the_efficiency_of_a_switch_mode_charger_and_its_best_where_losses_are_equal() {
-        let parameters = [0.1, 0.05, 0.003];
+        let parameters = [0.1, 0.05, 0.003, 0.0];
         let efficiency = |out_w: f64| out_w / in_w(parameters, out_w, 1.0);
         let best_w = (0.1_f64 / 0.003).sqrt();
         assert!((0.90..0.97).contains(&efficiency(best_w)), "{}", efficiency(best_w));
