@@ -138,16 +138,23 @@ impl Step {
             0 if explained(&base) => Outcome::Complete,
             0 => Outcome::Unknown,
             _ => {
-                let (first, others) = trials.split_first().expect("one was accepted");
+                let first = &trials[0];
                 let alike = |&place: &usize| {
-                    let other = &others[place - 1];
+                    let other = &trials[place];
+                    // What was passed over as needlessly rich is no alternative; what does as well, or predicts the
+                    // same with no more numbers, is one.
+                    let ahead = other.delta_bic - first.delta_bic;
                     let same = hardly_moves(&first.state, &other.state);
-                    // More numbers for the same predictions are not another explanation.
-                    let needless = same && other.state.freedom > first.state.freedom;
-                    let likely = same || first.delta_bic - other.delta_bic < ALIKE;
-                    likely && !needless && !first.is_also(other) && !other.is_also(first)
+                    let richer = other.state.freedom > first.state.freedom;
+                    // With a number at the end of its range it has become the simpler one.
+                    let degenerate = same && richer && other.is_at_an_end();
+                    let likely = ahead.abs() < ALIKE && !degenerate || same && !richer;
+                    likely && !first.is_also(other) && !other.is_also(first)
                 };
-                Outcome::Missing((1..accepted).filter(alike).collect())
+                let alike: Vec<usize> = (1..accepted).filter(alike).collect();
+                let by_another_name = |&place: &usize| alike.iter().any(|&one| one != place && trials[one].is_also(&trials[place]));
+                let (_, alike): (Vec<usize>, Vec<usize>) = alike.iter().copied().partition(by_another_name);
+                Outcome::Missing(alike)
             }
         };
         let scores = scored.into_iter().map(|(score, _)| score).collect();

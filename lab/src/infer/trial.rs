@@ -73,6 +73,14 @@ impl Trial {
         State::fit(frame, &start, &base.noise).cost
     }
 
+    /// Whether a number of the effect's own rests at an end of its range.
+    #[must_use]
+    pub fn is_at_an_end(&self) -> bool {
+        let frame = &self.state.frame;
+        let own = |&place: &usize| frame.free.get(place).is_some_and(|&index| frame.model.parameters()[index].effect == self.spec.id);
+        self.state.held().iter().any(own)
+    }
+
     /// Whether the other effect is this one under another name, or this one with more freedom: with the
     /// numbers that it has in common with this one, and the rest of its own at an end of their ranges,
     /// it predicts the same.
