@@ -55,6 +55,13 @@ impl Running {
         let _ = self.0.wait();
     }
 
+    /// Tells the process to stop, as a service manager would; its exit code, when it has ended in time by itself.
+    pub fn stop(&mut self, within: Duration) -> Option<i32> {
+        let told = Command::new("kill").args(["-TERM", &self.0.id().to_string()]).status();
+        let ended = told.is_ok_and(|status| status.success()) && patiently(within, || self.ended());
+        if ended { self.0.wait().ok()?.code() } else { None }
+    }
+
     /// Whether the process has ended.
     pub fn ended(&mut self) -> bool {
         self.0.try_wait().is_ok_and(|status| status.is_some())

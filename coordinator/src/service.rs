@@ -148,7 +148,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
     }
-    ensure!(service.flush().await, "the store {} does not answer: what waited for it is not kept", shown(&place).display());
+    ensure!(service.flush().await, "the store {} cannot be written: what waited for it is not kept", shown(&place).display());
     if let Some(store) = Arc::into_inner(service.store) {
         store.close().await;
     }

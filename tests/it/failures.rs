@@ -251,7 +251,12 @@ async fn a_store_that_does_not_answer_stops_nobody() -> anyhow::Result<()> {
     let events = tokio::task::block_in_place(|| fleet.events())?;
     assert!(events.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1));
     assert!(events.iter().any(|event| event.kind == EventKind::CommandSent), "what was commanded meanwhile is told");
-    coordinator.kill();
+
+    // Telemetry always waits for something. Who stops without having kept it says so.
+    sqlx::query("BEGIN IMMEDIATE").execute(&mut holder).await?;
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    let code = tokio::task::block_in_place(|| coordinator.stop(Duration::from_secs(40)));
+    assert_eq!(code, Some(2), "what waited cannot have been kept");
     Ok(())
 }
 

@@ -94,14 +94,14 @@ impl Service {
         }
     }
 
-    /// Tries once to write everything that waits, and waits for it, but not for ever: false when that was in vain.
+    /// Tries once to write everything that waits, and waits for it, but not for ever: whether all of it is kept.
     pub(super) async fn flush(&mut self) -> bool {
         let flushed = async {
             self.finish().await;
             self.write();
             self.finish().await;
         };
-        tokio::time::timeout(STOPPING, flushed).await.is_ok()
+        tokio::time::timeout(STOPPING, flushed).await.is_ok() && self.outbox.records().is_empty()
     }
 
     async fn finish(&mut self) {
