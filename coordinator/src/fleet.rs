@@ -11,11 +11,26 @@ pub struct Robot {
     pub gauge: Option<Gauge>,
     /// Its last state message.
     pub state: Option<RobotState>,
+    /// When it first said, by its own clock, that it does what it does.
+    pub phase_since: Timestamp,
     /// Whether it was lost after it had spoken.
     pub lost: bool,
 }
 
 impl Robot {
+    /// Takes in a state message that is newer than the one before.
+    pub fn says(&mut self, state: RobotState) {
+        // A clock that was set back makes no moment of the future of the past.
+        let since = if self.phase() == Some(state.phase) { self.phase_since.min(state.at) } else { state.at };
+        (self.phase_since, self.lost, self.state) = (since, false, Some(state));
+    }
+
+    /// Whether its last gauge message is of what it does now, not of what it did before.
+    #[must_use]
+    pub fn is_gauged_since(&self) -> bool {
+        self.gauge.as_ref().is_some_and(|gauge| gauge.at >= self.phase_since)
+    }
+
     /// What it is doing, once it has said so.
     #[must_use]
     pub fn phase(&self) -> Option<RobotPhase> {

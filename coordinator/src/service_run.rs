@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use proto::{
-    BayId, BayPhase, CommandId, PackId, RobotAction, RobotId, RobotPhase, ServiceStatus, SpareId, StationAction, StationId, StationState,
-    Timestamp,
+    BayId, BayPhase, CommandId, PackId, RobotAction, RobotId, RobotPhase, ServiceStatus, SpareId, StationAction, StationId, Timestamp,
 };
 
 use crate::fleet::{Robot, Station};
@@ -46,6 +45,8 @@ pub enum Stage {
     Swapping,
     /// The lift lets it out.
     Unloading,
+    /// The station has let it out, and it has not said so yet.
+    LetOut,
 }
 
 /// A service that has begun.
@@ -59,9 +60,9 @@ pub struct ServiceRun {
     pub how: How,
     /// When the robot left its work.
     pub left: Timestamp,
-    /// When the service was to begin.
+    /// When the service was to begin; once it has, when it did.
     pub start: Timestamp,
-    /// When it is expected to end.
+    /// When it is expected to end; once the robot is out of its bay, when it did.
     pub end: Timestamp,
     /// What it was planned to take from the station's packs.
     pub need: Need,
@@ -99,6 +100,25 @@ impl ServiceRun {
         matches!(self.stage, Stage::Travelling | Stage::Waiting)
     }
 
+    /// Whether its robot takes up its place: no longer under way, and not yet let out.
+    #[must_use]
+    pub fn at_place(&self) -> bool {
+        !self.under_way() && self.stage != Stage::LetOut
+    }
+
+    /// Enters a stage.
+    pub fn enter(&mut self, stage: Stage, now: Timestamp) {
+        let before = (self.under_way(), self.stage);
+        self.stage = stage;
+        if before.0 && self.at_place() {
+            self.end = self.end.plus_s(now.seconds_since(self.start));
+            self.start = now;
+        }
+        if stage == Stage::LetOut && before.1 != Stage::LetOut {
+            self.end = now;
+        }
+    }
+
     /// Whether its robot comes, or came, into this bay.
     #[must_use]
     pub fn is_in(&self, station: &StationId, bay: &BayId) -> bool {
@@ -124,6 +144,10 @@ impl ServiceRun {
     /// What to do next, given the newest word of robot and station.
     #[must_use]
     pub fn next(&self, robot: &Robot, station: &Station) -> Step {
+        // It is out and was charged, as both have said; what it does since then is another matter.
+        if self.stage == Stage::LetOut && robot.lost {
+            return Step::Done;
+        }
         let (Some((gauge, state)), Some(place)) = (robot.known(), station.known()) else { return Step::Wait };
         if state.phase == RobotPhase::Stranded {
             return Step::Fail("the robot is stranded".to_owned());
@@ -133,12 +157,8 @@ impl ServiceRun {
         }
         match (&self.how, self.stage, state.phase) {
             (_, Stage::Travelling, RobotPhase::Waiting) => Step::Enter(Stage::Waiting),
-            // Another command than ours took it in.
-            (How::Recharge { bay, .. }, Stage::Travelling | Stage::Waiting, RobotPhase::Docked)
-                if let Some(other) = self.bay_at(place).filter(|other| *other != bay) =>
-            {
-                Step::Fail(format!("it was taken into {other}"))
-            }
+            // By its own rule, while nobody was heard: then it has what it came for, or gave it up.
+            (_, Stage::Waiting | Stage::Loading | Stage::Handing, RobotPhase::Working) => Step::Fail("it has gone back to work".to_owned()),
             // It drove into its bay by itself: no lift is asked to take it in.
             (How::Recharge { to_soc, .. }, Stage::Travelling | Stage::Waiting, RobotPhase::Docked) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::ChargingItself)
@@ -158,7 +178,8 @@ impl ServiceRun {
             (How::Recharge { bay, .. }, Stage::Charging | Stage::ChargingItself, RobotPhase::Charged) => {
                 Step::AskStation(StationAction::Undock { robot: self.robot.clone(), bay: bay.clone() }, Stage::Unloading)
             }
-            (How::Recharge { bay, to_soc }, Stage::Unloading | Stage::ChargingItself, RobotPhase::Working) => {
+            (How::Recharge { bay, .. }, Stage::Unloading, _) if !self.held(bay, station) => Step::Enter(Stage::LetOut),
+            (How::Recharge { bay, to_soc }, Stage::LetOut | Stage::ChargingItself, RobotPhase::Working) => {
                 match self.held(bay, station) {
                     true => Step::Wait,
                     // Three standard deviations of two gauges' disagreement about the last percent.
@@ -176,14 +197,10 @@ impl ServiceRun {
                 let action = StationAction::SwapPack { robot: self.robot.clone(), spare: spare.clone() };
                 Step::AskStation(action, Stage::Swapping)
             }
-            (How::Swap { .. }, Stage::Swapping, RobotPhase::Working) => Step::Done,
+            // Planned by the gauge of the pack that it left, it would come again at once.
+            (How::Swap { .. }, Stage::Swapping, RobotPhase::Working) if robot.is_gauged_since() => Step::Done,
             _ => Step::Wait,
         }
-    }
-
-    /// The bay in which the station says that it holds the robot.
-    fn bay_at<'a>(&self, station: &'a StationState) -> Option<&'a BayId> {
-        station.bays.iter().find(|bay| bay.robot.as_ref() == Some(&self.robot)).map(|bay| &bay.bay)
     }
 
     /// Whether the station says that it holds the robot in that bay.
@@ -200,7 +217,7 @@ impl ServiceRun {
             Stage::Loading => ServiceStatus::Loading,
             Stage::Charging | Stage::ChargingItself => ServiceStatus::Charging,
             Stage::Handing | Stage::Swapping => ServiceStatus::Swapping,
-            Stage::Unloading => ServiceStatus::Unloading,
+            Stage::Unloading | Stage::LetOut => ServiceStatus::Unloading,
         }
     }
 }

@@ -176,7 +176,7 @@ impl Basis<'_> {
         let here: Vec<&ServiceRun> = self.running.values().filter(|run| run.station == *id).collect();
         self.spares(&mut view, models, station, state, &here);
         view.bays = state.bays.iter().filter(|bay| self.usable(&bay.bay, bay.phase, &here)).map(|bay| bay.bay.clone()).collect();
-        for run in here {
+        for run in here.into_iter().filter(|run| run.stage != Stage::LetOut) {
             let ends_s = self.ends_s(run);
             view.committed_until_s = view.committed_until_s.max(ends_s);
             view.committed = view.committed.plus(&self.still_needs(run, models));
@@ -238,10 +238,13 @@ impl Basis<'_> {
         phase != BayPhase::Failed && (held || phase == BayPhase::Free)
     }
 
-    /// When a service that has begun ends, s from now. Once its robot charges, its gauge says so better
-    /// than the plan.
+    /// When a service that has begun ends, s from now; negative once the robot is out. Once it charges, its gauge says so
+    /// better than the plan.
     #[must_use]
     pub fn ends_s(&self, run: &ServiceRun) -> f64 {
+        if run.stage == Stage::LetOut {
+            return run.end.seconds_since(self.now).min(0.0);
+        }
         let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
         if !matches!(run.stage, Stage::Charging | Stage::ChargingItself) {
             return planned_s;

@@ -50,8 +50,7 @@ impl Core {
         }
         let before = robot.phase();
         let phase = state.phase;
-        robot.state = Some(state.clone());
-        robot.lost = false;
+        robot.says(state.clone());
         let news = self.watch.robot_state(id, &state);
         self.doubted(now, news);
         self.record(Record::RobotState { robot: id.clone(), state: state.clone() });

@@ -1,6 +1,6 @@
 //! Begins services when their robots must leave, and carries them on as far as beliefs allow.
 
-use proto::{BayPhase, EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
+use proto::{BayId, BayPhase, BayState, EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
 
 use super::{Concerned, Core};
 use crate::answers;
@@ -13,6 +13,10 @@ impl Core {
     pub(super) fn begin(&mut self, now: Timestamp) {
         let due: Vec<Planned> = self.plan.planned.iter().filter(|planned| planned.leave <= now).cloned().collect();
         for service in due {
+            // What a lift has begun ends first; then the robot is where it did not plan to be.
+            if self.is_being_moved(now, &service.robot) {
+                continue;
+            }
             let Planned { robot, station, bay, spare, to_soc, start, end, need, packs, why, .. } = service;
             let how = match (bay, spare) {
                 (Some(bay), _) => How::Recharge { bay, to_soc },
@@ -67,6 +71,11 @@ impl Core {
                 self.give_up(now, &robot, "it is not heard, and others want its bay");
                 continue;
             }
+            // Nothing of this service can free it there; it is taken over as it stands.
+            if let Some((taker, bay)) = self.taken_elsewhere(run, belief) {
+                self.give_up(now, &robot, &format!("it was taken into {bay} of {taker}"));
+                continue;
+            }
             match run.next(belief, place) {
                 Step::Wait => {}
                 Step::Enter(stage) => self.enter(now, &robot, stage),
@@ -93,13 +102,29 @@ impl Core {
             && robot.lost
             && now.seconds_since(run.start) > self.settings.deadline_s
             && station.bay_phase(bay) == Some(BayPhase::Free)
-            && !self.running.values().any(|other| !other.under_way() && other.is_in(&run.station, bay))
+            && !self.running.values().any(|other| other.at_place() && other.is_in(&run.station, bay))
             && self.plan.planned.iter().any(wanted)
+    }
+
+    /// The bay in which a station says that it holds a robot that is on its way to another: by an order from before
+    /// this coordinator, or by themselves.
+    fn taken_elsewhere(&self, run: &ServiceRun, robot: &Robot) -> Option<(StationId, BayId)> {
+        let on_its_way = run.under_way() || run.stage == Stage::ChargingItself;
+        let is_in_a_bay = matches!(robot.phase(), Some(RobotPhase::Docked | RobotPhase::Charging | RobotPhase::Charged));
+        if !on_its_way || !is_in_a_bay {
+            return None;
+        }
+        let holds = |bay: &&BayState| bay.robot.as_ref() == Some(&run.robot) && bay.phase == BayPhase::Occupied;
+        let places = self.fleet.stations.iter().filter_map(|(id, station)| Some((id, station.known()?)));
+        let mut holders = places.flat_map(|(id, state)| state.bays.iter().filter(holds).map(move |bay| (id, &bay.bay))).peekable();
+        let (taker, bay) = holders.peek().copied()?;
+        let none_is_ours = holders.all(|(taker, bay)| !run.is_in(taker, bay));
+        none_is_ours.then(|| (taker.clone(), bay.clone()))
     }
 
     pub(super) fn enter(&mut self, now: Timestamp, robot: &RobotId, stage: Stage) {
         if let Some(run) = self.running.get_mut(robot) {
-            run.stage = stage;
+            run.enter(stage, now);
             self.refresh_schedule(now);
         }
     }

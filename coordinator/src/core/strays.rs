@@ -31,12 +31,28 @@ impl Core {
             match self.stray(&robot, &place) {
                 Some(phase) => {
                     let since = *self.strays.entry(robot.clone()).or_insert(now);
-                    let settled = now.seconds_since(since) > self.settings.deadline_s + self.settings.resend_s;
-                    self.settle(now, &robot, phase, place, settled);
+                    self.settle(now, &robot, phase, place, self.is_settled(now, since));
                 }
                 None => drop(self.strays.remove(&robot)),
             }
         }
+    }
+
+    /// Whether a robot has been astray for longer than any command lives.
+    fn is_settled(&self, now: Timestamp, since: Timestamp) -> bool {
+        now.seconds_since(since) > self.settings.deadline_s + self.settings.resend_s
+    }
+
+    /// Whether a station says that it moves or holds a robot that has just said that it is free: one of the two
+    /// has not heard of the other yet.
+    pub(super) fn is_being_moved(&self, now: Timestamp, robot: &RobotId) -> bool {
+        let claims = |station: &Station| {
+            let state = station.known();
+            state.is_some_and(|state| {
+                state.swapping.as_ref() == Some(robot) || state.bays.iter().any(|bay| bay.robot.as_ref() == Some(robot))
+            })
+        };
+        self.fleet.stations.values().any(claims) && !self.strays.get(robot).is_some_and(|since| self.is_settled(now, *since))
     }
 
     /// What a robot without a service does, if that is anything that needs looking after.
@@ -101,7 +117,7 @@ impl Core {
     fn adopt(&mut self, now: Timestamp, robot: &RobotId, station: StationId, bay: BayId, stage: Stage) {
         // A bay belongs to one service; who comes second is planned anew when it stands there. Who is in it is let out,
         // also when somebody is on the way to it: nobody else would.
-        let before = |run: &ServiceRun| run.is_in(&station, &bay) && (stage == Stage::Travelling || !run.under_way());
+        let before = |run: &ServiceRun| run.is_in(&station, &bay) && (run.at_place() || (stage == Stage::Travelling && run.under_way()));
         if self.running.values().any(before) || !self.models.stations.contains_key(&station) {
             return;
         }
