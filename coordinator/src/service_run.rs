@@ -144,9 +144,13 @@ impl ServiceRun {
     /// What to do next, given the newest word of robot and station.
     #[must_use]
     pub fn next(&self, robot: &Robot, station: &Station) -> Step {
-        // It is out and was charged, as both have said; what it does since then is another matter.
-        if self.stage == Stage::LetOut && robot.lost {
-            return Step::Done;
+        // That it is out its station knows; that it was charged it has said itself before, heard since or not.
+        match (&self.how, self.stage) {
+            (How::Recharge { bay, .. }, Stage::Unloading) if station.known().is_some() && !self.held(bay, station) => {
+                return Step::Enter(Stage::LetOut);
+            }
+            (_, Stage::LetOut) if robot.lost => return Step::Done,
+            _ => {}
         }
         let (Some((gauge, state)), Some(place)) = (robot.known(), station.known()) else { return Step::Wait };
         if state.phase == RobotPhase::Stranded {
@@ -178,7 +182,6 @@ impl ServiceRun {
             (How::Recharge { bay, .. }, Stage::Charging | Stage::ChargingItself, RobotPhase::Charged) => {
                 Step::AskStation(StationAction::Undock { robot: self.robot.clone(), bay: bay.clone() }, Stage::Unloading)
             }
-            (How::Recharge { bay, .. }, Stage::Unloading, _) if !self.held(bay, station) => Step::Enter(Stage::LetOut),
             (How::Recharge { bay, to_soc }, Stage::LetOut | Stage::ChargingItself, RobotPhase::Working) => {
                 match self.held(bay, station) {
                     true => Step::Wait,

@@ -6,7 +6,7 @@ use coordinator::sim::{Trial, forgetful_trial, large_trial, trial};
 /// that is tried alone.
 const SEEDS: std::ops::Range<u64> = 0..200;
 /// Seeds that broke a promise once.
-const ONCE_BROKEN: &[u64] = &[419, 1969, 3474, 7379];
+const ONCE_BROKEN: &[u64] = &[419, 1969, 3474, 5692, 6735, 7379, 8140];
 /// The same of large fleets, `TENDER_LARGE_SEEDS`.
 const LARGE_SEEDS: std::ops::Range<u64> = 0..2;
 
