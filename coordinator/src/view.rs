@@ -243,7 +243,7 @@ impl Basis<'_> {
     #[must_use]
     pub fn ends_s(&self, run: &ServiceRun) -> f64 {
         if run.stage == Stage::LetOut {
-            return run.end.seconds_since(self.now).min(0.0);
+            return run.end.seconds_since(self.now);
         }
         let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
         if !matches!(run.stage, Stage::Charging | Stage::ChargingItself) {

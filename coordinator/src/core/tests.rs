@@ -1,5 +1,7 @@
 //! A fleet that is too large to be planned as a whole while somebody waits.
 
+mod services;
+
 use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase, Travel};
 
 use super::*;
@@ -118,94 +120,4 @@ fn who_joins_while_everything_is_about_to_be_planned_anew_is_planned_for_at_once
     core.handle(at(due_s + 0.6), Input::Tick);
     assert_eq!(studies(&mut core), 1, "the whole plan is made beside the core");
     assert!(tells_of(&core, ROBOTS + 5), "and nobody waits for it: {}", core.schedule().trigger);
-}
-
-/// The service of robot `n`, which stands before its bay.
-fn waits(n: usize, start_s: f64) -> ServiceRun {
-    ServiceRun {
-        robot: id(&format!("r{n}")),
-        station: id("s"),
-        how: How::Recharge { bay: id("bay-1"), to_soc: 0.98 },
-        left: at(0.0),
-        start: at(start_s),
-        end: at(start_s + 600.0),
-        need: energy::Need::default(),
-        packs: Vec::new(),
-        why: Vec::new().into(),
-        stage: Stage::Waiting,
-        asked: None,
-    }
-}
-
-#[test]
-fn who_is_found_in_a_bay_is_let_out_though_somebody_is_on_the_way_to_it() {
-    let mut core = core();
-    station_joins(&mut core, 0.0);
-    joins(&mut core, 0.0, 0);
-    joins(&mut core, 0.0, 1);
-    core.running.insert(id("r1"), waits(1, 100.0));
-    let charges = RobotState {
-        at: at(1.0),
-        seq: 2000,
-        phase: RobotPhase::Charging,
-        station: Some(id("s")),
-        bay: Some(id("bay-1")),
-        ..core.fleet.robots[&id::<RobotId>("r0")].state.clone().unwrap()
-    };
-    core.handle(at(1.0), Input::RobotState(id("r0"), charges));
-    let held = StationState {
-        at: at(1.0),
-        seq: 2000,
-        bays: vec![BayState { bay: id("bay-1"), phase: BayPhase::Occupied, robot: Some(id("r0")) }],
-        ..core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap()
-    };
-    core.handle(at(1.0), Input::StationState(id("s"), held));
-    core.handle(at(2.0), Input::Tick);
-    assert_eq!(core.running.get(&id::<RobotId>("r0")).map(|run| run.stage), Some(Stage::Loading));
-    studies(&mut core);
-    core.handle(at(3.0), Input::Tick);
-    let told = std::iter::from_fn(|| core.poll()).find_map(|output| match output {
-        Output::ToRobot(robot, command) => Some((robot, command.action)),
-        _ => None,
-    });
-    let how_far = proto::RobotAction::ChargeTo { soc: core.settings.charge_to_soc };
-    assert_eq!(told, Some((id("r0"), how_far)), "it may charge by a rule of its own");
-    assert!(core.running.contains_key(&id::<RobotId>("r1")), "who is on the way waits");
-}
-
-#[test]
-fn who_is_lost_before_a_free_bay_does_not_keep_others_out() {
-    let mut core = core();
-    station_joins(&mut core, 0.0);
-    joins(&mut core, 0.0, 0);
-    core.running.insert(id("r0"), waits(0, 100.0));
-    core.handle(at(110.0), Input::RobotAlive(id("r0"), false));
-    let begun = |core: &Core| core.running.contains_key(&id::<RobotId>("r0"));
-    core.handle(at(180.0), Input::Tick);
-    assert!(begun(&core), "nobody else wants the bay");
-    joins(&mut core, 181.0, 1);
-    core.handle(at(183.0), Input::Tick);
-    assert!(!begun(&core), "{:?}", core.plan.planned);
-}
-
-#[test]
-fn who_waits_for_a_bay_begins_after_everybody_who_comes_into_it_before_and_never_in_the_past() {
-    let mut core = core();
-    let mut begins = |n: usize, start_s: f64| {
-        let run = waits(n, start_s);
-        core.running.insert(run.robot.clone(), run);
-    };
-    begins(0, 100.0);
-    begins(1, 200.0);
-    let counts = |core: &Core, robot: &str| {
-        let (basis, run) = (core.basis(at(150.0)), &core.running[&id::<RobotId>(robot)]);
-        (basis.late_s(run), basis.ends_s(run))
-    };
-    // Nobody is in the bay, but the first can begin no sooner than now, and the second after it.
-    assert_eq!(counts(&core, "r0"), (50.0, 600.0));
-    assert_eq!(counts(&core, "r1"), (550.0, 1200.0));
-    // What has begun ends as it was planned.
-    core.running.get_mut(&id::<RobotId>("r0")).unwrap().stage = Stage::Loading;
-    assert_eq!(counts(&core, "r0"), (0.0, 550.0));
-    assert_eq!(counts(&core, "r1"), (500.0, 1150.0));
 }

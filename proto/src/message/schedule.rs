@@ -71,9 +71,9 @@ pub struct Service {
     pub packs: Vec<PackId>,
     /// When the robot leaves its work.
     pub leave: Timestamp,
-    /// When the service begins at the station.
+    /// When the service begins at the station; of one that has begun, when it did.
     pub start: Timestamp,
-    /// When the robot is out again; not before `start`.
+    /// When the robot is out again; not before `start`. Of one that is out and not heard yet, when it came out.
     pub end: Timestamp,
     /// Energy taken from the packs, Wh (zero or more).
     pub pack_energy_wh: Estimate,

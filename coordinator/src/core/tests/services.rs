@@ -1,0 +1,208 @@
+//! Services that go on, whatever robots, stations and the coordinator have missed of each other.
+
+use super::*;
+
+/// The service of robot `n`, which stands before its bay.
+fn waits(n: usize, start_s: f64) -> ServiceRun {
+    ServiceRun {
+        robot: id(&format!("r{n}")),
+        station: id("s"),
+        how: How::Recharge { bay: id("bay-1"), to_soc: 0.98 },
+        left: at(0.0),
+        start: at(start_s),
+        end: at(start_s + 600.0),
+        need: energy::Need::default(),
+        packs: Vec::new(),
+        why: Vec::new().into(),
+        stage: Stage::Waiting,
+        asked: None,
+    }
+}
+
+/// The robot says what it does, and where.
+fn says(core: &mut Core, time_s: f64, robot: &str, phase: RobotPhase) {
+    let place = |place: &str| (phase != RobotPhase::Working).then(|| place.to_owned());
+    let state = RobotState {
+        at: at(time_s),
+        seq: (time_s * 1e3) as u64 + 2,
+        phase,
+        station: place("s").map(|station| id(&station)),
+        bay: place("bay-1").map(|bay| id(&bay)),
+        ..core.fleet.robots[&id::<RobotId>(robot)].state.clone().unwrap()
+    };
+    core.handle(at(time_s), Input::RobotState(id(robot), state));
+}
+
+/// The station says who is in its bay.
+fn holds(core: &mut Core, time_s: f64, phase: BayPhase, robot: Option<&str>) {
+    let state = StationState {
+        at: at(time_s),
+        seq: (time_s * 1e3) as u64 + 2,
+        bays: vec![BayState { bay: id("bay-1"), phase, robot: robot.map(id) }],
+        ..core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap()
+    };
+    core.handle(at(time_s), Input::StationState(id("s"), state));
+}
+
+/// One robot, whose service at the only station has come to `stage`.
+fn begun(how: How, stage: Stage) -> Core {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    core.running.insert(id("r0"), ServiceRun { how, stage, ..waits(0, 100.0) });
+    core
+}
+
+fn recharge() -> How {
+    How::Recharge { bay: id("bay-1"), to_soc: 0.25 }
+}
+
+/// What was noted of services since it was last asked.
+fn noted(core: &mut Core) -> Vec<EventKind> {
+    let told = std::iter::from_fn(|| core.poll()).filter_map(|output| match output {
+        Output::Record(Record::Event(event)) => Some(event.kind),
+        _ => None,
+    });
+    told.filter(|kind| matches!(kind, EventKind::ServiceDone | EventKind::ServiceFailed)).collect()
+}
+
+#[test]
+fn who_is_found_in_a_bay_is_let_out_though_somebody_is_on_the_way_to_it() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    joins(&mut core, 0.0, 1);
+    core.running.insert(id("r1"), waits(1, 100.0));
+    says(&mut core, 0.5, "r1", RobotPhase::Waiting);
+    let charges = RobotState {
+        at: at(1.0),
+        seq: 2000,
+        phase: RobotPhase::Charging,
+        station: Some(id("s")),
+        bay: Some(id("bay-1")),
+        ..core.fleet.robots[&id::<RobotId>("r0")].state.clone().unwrap()
+    };
+    core.handle(at(1.0), Input::RobotState(id("r0"), charges));
+    let held = StationState {
+        at: at(1.0),
+        seq: 2000,
+        bays: vec![BayState { bay: id("bay-1"), phase: BayPhase::Occupied, robot: Some(id("r0")) }],
+        ..core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap()
+    };
+    core.handle(at(1.0), Input::StationState(id("s"), held));
+    core.handle(at(2.0), Input::Tick);
+    assert_eq!(core.running.get(&id::<RobotId>("r0")).map(|run| run.stage), Some(Stage::Loading));
+    studies(&mut core);
+    core.handle(at(3.0), Input::Tick);
+    let told = std::iter::from_fn(|| core.poll()).find_map(|output| match output {
+        Output::ToRobot(robot, command) => Some((robot, command.action)),
+        _ => None,
+    });
+    let how_far = proto::RobotAction::ChargeTo { soc: core.settings.charge_to_soc };
+    assert_eq!(told, Some((id("r0"), how_far)), "it may charge by a rule of its own");
+    assert!(core.running.contains_key(&id::<RobotId>("r1")), "who is on the way waits");
+}
+
+#[test]
+fn who_is_let_out_and_not_heard_holds_no_bay_and_is_serviced() {
+    let mut core = begun(recharge(), Stage::Unloading);
+    holds(&mut core, 190.0, BayPhase::Unloading, Some("r0"));
+    core.handle(at(195.0), Input::RobotAlive(id("r0"), false));
+    core.handle(at(196.0), Input::Tick);
+    assert!(core.running.contains_key(&id::<RobotId>("r0")), "the lift still has it");
+    holds(&mut core, 200.0, BayPhase::Free, None);
+    let told = core.schedule().services.iter().find(|service| service.robot == id("r0")).map(|service| service.end);
+    assert_eq!(told, Some(at(200.0)), "its end is no guess any more");
+    core.handle(at(260.0), Input::Tick);
+    assert_eq!(noted(&mut core), [EventKind::ServiceDone]);
+}
+
+#[test]
+fn who_goes_back_to_work_before_it_is_taken_in_holds_no_bay() {
+    for stage in [Stage::Waiting, Stage::Loading] {
+        let mut core = begun(recharge(), stage);
+        says(&mut core, 110.0, "r0", RobotPhase::Waiting);
+        core.handle(at(110.0), Input::Tick);
+        noted(&mut core);
+        core.asked.clear();
+        core.running.get_mut(&id::<RobotId>("r0")).unwrap().asked = None;
+        says(&mut core, 120.0, "r0", RobotPhase::Working);
+        core.handle(at(121.0), Input::Tick);
+        assert_eq!(noted(&mut core), [EventKind::ServiceFailed], "{stage:?}");
+    }
+}
+
+#[test]
+fn an_exchange_is_done_when_the_gauge_of_the_new_pack_is_heard() {
+    let mut core = begun(How::Swap { spare: id("spare-1") }, Stage::Swapping);
+    says(&mut core, 110.0, "r0", RobotPhase::Swapping);
+    says(&mut core, 150.0, "r0", RobotPhase::Working);
+    core.handle(at(151.0), Input::Tick);
+    assert_eq!(noted(&mut core), [], "by the gauge of the pack that it left it would be sent again at once");
+    core.handle(at(152.0), Input::RobotGauge(id("r0"), gauge(149.0, 0.3, 14.6)));
+    assert_eq!(noted(&mut core), [], "that one was under way for long");
+    core.handle(at(153.0), Input::RobotGauge(id("r0"), gauge(152.0, 0.95, 14.6)));
+    assert_eq!(noted(&mut core), [EventKind::ServiceDone]);
+}
+
+#[test]
+fn who_was_taken_in_elsewhere_is_taken_over_there() {
+    let mut core = begun(How::Recharge { bay: id("bay-2"), to_soc: 0.98 }, Stage::Travelling);
+    holds(&mut core, 110.0, BayPhase::Occupied, Some("r0"));
+    says(&mut core, 111.0, "r0", RobotPhase::Docked);
+    assert_eq!(noted(&mut core), [EventKind::ServiceFailed]);
+    core.handle(at(112.0), Input::Tick);
+    let run = &core.running[&id::<RobotId>("r0")];
+    assert!(run.is_in(&id("s"), &id("bay-1")) && run.stage == Stage::Loading, "{run:?}");
+}
+
+#[test]
+fn nobody_is_sent_off_while_a_lift_moves_it() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    core.handle(at(61.0), Input::Tick);
+    let leave = core.plan.planned.first().expect("a plan").leave;
+    let before_s = leave.seconds_since(at(0.0)) - 2.0;
+    holds(&mut core, before_s, BayPhase::Loading, Some("r0"));
+    says(&mut core, before_s, "r0", RobotPhase::Waiting);
+    core.handle(leave.plus_s(1.0), Input::Tick);
+    assert!(core.running.is_empty(), "{:?}", core.running);
+}
+
+#[test]
+fn who_is_lost_before_a_free_bay_does_not_keep_others_out() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    core.running.insert(id("r0"), waits(0, 100.0));
+    core.handle(at(110.0), Input::RobotAlive(id("r0"), false));
+    let begun = |core: &Core| core.running.contains_key(&id::<RobotId>("r0"));
+    core.handle(at(180.0), Input::Tick);
+    assert!(begun(&core), "nobody else wants the bay");
+    joins(&mut core, 181.0, 1);
+    core.handle(at(183.0), Input::Tick);
+    assert!(!begun(&core), "{:?}", core.plan.planned);
+}
+
+#[test]
+fn who_waits_for_a_bay_begins_after_everybody_who_comes_into_it_before_and_never_in_the_past() {
+    let mut core = core();
+    let mut begins = |n: usize, start_s: f64| {
+        let run = waits(n, start_s);
+        core.running.insert(run.robot.clone(), run);
+    };
+    begins(0, 100.0);
+    begins(1, 200.0);
+    let counts = |core: &Core, robot: &str| {
+        let (basis, run) = (core.basis(at(150.0)), &core.running[&id::<RobotId>(robot)]);
+        (basis.late_s(run), basis.ends_s(run))
+    };
+    // Nobody is in the bay, but the first can begin no sooner than now, and the second after it.
+    assert_eq!(counts(&core, "r0"), (50.0, 600.0));
+    assert_eq!(counts(&core, "r1"), (550.0, 1200.0));
+    // What has begun ends as it was planned.
+    core.running.get_mut(&id::<RobotId>("r0")).unwrap().stage = Stage::Loading;
+    assert_eq!(counts(&core, "r0"), (0.0, 550.0));
+    assert_eq!(counts(&core, "r1"), (500.0, 1150.0));
+}
