@@ -9,6 +9,7 @@ mod operations;
 mod python;
 mod reference;
 mod replay;
+mod secured;
 mod security;
 mod sources;
 mod tidy;
