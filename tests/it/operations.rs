@@ -60,6 +60,31 @@ fn doctor_says_what_is_wrong_and_what_to_do() {
 }
 
 #[test]
+fn doctor_says_who_else_can_read_a_token() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("coordinator.toml");
+    let doctor = |mode: u32, environment: Option<&str>| {
+        std::fs::set_permissions(&config, std::fs::Permissions::from_mode(mode)).unwrap();
+        let mut command = program("coordinator");
+        command.args(["doctor", "--config", "coordinator.toml"]).current_dir(folder.path());
+        if let Some(token) = environment {
+            command.env("TENDER_SET_WEB__TOKEN", token);
+        }
+        text(&command.output().unwrap().stdout)
+    };
+    const TOKEN: &str = "only-the-desk-knows-this";
+    std::fs::write(&config, format!("schema = 1\nsite = \"here\"\n[web]\nport = 0\ntoken = \"{TOKEN}\"\n")).unwrap();
+    let open = doctor(0o644, None);
+    assert!(open.contains("coordinator.toml can be read by others (mode 644): chmod 600"), "{open}");
+    assert!(doctor(0o600, None).contains("coordinator.toml, its owner's alone"));
+    // A token from elsewhere does not make the file a secret.
+    std::fs::write(&config, "schema = 1\nsite = \"here\"\n[web]\nport = 0\n").unwrap();
+    let elsewhere = doctor(0o644, Some(TOKEN));
+    assert!(!elsewhere.contains("read by others") && !open.contains(TOKEN) && !elsewhere.contains(TOKEN), "{elsewhere}");
+}
+
+#[test]
 fn doctor_knows_whose_a_certificate_is_and_until_when() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

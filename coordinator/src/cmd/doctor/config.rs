@@ -39,5 +39,13 @@ pub(super) fn check(config: &Config, path: &Path) -> Vec<Finding> {
     if let Some(Err(why)) = config.web.ladder(Some(path)) {
         findings.push(Finding::note("discovery", why, "run `lab discover ... --format json` into that file, or leave web.discovery out"));
     }
+    // A token that came by the environment is not this file's to keep.
+    let holds_it = |token: &String| node::files::read_text(path).is_ok_and(|text| text.contains(token));
+    if config.web.token.as_ref().is_some_and(holds_it) {
+        findings.push(match node::files::only_its_owners(path) {
+            Ok(()) => Finding::ok("token", format!("{}, its owner's alone", path.display())),
+            Err(why) => Finding::note("token", format!("{why:#}"), "or take web.token out and give it as TENDER_SET_WEB__TOKEN"),
+        });
+    }
     findings
 }
