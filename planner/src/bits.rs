@@ -10,21 +10,32 @@ impl Bits {
         Self(vec![if set { u64::MAX } else { 0 }; ticks.div_ceil(64) + 1])
     }
 
-    /// Sets the flags of `from..` to what holds of these.
+    /// Sets the flags of `from..` to what holds of these, one after the other.
     #[inline]
-    pub(crate) fn put<T: Copy>(&mut self, from: usize, of: &[T], holds: impl Fn(T) -> bool) {
+    pub(crate) fn put<T>(&mut self, from: usize, of: &mut [T], mut holds: impl FnMut(&mut T) -> bool) {
         let (mut at, mut of) = (from, of);
         while !of.is_empty() {
-            let (word, bit) = (at / 64, at % 64);
-            let (here, rest) = of.split_at(of.len().min(64 - bit));
-            let (mut mask, mut flags) = (0_u64, 0_u64);
-            for (n, &each) in here.iter().enumerate() {
-                mask |= 1 << n;
-                flags |= u64::from(holds(each)) << n;
+            let bit = at % 64;
+            let (here, rest) = of.split_at_mut(of.len().min(64 - bit));
+            let (count, mut flags) = (here.len(), 0_u64);
+            for each in here {
+                flags = flags >> 1 | u64::from(holds(each)) << 63;
             }
-            self.0[word] = self.0[word] & !(mask << bit) | flags << bit;
-            (at, of) = (at + here.len(), rest);
+            self.set(at / 64, Self::stretch(bit, count), flags >> (64 - count) << bit);
+            (at, of) = (at + count, rest);
         }
+    }
+
+    /// `count` flags of a word from this one on; 1 to 64.
+    #[inline]
+    pub(crate) fn stretch(bit: usize, count: usize) -> u64 {
+        u64::MAX >> (64 - count) << bit
+    }
+
+    /// Sets those flags of a word that a mask names.
+    #[inline]
+    pub(crate) fn set(&mut self, word: usize, mask: u64, flags: u64) {
+        self.0[word] = self.0[word] & !mask | flags & mask;
     }
 
     /// Whether a flag in `from..to` is set.

@@ -4,12 +4,14 @@
 //! Beside each row of counters stands a row of flags "nothing left here", so that most ways that
 //! do not fit are refused by a look at one or two words.
 
+mod counters;
 mod odds;
 
 use crate::bits::Bits;
 use crate::problem::{Problem, Station, Tick};
 use crate::supply::{self, Limit};
 use crate::way::{Choices, Mode, NEVER, Way};
+use counters::Counters;
 use odds::Odds;
 
 /// What a way asks for that is not there.
@@ -53,26 +55,6 @@ pub struct Book<'p> {
     pub robots: Vec<u32>,
 }
 
-/// What is left of something in each tick.
-#[derive(Debug, Clone)]
-struct Counters {
-    left: Vec<i32>,
-    none: Bits,
-}
-
-impl Counters {
-    fn new(ticks: usize, left: i64) -> Self {
-        Self { left: vec![left as i32; ticks], none: Bits::new(ticks, left <= 0) }
-    }
-
-    #[inline]
-    fn change(&mut self, from: usize, to: usize, by: i32) {
-        let changed = &mut self.left[from..to];
-        changed.iter_mut().for_each(|left| *left += by);
-        self.none.put(from, changed, |left| left <= 0);
-    }
-}
-
 impl<'p> Book<'p> {
     /// A book with nothing in it but what had begun at tick 0.
     #[must_use]
@@ -82,7 +64,7 @@ impl<'p> Book<'p> {
         let chargers = problem.batteries.iter().filter_map(|battery| battery.chargers.get(station.charger));
         let curve = chargers.flat_map(|charger| &charger.curve).map(|segment| segment.draw.max(segment.draw_bare));
         let draw_max = curve.chain([station.load_draw, station.unload_draw, station.swap_draw]).max().unwrap_or(0);
-        let mut spares = Counters::new(ticks, 0);
+        let mut spares = Counters::new(ticks, 0, station.spares.len() + station.ongoing.len());
         for &ready in station.spares.iter().filter(|&&ready| ready < horizon) {
             spares.change(ready as usize, ticks, 1);
         }
@@ -90,9 +72,9 @@ impl<'p> Book<'p> {
             station,
             horizon,
             draw_max,
-            bays: Counters::new(ticks, i64::from(station.bays)),
-            lift: Counters::new(ticks, station.lift_slots),
-            slot: Counters::new(ticks, station.swap_slots),
+            bays: Counters::new(ticks, i64::from(station.bays), station.ongoing.len()),
+            lift: Counters::new(ticks, station.lift_slots, station.ongoing.len()),
+            slot: Counters::new(ticks, station.swap_slots, station.ongoing.len()),
             spares,
             headroom: problem.base_load(station).iter().map(|draw| station.p_max - draw).collect(),
             tight: Bits::new(ticks, false),
@@ -125,7 +107,7 @@ impl<'p> Book<'p> {
             let begun = station.chance.as_ref().map_or(0, |chance| chance.begun);
             limit.energy -= begun + base[..limit.before as usize].iter().sum::<i64>();
         }
-        book.tight.put(0, &book.headroom, |room| room < draw_max);
+        book.tight.put(0, &mut book.headroom, |room| *room < draw_max);
         book
     }
 
@@ -136,12 +118,12 @@ impl<'p> Book<'p> {
         let (start, end) = (usize::from(way.start), usize::from(way.end));
         let drawn_to = if let Mode::Charge(_) = way.mode {
             let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
-            if self.bays.none.any(start, end) || self.lift.none.any(start, start + load) || self.lift.none.any(end - unload, end) {
+            if self.bays.none().any(start, end) || self.lift.none().any(start, start + load) || self.lift.none().any(end - unload, end) {
                 return false;
             }
             end
         } else {
-            if self.slot.none.any(start, end) || self.spares.none.any(start, self.spare_back(way)) {
+            if self.slot.none().any(start, end) || self.spares.none().any(start, self.spare_back(way)) {
                 return false;
             }
             if way.ready == NEVER { end } else { self.spare_back(way) }
@@ -165,12 +147,12 @@ impl<'p> Book<'p> {
         let (start, end) = (usize::from(way.start), usize::from(way.end));
         let found = if let Mode::Charge(_) = way.mode {
             let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
-            let lift = || self.lift.none.first(start, start + load).or_else(|| self.lift.none.first(end - unload, end));
-            let bay = self.bays.none.first(start, end).map(|tick| Clash::Bay(tick as Tick));
+            let lift = || self.lift.none().first(start, start + load).or_else(|| self.lift.none().first(end - unload, end));
+            let bay = self.bays.none().first(start, end).map(|tick| Clash::Bay(tick as Tick));
             bay.or_else(|| lift().map(|tick| Clash::Lift(tick as Tick)))
         } else {
-            let slot = self.slot.none.first(start, end).map(|tick| Clash::Slot(tick as Tick));
-            slot.or_else(|| self.spares.none.first(start, self.spare_back(way)).map(|tick| Clash::Spare(tick as Tick)))
+            let slot = self.slot.none().first(start, end).map(|tick| Clash::Slot(tick as Tick));
+            slot.or_else(|| self.spares.none().first(start, self.spare_back(way)).map(|tick| Clash::Spare(tick as Tick)))
         };
         found.or_else(|| self.draw_clash(choices, way))
     }
@@ -284,9 +266,11 @@ impl<'p> Book<'p> {
         }
         let (headroom, tight, draw_max) = (&mut self.headroom, &mut self.tight, self.draw_max);
         choices.draws(way, self.station, self.horizon, |from, to, draw| {
-            let changed = &mut headroom[from..to];
-            changed.iter_mut().for_each(|room| *room += i64::from(sign) * draw);
-            tight.put(from, changed, |room| room < draw_max);
+            let draw = i64::from(sign) * draw;
+            tight.put(from, &mut headroom[from..to], |room| {
+                *room += draw;
+                *room < draw_max
+            });
         });
     }
 
@@ -306,16 +290,16 @@ impl<'p> Book<'p> {
     /// What is left of bays, lift, slot, spares and power in each tick and then of energy by its limits.
     pub(crate) fn left(&self) -> Vec<i64> {
         let counted = [&self.bays, &self.lift, &self.slot, &self.spares];
-        let counted = counted.into_iter().flat_map(|counters| counters.left.iter().map(|&left| i64::from(left)));
+        let counted = counted.into_iter().flat_map(|counters| counters.left(self.horizon));
         counted.chain(self.headroom.iter().copied()).chain(self.energy.iter().map(|limit| limit.energy)).collect()
     }
 
     /// How much there is of bay ticks, lift ticks, spares and energy; at least 1 of each.
     pub(crate) fn plenty(&self) -> [f64; 4] {
-        let sum = |counters: &Counters| counters.left.iter().map(|&left| f64::from(left.max(0))).sum::<f64>();
-        let spares = self.spares.left.last().copied().unwrap_or(0);
+        let sum = |counters: &Counters| counters.left(self.horizon).map(|left| left.max(0) as f64).sum::<f64>();
+        let spares = self.spares.left(self.horizon).last().unwrap_or(0);
         let energy = self.energy.last().map_or(0, |limit| limit.energy);
-        [sum(&self.bays), sum(&self.lift), f64::from(spares), energy as f64].map(|there| there.max(1.0))
+        [sum(&self.bays), sum(&self.lift), spares as f64, energy as f64].map(|there| there.max(1.0))
     }
 
     /// What the packs can still give, by when.

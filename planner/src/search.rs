@@ -22,6 +22,8 @@ const COMPARED: u32 = 4;
 
 /// One wish of so many is for any way at all: lists by price forget what rarely pays.
 const ANY_OF: u32 = 16;
+/// A way that nobody has, and that is not [`NONE`] either.
+const UNKNOWN: u32 = NONE - 1;
 /// Rounds in which everybody may take a better place that is free, when there is time.
 pub const SETTLED_MAX: u32 = 6;
 
@@ -38,6 +40,8 @@ pub struct Search<'w, 'p> {
     waiting: Vec<usize>,
     /// Robots that moves begin with.
     movable: Vec<u32>,
+    /// Each robot's way when its regret was last asked for, and that regret.
+    regrets: Vec<(u32, f32)>,
 }
 
 impl<'w, 'p> Search<'w, 'p> {
@@ -53,7 +57,7 @@ impl<'w, 'p> Search<'w, 'p> {
     #[must_use]
     pub fn among(draft: Draft<'w, 'p>, movable: Vec<u32>) -> Self {
         let (best, best_score) = (draft.chosen.clone(), draft.score);
-        Self { draft, best, best_score, waiting: Vec::new(), movable }
+        Self { draft, best, best_score, waiting: Vec::new(), movable, regrets: Vec::new() }
     }
 
     /// Whether there is nobody to move.
@@ -106,6 +110,9 @@ impl<'w, 'p> Search<'w, 'p> {
         if self.idle() {
             return;
         }
+        // Another guide: other regrets.
+        self.regrets.clear();
+        self.regrets.resize(self.draft.chosen.len(), (UNKNOWN, 0.0));
         for _ in 0..moves {
             let before = self.draft.score;
             let margin = (-temperature * f64::ln(rng.random::<f64>().max(1e-12))) as i64;
@@ -140,7 +147,7 @@ impl<'w, 'p> Search<'w, 'p> {
     }
 
     /// Someone who has cause to complain: stranded, or far from its cheapest way.
-    fn pick(&self, guide: &Guide, rng: &mut impl Rng) -> usize {
+    fn pick(&mut self, guide: &Guide, rng: &mut impl Rng) -> usize {
         let draft = &self.draft;
         let share = if guide.is_priced() { 0.125 } else { 0.5 };
         if !draft.lost.is_empty() && rng.random::<f64>() < share {
@@ -149,11 +156,14 @@ impl<'w, 'p> Search<'w, 'p> {
                 return robot;
             }
         }
-        let mut pick = || self.movable[rng.random_range(0..self.movable.len())] as usize;
         let mut worst = (-1.0, 0);
         for _ in 0..COMPARED {
-            let robot = pick();
-            let regret = guide.regret(draft.ways, robot, draft.chosen[robot]);
+            let robot = self.movable[rng.random_range(0..self.movable.len())] as usize;
+            let (chosen, known) = (draft.chosen[robot], &mut self.regrets[robot]);
+            if known.0 != chosen {
+                *known = (chosen, guide.regret(draft.ways, robot, chosen));
+            }
+            let regret = known.1;
             if regret > worst.0 {
                 worst = (regret, robot);
             }
