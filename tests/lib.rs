@@ -1,5 +1,7 @@
 //! What the whole-system tests share: the real programs, a fleet of them, and patience.
 
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -83,6 +85,26 @@ pub fn start(mut command: Command) -> anyhow::Result<Running> {
     Ok(Running(command.spawn().with_context(|| format!("{command:?}"))?))
 }
 
+/// A port that nobody has now.
+///
+/// # Errors
+/// When this machine gives none.
+pub fn free_port() -> anyhow::Result<u16> {
+    Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
+}
+
+/// What a dashboard on this machine answers on a route, if it does and that is JSON.
+#[must_use]
+pub fn ask(port: u16, route: &str) -> Option<serde_json::Value> {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
+    write!(stream, "GET {route} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n").ok()?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).ok()?;
+    // One chunk or several: the JSON lies between the first brace and the last.
+    let (from, to) = (answer.find('{')?, answer.rfind('}')?);
+    serde_json::from_str(&answer[from..=to]).ok()
+}
+
 /// A fleet described by a scenario, as files of real programs.
 #[derive(Debug)]
 pub struct Fleet {
@@ -110,7 +132,7 @@ impl Fleet {
         let scenario = Scenario::parse(scenario, &node::files::read_text(scenario)?)?;
         let runs = scenario.runs();
         let mut deployment = scenario.deploy(runs.last().context("no run")?, scenario.seed)?;
-        let port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+        let port = free_port()?;
         let clock = ClockConfig { speed, origin_unix_ms: node::clock::unix_ms() };
         deployment.place(&format!("tcp/127.0.0.1:{port}"), clock);
         let fleet = Self { folder: tempfile::tempdir()?, deployment, _alone: alone };

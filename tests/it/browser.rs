@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
-use tests::{Fleet, patiently, program, start, workspace};
+use tests::{Fleet, ask, free_port, patiently, program, start, workspace};
 
 /// The browser, if this machine has one, and Node with the driver.
 fn browser() -> Option<(PathBuf, PathBuf)> {
@@ -52,23 +52,6 @@ fn look(browser: &(PathBuf, PathBuf), arguments: &[&str]) {
     assert!(seen.status.success(), "{}{}", String::from_utf8_lossy(&seen.stdout), String::from_utf8_lossy(&seen.stderr));
 }
 
-/// A port that nobody has now.
-fn free_port() -> u16 {
-    std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
-}
-
-/// Whether a page is served and shows an ended run of that scenario.
-fn get(port: u16, route: &str) -> Option<serde_json::Value> {
-    use std::io::{Read as _, Write as _};
-    let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).ok()?;
-    write!(stream, "GET {route} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n").ok()?;
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).ok()?;
-    // One chunk or several: the JSON lies between the first brace and the last.
-    let (from, to) = (answer.find('{')?, answer.rfind('}')?);
-    serde_json::from_str(&answer[from..=to]).ok()
-}
-
 fn short_scenario(folder: &Path) -> PathBuf {
     let text = std::fs::read_to_string(workspace().join("scenarios/mds-four-packs.toml")).unwrap();
     let path = folder.join("scenario.toml");
@@ -80,7 +63,7 @@ fn short_scenario(folder: &Path) -> PathBuf {
 fn an_ended_simulation_and_its_report_show_what_the_api_says() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let (scenario, port) = (short_scenario(folder.path()), free_port());
+    let (scenario, port) = (short_scenario(folder.path()), free_port().unwrap());
     let mut command = program("coordinator");
     command.arg("simulate").arg(scenario).arg("--out").arg(folder.path().join("out"));
     command.args(["--serve", "--speed", "100000", "--port", &port.to_string()]);
@@ -88,7 +71,7 @@ fn an_ended_simulation_and_its_report_show_what_the_api_says() {
     let report = folder.path().join("out/report.html");
     // The report is written when all runs have ended; from then on nothing changes.
     assert!(patiently(Duration::from_secs(120), || report.is_file()), "no report");
-    assert!(patiently(Duration::from_secs(10), || get(port, "/api/v1/capacity").is_some()), "no answer");
+    assert!(patiently(Duration::from_secs(10), || ask(port, "/api/v1/capacity").is_some()), "no answer");
     look(&browser, &["frozen", &format!("http://127.0.0.1:{port}/")]);
     look(&browser, &["report", &format!("file://{}", report.display())]);
 }
@@ -99,12 +82,12 @@ fn a_live_fleet_moves_on_the_page_and_only_the_token_changes_it() {
     const TOKEN: &str = "a-token-of-this-test";
     let mut fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 20.0).unwrap();
     let web = &mut fleet.deployment.coordinator.web;
-    (web.port, web.token) = (free_port(), Some(TOKEN.to_owned()));
+    (web.port, web.token) = (free_port().unwrap(), Some(TOKEN.to_owned()));
     let port = web.port;
     fleet.write().unwrap();
     let _coordinator = fleet.coordinator().unwrap();
     let _agents = fleet.agents().unwrap();
-    let planned = || get(port, "/api/v1/schedule").is_some_and(|schedule| schedule["plan"].as_u64() > Some(0));
+    let planned = || ask(port, "/api/v1/schedule").is_some_and(|schedule| schedule["plan"].as_u64() > Some(0));
     assert!(patiently(Duration::from_secs(60), planned), "no plan");
     look(&browser, &["live", &format!("http://127.0.0.1:{port}/"), TOKEN]);
 }

@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
+use anyhow::Context as _;
 use node::session::decoded;
 use node::{Link, NetworkConfig};
 use proto::{EventKind, Key, Schedule};
-use tests::{Fleet, workspace};
+use tests::{Fleet, ask, free_port, workspace};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
@@ -15,6 +16,9 @@ async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
     let router = NetworkConfig { listen: address.clone(), ..NetworkConfig::coordinator() };
     let router = Link::open(&router, fleet.deployment.coordinator.site.clone()).await?;
     fleet.deployment.coordinator.network = NetworkConfig { connect: address, ..NetworkConfig::agent() };
+    let web = &mut fleet.deployment.coordinator.web;
+    (web.enabled, web.port) = (true, free_port()?);
+    let page = web.port;
     fleet.write()?;
     let (heard_in, mut heard) = tokio::sync::mpsc::unbounded_channel();
     let schedules = router.session.declare_subscriber(Key::Schedule.build(&router.site)).callback(move |sample| {
@@ -31,6 +35,8 @@ async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
         })?;
         let live = fleet.schedule(&["show"])?;
         anyhow::ensure!(live.status.success() && live.stderr.is_empty(), "{}", String::from_utf8_lossy(&live.stderr));
+        let page = ask(page, "/api/v1/schedule").context("no dashboard")?;
+        anyhow::ensure!(page["services"].as_array().is_some_and(|services| !services.is_empty()), "{page}");
         Ok(())
     })?;
     drop(router);

@@ -9,7 +9,7 @@ use anyhow::{Context as _, ensure};
 use coordinator::certs::{self, Day, Holder};
 use node::Tls;
 use proto::EventKind;
-use tests::{Fleet, program, start, workspace};
+use tests::{Fleet, free_port, program, start, workspace};
 
 /// Days from 1970 around the present.
 const NOW: std::ops::Range<Day> = 20_000..40_000;
@@ -30,7 +30,7 @@ fn secured() -> anyhow::Result<Fleet> {
     deployment.coordinator.network.tls = Some(issue(Holder::Coordinator)?);
     deployment.coordinator.network.listen = vec![address.clone()];
     deployment.coordinator.web.token = Some(TOKEN.to_owned());
-    deployment.coordinator.web.port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    deployment.coordinator.web.port = free_port()?;
     for station in &mut deployment.stations {
         station.network.tls = Some(issue(Holder::Station(station.id.clone()))?);
         station.network.connect = vec![address.clone()];
