@@ -1,5 +1,9 @@
 //! A log as a model sees it: inputs without holes, where to start, what to judge.
 
+mod plausible;
+
+pub use plausible::odd_current;
+
 use energy::document::hint;
 use energy::{Channel, Facts, Model, Start};
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{anyhow, bail};
 use energy::document::hint;
+use energy::effect::expression;
 use energy::{EffectSpec, Model, catalogue};
 use lab::compare::compare;
 use lab::infer::candidate::candidates;
@@ -77,6 +78,12 @@ fn absent(model: &Model, name: &str) -> anyhow::Result<&'static EffectSpec> {
             bail!("{} has the effect `{}` already; `lab fit --free {}` fits its parameters", model.name, spec.id, spec.id)
         }
         Some(spec) => Ok(spec),
+        None if bare == expression::ID => bail!(
+            "an effect of your own is written into the model file: an [[effect]] with id = \"{}\", name, channel and formula, which \
+             `lab fit --free NAME` fits and `lab effects {}` explains; `lab propose` looks for one",
+            expression::ID,
+            expression::ID
+        ),
         None => {
             let hint = hint(bare, all().map(|spec| spec.id));
             let absent: Vec<&str> = all().map(|spec| spec.id).filter(|id| !has(id)).collect();

@@ -9,7 +9,7 @@ use anyhow::{Context as _, bail, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
 use lab::measurement::{Log, LogFacts, Role, Thinning, thin, uneven_sampling};
-use lab::prepare::{Prepared, predicted_channels, prepare_to_judge};
+use lab::prepare::{Prepared, odd_current, predicted_channels, prepare_to_judge};
 use lab::{ModelSource, load_model};
 
 pub(super) use facts::FactArgs;
@@ -109,6 +109,7 @@ impl LogArgs {
         }
         for log in &mut logs {
             let told = log.notes.len();
+            log.notes.extend(odd_current(model, log));
             thin(log, model, self.rows.thinning());
             say(&log.notes[told..]);
         }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lab::output::check_writable;
+use proto::Timestamp;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct SaveArgs {
@@ -36,12 +37,9 @@ impl SaveArgs {
 
 /// A date as people and files write it.
 pub(super) fn date(text: &str) -> Result<String, String> {
-    let parts: Vec<&str> = text.split('-').collect();
-    let number = |part: &str, digits: usize, max: u32| {
-        part.len() == digits && part.bytes().all(|byte| byte.is_ascii_digit()) && part.parse().is_ok_and(|n: u32| (1..=max).contains(&n))
-    };
-    match parts[..] {
-        [year, month, day] if number(year, 4, 9999) && number(month, 2, 12) && number(day, 2, 31) => Ok(text.to_owned()),
-        _ => Err("write it as YYYY-MM-DD".to_owned()),
+    let shape = text.len() == 10 && text.split('-').map(str::len).eq([4, 2, 2]);
+    match format!("{text}T00:00:00Z").parse::<Timestamp>() {
+        Ok(_) if shape => Ok(text.to_owned()),
+        _ => Err("write a day of the calendar as YYYY-MM-DD".to_owned()),
     }
 }

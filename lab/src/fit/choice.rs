@@ -26,6 +26,16 @@ pub enum ChoiceError {
         /// All parameters of the model.
         known: String,
     },
+    /// What was to be fitted is held.
+    #[error("--fix {fixed} leaves no parameter of {model} free: fix fewer, or free others by --free EFFECT.PARAMETER. It has: {known}")]
+    AllFixed {
+        /// The model.
+        model: String,
+        /// What was asked to stay.
+        fixed: String,
+        /// All parameters of the model.
+        known: String,
+    },
     /// There is nothing that could be fitted.
     #[error("{model} has no effects, so it has no parameters to fit")]
     NoParameters {
@@ -46,6 +56,7 @@ pub fn free_parameters(model: &Model, free: &[String], fix: &[String]) -> Result
         return Err(ChoiceError::NoParameters { model: model.name.clone() });
     }
     let mut chosen: Vec<bool> = model.parameters().iter().map(|parameter| parameter.free).collect();
+    let mut any = chosen.contains(&true);
     for (flag, entries, value) in [("--free", free, true), ("--fix", fix, false)] {
         for entry in entries {
             let effect = |index: usize| model.parameters()[index].effect;
@@ -56,9 +67,13 @@ pub fn free_parameters(model: &Model, free: &[String], fix: &[String]) -> Result
                 return Err(ChoiceError::Unknown { flag, name: entry.clone(), hint, known: names.join(", ") });
             }
             meant.into_iter().for_each(|index| chosen[index] = value);
+            any |= value;
         }
     }
     let chosen: Vec<usize> = (0..names.len()).filter(|&index| chosen[index]).collect();
+    if chosen.is_empty() && any {
+        return Err(ChoiceError::AllFixed { model: model.name.clone(), fixed: fix.join(" --fix "), known: names.join(", ") });
+    }
     if chosen.is_empty() {
         return Err(ChoiceError::NothingFree { model: model.name.clone(), known: names.join(", ") });
     }
@@ -79,7 +94,7 @@ mod tests {
         let model = load_model("enertech-lco-2280mah").unwrap().model;
         assert_eq!(free_parameters(&model, &[], &[]), Ok(vec![0]));
         let error = free_parameters(&model, &[], &list(&["ohmic.resistance_ohm"])).unwrap_err();
-        assert!(matches!(error, ChoiceError::NothingFree { .. }), "{error}");
+        assert!(error.to_string().starts_with("--fix ohmic.resistance_ohm leaves no parameter"), "{error}");
         let robot = load_model("explorer-robot").unwrap().model;
         let at = |name: &str| robot.parameters().iter().position(|p| p.effect == "motion" && p.name == name).unwrap();
         let expected = vec![at("rolling_coefficient"), at("drive_efficiency")];

@@ -28,6 +28,10 @@ impl State {
     fn directions(&self) -> Directions {
         let normal = &self.normal;
         let scale: Vec<f64> = normal.diagonal().iter().map(|d| if *d > 0.0 { d.sqrt() } else { 1.0 }).collect();
+        // A model of which nothing is free, on logs of which nothing is rough.
+        if scale.is_empty() {
+            return Directions { scale, inverse: DMatrix::zeros(0, 0), open: Vec::new() };
+        }
         let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| normal[(i, j)] / (scale[i] * scale[j]));
         let eigen = scaled.symmetric_eigen();
         let floor = OPEN * eigen.eigenvalues.max().max(0.0);

@@ -59,10 +59,31 @@ const AS_WELL: f64 = 0.01;
 /// Confounding from which on an effect looks like the best.
 const LOOKS_ALIKE: f64 = 0.9;
 
+/// Trials from whose end the base is refitted.
+const BEGUN_FROM: usize = 2;
+/// Fall of the cost that makes a base a better one, in units of two log-likelihoods.
+const BETTER: f64 = 1.0;
+
 impl Step {
-    /// Looks at every effect that the base model lacks.
+    /// Looks at every effect that the base model lacks; once more where that shows that the base was not at its best: what looks
+    /// like a gain of an effect may be that of a better place to begin.
     #[must_use]
     pub fn look(base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+        let step = Step::look_from(base, holdout);
+        match step.better_base() {
+            Some(base) => Step::look_from(base, holdout),
+            None => step,
+        }
+    }
+
+    /// The base refitted from where the best trials ended, where that is clearly better.
+    fn better_base(&self) -> Option<State> {
+        let gaining = self.trials.iter().filter(|trial| trial.delta_bic > 0.0).take(BEGUN_FROM);
+        let best = gaining.map(|trial| self.base.begun_from(&trial.state)).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        (best.cost < self.base.cost - BETTER).then_some(best)
+    }
+
+    fn look_from(base: State, holdout: Option<&Arc<Evidence>>) -> Step {
         let (able, untested) = candidates(&base.frame, &base.x);
         let scoring = Scoring::new(&base);
         let mut scored: Vec<(Score, &Candidate)> = able.iter().filter_map(|one| scoring.score(one).map(|score| (score, one))).collect();

@@ -32,6 +32,8 @@ pub(super) const ABSORBED: f64 = 0.1;
 const STRONG: f64 = 3.0;
 /// Share of the squared error beyond the floor that an effect must take away: 5 % of the RMS.
 const FALL: f64 = 0.1;
+/// Rise of the squared error that no fit of another kind excuses.
+const WORSE: f64 = 2.0;
 /// RMS over floor up to which a channel is explained.
 const EXPLAINED: f64 = 1.05;
 /// Deviations of one reading from which on a change of a measured channel is no small one,
@@ -76,7 +78,9 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout:
         let (plain_base, plain) = (base.plain(), trial.state.plain());
         let trains_plain = falls(evidence, &plain_base.rms(), &plain.rms());
         let holds_plain = holdout.is_none_or(|held| helps(held, &held_out(plain_base, held), &held_out(plain, held)));
-        if strong && trains_plain && holds_plain {
+        // But what predicts worse than without it is no gain, whatever it does for such fits.
+        let worse = squares(evidence, &trial.state.rms()) > WORSE * squares(evidence, &base.rms());
+        if strong && trains_plain && holds_plain && !worse {
             return all;
         }
         if !trains {

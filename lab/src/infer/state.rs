@@ -85,17 +85,13 @@ impl State {
     pub(super) fn with(&self, effect: &EffectSpec, like: &State) -> Option<State> {
         let model = self.frame.model.with(effect.id).ok()?;
         let frame = Arc::new(Frame::new(Arc::new(model), Arc::clone(&self.frame.evidence)));
-        let (known, values) = (like.frame.model.parameters(), like.frame.values(&like.x));
-        let value = |index: &usize| {
-            let parameter = &frame.model.parameters()[*index];
-            let place = known.iter().position(|other| other.effect == parameter.effect && other.name == parameter.name);
-            let own = || effect.parameters.iter().find(|own| parameter.effect == effect.id && own.name == parameter.name);
-            place.map_or_else(|| own().map_or(parameter.value, usual), |place| values[place])
-        };
-        let free = frame.free.iter().map(value);
-        let rough = frame.known.iter().map(|known| like.frame.error(&like.x, known.what));
-        let start: Vec<f64> = free.chain(rough).collect();
-        Some(State::fit(frame, &start, &like.noise))
+        Some(State::fit(Arc::clone(&frame), &frame.like(like, Some(effect)), &like.noise))
+    }
+
+    /// This state refitted from where another ended.
+    #[must_use]
+    pub(super) fn begun_from(&self, other: &State) -> State {
+        State::fit(Arc::clone(&self.frame), &self.frame.like(other, None), &other.noise)
     }
 
     /// The better of this state and those that begin elsewhere, where it leaves slow noise. How far a
@@ -205,6 +201,22 @@ impl State {
     #[must_use]
     pub fn bic(&self) -> f64 {
         self.cost + self.freedom as f64 * (self.frame.evidence.rows() as f64).ln()
+    }
+}
+
+impl Frame {
+    /// Unknowns of this frame as another state has them; those that it lacks at an effect's usual size, or the model's own.
+    fn like(&self, other: &State, effect: Option<&EffectSpec>) -> Vec<f64> {
+        let (known, values) = (other.frame.model.parameters(), other.frame.values(&other.x));
+        let value = |index: &usize| {
+            let parameter = &self.model.parameters()[*index];
+            let place = known.iter().position(|one| one.effect == parameter.effect && one.name == parameter.name);
+            let of_effect =
+                || effect.filter(|effect| parameter.effect == effect.id)?.parameters.iter().find(|own| own.name == parameter.name);
+            place.map_or_else(|| of_effect().map_or(parameter.value, usual), |place| values[place])
+        };
+        let rough = self.known.iter().map(|known| other.frame.error(&other.x, known.what));
+        self.free.iter().map(value).chain(rough).collect()
     }
 }
 

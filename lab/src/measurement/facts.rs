@@ -94,6 +94,10 @@ impl LogFacts {
             }
             other => Ok(other.map(toml::Spanned::into_inner)),
         };
+        if let (Some(_), Some(rest)) = (&raw.soc_initial, &raw.rest_voltage_v) {
+            let message = "rest_voltage_v: soc_initial says already how full the log starts; give one of them".to_owned();
+            return Err(document.error_at(rest.span(), message));
+        }
         let columns = raw.columns.into_iter().map(|(canonical, expression)| Mapping { canonical, expression });
         Ok(LogFacts {
             id: raw.id,

@@ -52,6 +52,10 @@ impl Mapping {
         if let Some(value) = text.parse::<f64>().ok().filter(|value| value.is_finite()) {
             return Ok(Source::Constant(value));
         }
+        let divided = text.rsplit_once('/').filter(|(_, divisor)| number(divisor) == Some(0.0));
+        if let Some((name, _)) = divided.filter(|(name, _)| names.iter().any(|known| known == name.trim())) {
+            return Err(format!("`{}={text}`: `{}` cannot be divided by 0", self.canonical, name.trim()));
+        }
         // The last reading cut off the most, so what is left is most likely a bare name.
         let name = tried.unwrap_or(text);
         let near = nearest(name, names.iter().map(String::as_str)).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
@@ -104,6 +108,7 @@ mod tests {
     fn an_unknown_source_is_named_with_its_near_match() {
         let error = resolve("temp_k*1-273.15", &["time_s", "temp_K"]).unwrap_err();
         assert!(error.contains("no column `temp_k`; did you mean `temp_K`?"), "{error}");
+        assert_eq!(resolve("mv/0", &["mv"]).unwrap_err(), "`x=mv/0`: `mv` cannot be divided by 0");
         assert!("voltage_v".parse::<Mapping>().is_err());
     }
 }

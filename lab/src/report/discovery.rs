@@ -84,7 +84,7 @@ impl DiscoveryReport {
         }
         let alone: Vec<String> =
             self.file_rms.iter().map(|(channel, rms)| format!("{} of {channel}", quantity(*rms, unit_of(channel)))).collect();
-        let learned: String = self.left_out.iter().map(|one| format!("  {}: {}\n", one.what, signed(one))).collect();
+        let learned = learned_lines(&self.left_out);
         format!("A model file cannot hold what follows; without it `lab compare` finds {} RMS:\n{learned}", alone.join(", "))
     }
 }
@@ -104,6 +104,11 @@ pub fn rms_of(comparison: &Comparison) -> ByChannel {
 fn section(title: &str, body: String, there: bool) -> Option<String> {
     let title = if title.is_empty() { String::new() } else { format!("{title}:\n") };
     there.then(|| title + &body)
+}
+
+/// A line for each, with its sign.
+pub(super) fn learned_lines(left_out: &[LeftOut]) -> String {
+    left_out.iter().map(|one| format!("  {}: {}\n", one.what, signed(one))).collect()
 }
 
 fn signed(one: &LeftOut) -> String {

@@ -6,11 +6,13 @@ use energy::effect::expression;
 use energy::{Channel, Model, Parameter};
 use serde::Serialize;
 
+use super::discovery::learned_lines;
 use super::quantity::{quantity, unit_of, with_sigma};
 use super::table::{numbers_from, table, text};
 use crate::infer::evidence::Evidence;
 use crate::infer::propose::{HOLDOUT_FALL, Proposal, error};
 use crate::infer::state::State;
+use crate::learned::{LeftOut, left_out};
 use crate::model_edit::Change;
 
 /// What came of the search.
@@ -89,6 +91,8 @@ pub struct ProposalReport {
     pub holdout: Vec<Fall>,
     /// What to know about it.
     pub words: Vec<String>,
+    /// What was fitted beside the formula and has no place in the model file.
+    pub left_out: Vec<LeftOut>,
     /// The file written; null when none was asked for or nothing is proposed.
     pub output: Option<String>,
 }
@@ -129,6 +133,7 @@ impl ProposalReport {
             training,
             holdout: held,
             words,
+            left_out: if status == Status::Proposal { left_out(&proposal.state) } else { Vec::new() },
             output: None,
         }
     }
@@ -163,6 +168,10 @@ impl ProposalReport {
         whole += &text(&errors);
         for sentence in &self.words {
             let _ = write!(whole, "\n{sentence}");
+        }
+        if !self.left_out.is_empty() {
+            let learned = learned_lines(&self.left_out);
+            let _ = write!(whole, "\nA model file cannot hold what follows, so `lab compare` finds more error than this says:\n{learned}");
         }
         if let Some(path) = &self.output {
             let _ = write!(whole, "\nWritten to {path}");

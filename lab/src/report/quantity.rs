@@ -2,12 +2,22 @@
 
 /// Suffixes of names and the units that they stand for, longest first where one ends in another.
 const UNITS: &[(&str, &str)] = &[
+    ("_ohm_per_sqrt_s", "ohm/sqrt(s)"),
     ("_w_per_k", "W/K"),
     ("_j_per_k", "J/K"),
     ("_j_per_m", "J/m"),
     ("_j_per_mol", "J/mol"),
     ("_kj_per_mol", "kJ/mol"),
     ("_v_per_k", "V/K"),
+    ("_v_per_n", "V/N"),
+    ("_w_per_n2", "W/N^2"),
+    ("_w_per_v2", "W/V^2"),
+    ("_n_s_per_m", "N s/m"),
+    ("_per_root_day", "1/sqrt(day)"),
+    ("_per_sqrt_day", "1/sqrt(day)"),
+    ("per_kelvin", "1/K"),
+    ("_per_w", "1/W"),
+    ("_per_n", "1/N"),
     ("_per_month", "1/month"),
     ("_per_cycle_after_knee", "1/cycle"),
     ("_per_cycle", "1/cycle"),
@@ -41,7 +51,7 @@ pub fn unit_of(name: &str) -> &'static str {
 }
 
 /// Units that are read more easily with a prefix when the number is small.
-const SCALABLE: &[&str] = &["V", "A", "ohm", "W", "Ah"];
+const SCALABLE: &[&str] = &["V", "A", "ohm", "ohm/sqrt(s)", "W", "Ah"];
 
 /// A number with its unit: `25.7 mV`, `1.50 degC`, `0.880`.
 #[must_use]
@@ -91,7 +101,19 @@ mod tests {
         assert_eq!(unit_of("resistance_soc_005_ohm"), "ohm");
         assert_eq!(unit_of("conductance_w_per_k"), "W/K");
         assert_eq!(unit_of("tau_s"), "s");
+        assert_eq!(unit_of("z0_ohm_per_sqrt_s"), "ohm/sqrt(s)");
+        assert_eq!(unit_of("square_loss_per_w"), "1/W");
+        assert_eq!(unit_of("heat_loss_w"), "W");
         assert_eq!(unit_of("efficiency"), "");
+    }
+
+    /// Whatever is told per something has a unit of its own, not that of its name's end.
+    #[test]
+    fn every_parameter_per_something_has_a_unit_that_says_so() {
+        let parameters = energy::catalogue().iter().flat_map(|effect| effect.spec().parameters);
+        for name in parameters.map(|parameter| parameter.name).filter(|name| name.contains("_per_") || name.starts_with("per_")) {
+            assert!(unit_of(name).contains('/') || name == "supply_per_radiated", "{name} is in `{}`", unit_of(name));
+        }
     }
 
     #[test]

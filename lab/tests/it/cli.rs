@@ -68,7 +68,7 @@ fn an_unknown_model_and_an_unknown_parameter_are_answered_with_the_nearest() {
     let outcome = lab(&[&["fit", "--model", CELL, "--free", "ohmic.resistance"], &log[..]].concat());
     refuses(&outcome, &["--free ohmic.resistance: the model has no such parameter; did you mean `ohmic.resistance_ohm`?"]);
     let outcome = lab(&[&["fit", "--model", CELL, "--fix", "ohmic"], &log[..]].concat());
-    refuses(&outcome, &["no parameter of enertech-lco-2280mah is free", "--free EFFECT.PARAMETER"]);
+    refuses(&outcome, &["--fix ohmic leaves no parameter of enertech-lco-2280mah free", "--free EFFECT.PARAMETER"]);
 }
 
 #[test]

@@ -2,10 +2,11 @@
 //! built-in model knows one resistance only.
 
 use std::fs;
+use std::path::Path;
 
 use serde_json::Value;
 
-use crate::commands::{Outcome, lab, measured};
+use crate::commands::{Outcome, lab, lab_in, measured};
 
 const MODEL: [&str; 2] = ["--model", "enertech-lco-2280mah"];
 const LOGS: [&str; 5] = ["--log", "discharge-0p5c.csv", "discharge-1c.csv", "--holdout", "discharge-0p1c.csv"];
@@ -135,6 +136,28 @@ fn an_effect_by_name_is_added_and_judged() {
     let twice = lab(&[&["add", "ohmic_soc", "--model", out], &LOGS[..]].concat());
     assert_eq!(twice.code, 2);
     assert!(twice.stderr.contains("has the effect `ohmic_soc` already"), "{}", twice.stderr);
+}
+
+/// A station of which nothing is free and nothing roughly known: there is no number but the effect's own.
+#[test]
+fn an_effect_is_added_to_a_model_that_knows_everything_else() {
+    let directory = tempfile::tempdir().unwrap();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/models/mds-station-no-own-load.toml");
+    let header = "time_s,pack_power_w,charge_power_w,robots_docked,robots_charging,bay_squared_current_a2,lift_active,selector_events\n";
+    let line = |k: u32| format!("{},{},0,{docked},0,0,0,0\n", 5 * k, 5.7 + 4.7 * f64::from(docked(k)), docked = docked(k));
+    let log = (0..400).map(line).fold(header.to_owned(), |log, line| log + &line);
+    fs::write(directory.path().join("station.csv"), log).unwrap();
+    let given =
+        ["add", "robot_own_load", "--model", model.to_str().unwrap(), "--log", "station.csv", "-o", "more.toml", "--format", "json"];
+    let outcome = lab_in(directory.path(), &given);
+    assert_eq!(outcome.code, 0, "{}", outcome.stderr);
+    let load_w = outcome.json()["parameters"]["own_load_w"]["value"].as_f64().unwrap();
+    assert!((3.5..4.7).contains(&load_w), "{load_w} W behind a converter");
+    assert!(fs::read_to_string(directory.path().join("more.toml")).unwrap().contains("robot_own_load"));
+}
+
+fn docked(k: u32) -> u32 {
+    k / 100 % 2
 }
 
 #[test]

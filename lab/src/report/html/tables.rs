@@ -150,7 +150,7 @@ pub(super) fn decisions(decisions: &[DecisionRow]) -> Option<Markup> {
             decision.what.clone(),
             value(decision.before, decision.before_sigma),
             value(decision.after, decision.after_sigma),
-            or_dash(Some(change).filter(|change| change.is_finite()), |change| format!("{change:+.0} %").replace('-', "\u{2212}")),
+            or_dash(Some(change).filter(|change| change.is_finite()), |change| format!("{change:+.1} %").replace('-', "\u{2212}")),
         ]
     };
     let rows: Vec<Vec<String>> = decisions.iter().map(row).collect();

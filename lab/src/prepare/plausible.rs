@@ -1,0 +1,83 @@
+//! Signs that a current has another unit or sign than the model's, before physics is blamed.
+
+use energy::{Channel, Facts, Model};
+
+use super::prepare;
+use crate::measurement::Log;
+
+/// Charge beyond empty or full that no gain, offset or capacity explains, share of the capacity.
+const BEYOND: f64 = 0.5;
+/// Steps of the current that count, in multiples of the capacity per hour, and how many of them tell.
+const STEP_C: f64 = 0.1;
+const STEPS_MIN: usize = 5;
+/// Correlation of steps of voltage and current from which on a voltage rises with a discharge.
+const RISES: f64 = 0.5;
+
+/// What is odd about a battery log's current, in words; nothing where nothing is, or the log does not fit the model.
+#[must_use]
+pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
+    let Facts::Battery(facts) = &model.facts else { return None };
+    let prepared = prepare(model, log).ok()?;
+    let current_a = prepared.inputs.iter().find(|(channel, _)| *channel == Channel::CurrentA).map(|(_, values)| values)?;
+    let voltage_v = prepared.targets.iter().find(|target| target.channel == Channel::VoltageV).map(|target| &target.observed);
+    let (mut soc, mut low, mut high) = (prepared.start.soc, f64::INFINITY, f64::NEG_INFINITY);
+    // Sums of squares and products of steps of current and voltage.
+    let (mut steps, mut of_current, mut of_voltage, mut of_both) = (0, 0.0, 0.0, 0.0);
+    for row in 1..prepared.time_s.len() {
+        soc -= current_a[row] * (prepared.time_s[row] - prepared.time_s[row - 1]) / 3600.0 / facts.capacity_ah;
+        (low, high) = (low.min(soc), high.max(soc));
+        let step_a = current_a[row] - current_a[row - 1];
+        if let Some(step_v) = voltage_v.map(|volts| volts[row] - volts[row - 1]).filter(|step_v| step_v.is_finite())
+            && step_a.abs() > STEP_C * facts.capacity_ah
+        {
+            steps += 1;
+            of_current += step_a * step_a;
+            of_voltage += step_v * step_v;
+            of_both += step_a * step_v;
+        }
+    }
+    let correlation = of_both / (of_current * of_voltage).sqrt().max(f64::MIN_POSITIVE);
+    if steps >= STEPS_MIN && correlation > RISES {
+        return Some(format!(
+            "{}: at {steps} steps of current_a the voltage moves the same way: positive must be discharging, as --column current_a=SOURCE*-1 makes it",
+            log.file
+        ));
+    }
+    let odd = if low < -BEYOND { low } else { high };
+    (low < -BEYOND || high > 1.0 + BEYOND).then(|| {
+        format!(
+            "{}: current_a takes the charge from {:.0} % to {:.0} % of {} Ah: it must be in A, and positive while discharging",
+            log.file,
+            100.0 * prepared.start.soc,
+            100.0 * odd,
+            facts.capacity_ah
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load_model;
+    use crate::measurement::{LogFacts, read_log};
+
+    /// An hour of pulses of so much current, or one discharge, as another sign or unit tells it.
+    fn odd(pulses: bool, factor: f64) -> Option<String> {
+        let row = |second: u32| {
+            let current_a = if pulses && second / 60 % 2 == 0 { 0.0 } else { 2.0 };
+            format!("{second},{},{}\n", factor * current_a, 4.0 - 1e-4 * f64::from(second) - 0.07 * current_a)
+        };
+        let text = (0..3600).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+        let facts = LogFacts { soc_initial: Some(0.95), ..LogFacts::default() };
+        let log = read_log("log.csv", text.as_bytes(), facts).unwrap();
+        odd_current(&load_model("enertech-lco-2280mah").unwrap().model, &log)
+    }
+
+    #[test]
+    fn a_current_of_another_sign_or_unit_is_told_and_a_right_one_is_not() {
+        assert_eq!((odd(true, 1.0), odd(false, 1.0)), (None, None));
+        assert!(odd(true, -1.0).unwrap().contains("the voltage moves the same way"));
+        assert!(odd(false, -1.0).unwrap().contains("from 95 % to 181 %"), "{:?}", odd(false, -1.0));
+        assert!(odd(false, 1000.0).unwrap().contains("must be in A"));
+    }
+}
