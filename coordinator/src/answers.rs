@@ -12,6 +12,7 @@ pub use self::explain::{Explainer, changes};
 use crate::forecast;
 use crate::models::from_wire;
 use crate::scheduler::capacity::{Holding, Question, capacity as count};
+use crate::scheduler::translate::HORIZON_MAX_S;
 use crate::scheduler::{PackView, Plan, Planned, RobotView, StationView};
 use crate::service_run::{How, ServiceRun};
 use crate::view::{Basis, HANDOVER_S};
@@ -116,7 +117,9 @@ fn planned_service(planned: &Planned) -> Service {
 #[must_use]
 pub fn capacity(basis: &Basis<'_>) -> Capacity {
     let view = basis.view();
-    let mut coming: Vec<(f64, &RobotView)> = view.robots.iter().map(|robot| (robot.wanted_s, robot)).collect();
+    // Who wants a service beyond any plan is nobody to wait for.
+    let soon = view.robots.iter().filter(|robot| robot.wanted_s <= HORIZON_MAX_S);
+    let mut coming: Vec<(f64, &RobotView)> = soon.map(|robot| (robot.wanted_s, robot)).collect();
     coming.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.robot.cmp(&b.1.robot)));
     let asked = view.stations.iter().enumerate().filter_map(|(index, station)| question(basis, &coming, index, station));
     count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence)
@@ -146,7 +149,8 @@ fn question(basis: &Basis<'_>, robots: &[(f64, &RobotView)], index: usize, stati
     let coming = robots.iter().filter_map(|(_, robot)| {
         let (_, travel_s, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
         let soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.max(*travel_s);
-        Some((robot.robot.clone(), with_doubt(table.need(Estimate::new(soc.max(0.0), robot.soc.sigma), 1.0))))
+        let need = with_doubt(table.need(Estimate::new(soc.max(0.0), robot.soc.sigma), 1.0));
+        Some((robot.robot.clone(), need, robot.wanted_s.max(*travel_s) - station.committed_until_s))
     });
     Some(Question {
         station: id.clone(),

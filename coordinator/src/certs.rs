@@ -66,7 +66,7 @@ pub fn init(folder: &Path, site: &SiteId, valid: std::ops::Range<Day>) -> anyhow
         ensure!(!path.exists(), "{} is there already: an authority is made once; choose another folder", path.display());
     }
     let mut params = CertificateParams::default();
-    params.distinguished_name.push(DnType::CommonName, format!("authority.{site}"));
+    params.distinguished_name.push(DnType::CommonName, authority_name(site));
     params.distinguished_name.push(DnType::OrganizationName, site.to_string());
     params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
     params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
@@ -95,6 +95,14 @@ pub fn issue(
     let (certificate, key) =
         (std::fs::read_to_string(&ca.certificate).with_context(missing)?, std::fs::read_to_string(&ca.key).with_context(missing)?);
     node::files::only_its_owners(&ca.key)?;
+    let (authority, ends) = known(&certificate).with_context(|| format!("{} is not a certificate", ca.certificate.display()))?;
+    ensure!(authority == authority_name(site), "{} is {authority}: it issues for no other site than its own", ca.certificate.display());
+    ensure!(
+        valid.end <= ends,
+        "{} ends {} days before the certificate would: issue it for fewer days",
+        ca.certificate.display(),
+        valid.end - ends
+    );
     let issuer = Issuer::from_ca_cert_pem(&certificate, KeyPair::from_pem(&key)?)?;
     let name = holder.name(site);
     let files = files(out, &name);
@@ -112,6 +120,18 @@ pub fn issue(
     let certificate = params.signed_by(&key, &issuer)?;
     write(&files, &certificate.pem(), &key)?;
     Ok(files)
+}
+
+fn authority_name(site: &SiteId) -> String {
+    format!("authority.{site}")
+}
+
+/// Whose a certificate is, and the day on which it ends.
+fn known(certificate: &str) -> Option<(String, Day)> {
+    let (_, pem) = x509_parser::pem::parse_x509_pem(certificate.as_bytes()).ok()?;
+    let certificate = pem.parse_x509().ok()?;
+    let name = certificate.subject().iter_common_name().next()?.as_str().ok()?.to_owned();
+    Some((name, certificate.validity().not_after.timestamp().div_euclid(86_400)))
 }
 
 fn files(folder: &Path, name: &str) -> Files {

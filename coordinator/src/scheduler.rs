@@ -22,7 +22,7 @@ pub mod charging;
 mod plan;
 mod problem;
 mod solve;
-mod translate;
+pub(crate) mod translate;
 pub mod usable;
 mod words;
 

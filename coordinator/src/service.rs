@@ -87,7 +87,11 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         stations: config.stations.keys().cloned().collect(),
         viewers: Vec::new(),
     });
-    let link = Link::open(&network, config.site.clone()).await?;
+    // A router that nobody has started yet may be waited for in vain.
+    let link = tokio::select! {
+        link = Link::open(&network, config.site.clone()) => link?,
+        () = &mut stop => return Ok(()),
+    };
     // On a server the lease says who leads; the one before may not be missed on the network yet.
     ensure!(
         store.lease().is_some() || !link.alive(&Key::CoordinatorAlive).await,

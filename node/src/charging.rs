@@ -80,8 +80,6 @@ impl Charging {
     /// When it cannot be read, or is no battery.
     pub fn load(&self, beside: Option<&Path>) -> anyhow::Result<Option<std::sync::Arc<energy::Model>>> {
         let Some(reference) = &self.spare_battery else { return Ok(None) };
-        let model = reference.load(beside)?;
-        ensure!(model.system == energy::System::Battery, "charging.spare_battery: `{}` is no battery", model.name);
-        Ok(Some(model))
+        reference.load_as(energy::System::Battery, "charging.spare_battery", beside).map(Some)
     }
 }

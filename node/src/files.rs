@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
-use energy::{DocumentError, Model};
+use energy::{DocumentError, Model, System};
 use serde::{Deserialize, Serialize};
 
 /// Longest configuration, scenario or model that is read, bytes.
@@ -86,6 +86,22 @@ impl ModelRef {
             return Err(DocumentError { file: self.name().to_owned(), place: None, message });
         }
         Ok(Arc::new(whole.without(|id| without.iter().any(|name| name == "*" || name == id))))
+    }
+
+    /// The same, of a model of this system; `key` is what names it in the configuration.
+    ///
+    /// # Errors
+    /// When it cannot be loaded, or is the model of something else.
+    pub fn load_as(&self, system: System, key: &str, beside: Option<&Path>) -> anyhow::Result<Arc<Model>> {
+        let model = self.load(beside).with_context(|| key.to_owned())?;
+        anyhow::ensure!(
+            model.system == system,
+            "{key}: `{}` is the model of a {}, not of a {}",
+            model.name,
+            model.system.name(),
+            system.name()
+        );
+        Ok(model)
     }
 }
 

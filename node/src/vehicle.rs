@@ -58,13 +58,6 @@ impl Vehicle {
     /// # Errors
     /// When it cannot be read, or is no robot's.
     pub fn model(&self, beside: Option<&Path>) -> anyhow::Result<std::sync::Arc<energy::Model>> {
-        let model = self.load.load(beside)?;
-        ensure!(
-            model.system == System::Robot,
-            "vehicle.load: `{}` is the model of a {}, not of what drives",
-            model.name,
-            model.system.name()
-        );
-        Ok(model)
+        self.load.load_as(System::Robot, "vehicle.load", beside)
     }
 }

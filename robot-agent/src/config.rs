@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use energy::gauge::{Kind, soc_at_rest};
-use energy::{Channel, Model};
+use energy::{Channel, Model, System};
 use node::files::{ModelRef, read_text};
 use node::mission::Mission;
 use node::{ClockConfig, NetworkConfig, Publish, wire};
@@ -134,13 +134,13 @@ impl Config {
                 Ok((agent, Box::new(body)))
             }
             SourceConfig::Replay { file } => {
-                let battery = self.battery.load(path)?;
+                let battery = self.battery.load_as(System::Battery, "battery", path)?;
                 let file = path.and_then(Path::parent).map_or_else(|| file.clone(), |folder| folder.join(file));
                 let replay = Replay::read(&file)?;
                 let soc = soc_at_rest(&battery, replay.rest_voltage_v());
                 let gauge = self.gauge.open(Arc::clone(&battery), soc, replay.temperature_degc());
                 let drain_w = energy::Estimate::new(replay.mean_power_w(), 0.1 * replay.mean_power_w().abs());
-                let load = self.load.as_ref().map(|load| load.load(path)).transpose()?;
+                let load = self.load.as_ref().map(|load| load.load_as(System::Robot, "load", path)).transpose()?;
                 Ok((Agent::new(self.profile(&battery, load.as_ref(), Some(drain_w), "replay")?, gauge), Box::new(replay)))
             }
             _ => self.build_measured(path),
@@ -150,8 +150,8 @@ impl Config {
     /// Makes the agent of a real robot, and its gauge's source.
     fn build_measured(&self, path: Option<&Path>) -> anyhow::Result<(Agent, Box<dyn Source>)> {
         let device = self.source.device(&self.network, &self.site, &self.id)?.context("source: no device")?;
-        let battery = self.battery.load(path)?;
-        let load = self.load.as_ref().map(|load| load.load(path)).transpose()?;
+        let battery = self.battery.load_as(System::Battery, "battery", path)?;
+        let load = self.load.as_ref().map(|load| load.load_as(System::Robot, "load", path)).transpose()?;
         let drain_w = load.as_ref().map(|load| self.mission.drain_w(load)).transpose()?;
         // Anything, until the device has said what it knows: uniform over the whole range.
         let gauge = self.gauge.open(Arc::clone(&battery), energy::Estimate::new(0.5, 1.0 / 12_f64.sqrt()), self.body.ambient_degc);
@@ -177,8 +177,8 @@ impl Config {
         let others: Vec<Channel> =
             ways.values().flatten().flatten().flat_map(|stretch| stretch.inputs.iter().map(|(channel, _)| *channel)).collect();
         let mut body = RobotBody::new(World {
-            battery: true_battery.load(path)?,
-            load: true_load.load(path)?,
+            battery: true_battery.load_as(System::Battery, "source.battery", path)?,
+            load: true_load.load_as(System::Robot, "source.load", path)?,
             work: self.mission.stretches(&others)?,
             ways,
             travel_s: self.travel_s.clone(),
@@ -201,8 +201,8 @@ impl Config {
         let SourceConfig::Sim { load: true_load, temperature_degc, .. } = &self.source else {
             anyhow::bail!("robot {} has no simulated body", self.id)
         };
-        let battery = self.battery.load(path)?;
-        let load = self.load.as_ref().unwrap_or(true_load).load(path)?;
+        let battery = self.battery.load_as(System::Battery, "battery", path)?;
+        let load = self.load.as_ref().unwrap_or(true_load).load_as(System::Robot, "load", path)?;
         let drain_w = self.mission.drain_w(&load)?;
         let gauge = self.gauge.open(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
         Ok(Agent::new(self.profile(&battery, Some(&load), Some(drain_w), "sim")?, gauge))

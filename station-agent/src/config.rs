@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
+use energy::System;
 use energy::gauge::Kind;
 use node::files::{ModelRef, read_text};
 use node::{Age, Charging, ClockConfig, Depot, NetworkConfig, Publish, SelectorConfig, UNTIL_EMPTY, Vehicle};
@@ -201,10 +202,11 @@ impl Config {
         let mut true_packs = Vec::new();
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
-            true_packs.push(WorldPack { pack: pack.id.clone(), battery: truth.battery.load(path)?, soc: truth.soc, age: truth.age });
+            let battery = truth.battery.load_as(System::Battery, &format!("source.packs.{}.battery", pack.id), path)?;
+            true_packs.push(WorldPack { pack: pack.id.clone(), battery, soc: truth.soc, age: truth.age });
         }
         let mut body = StationBody::new(World {
-            load: load.load(path)?,
+            load: load.load_as(System::Station, "source.load", path)?,
             packs: true_packs,
             spares: self.spares.iter().map(|spare| (spare.id.clone(), spare.soc)).collect(),
             load_s: *load_s,
@@ -234,7 +236,8 @@ impl Config {
         let SourceConfig::Sim { selector, temperature_degc, .. } = &self.source;
         let mut gauges = Vec::new();
         for (pack, soc) in self.packs.iter().zip(body.remembered_socs()) {
-            gauges.push((pack.id.clone(), pack.gauge.open(pack.battery.load(path)?, soc, *temperature_degc)));
+            let battery = pack.battery.load_as(System::Battery, &format!("packs.{}.battery", pack.id), path)?;
+            gauges.push((pack.id.clone(), pack.gauge.open(battery, soc, *temperature_degc)));
         }
         let profile = Profile {
             id: self.id.clone(),

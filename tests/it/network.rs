@@ -44,6 +44,19 @@ async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
 }
 
 #[test]
+fn a_coordinator_that_waits_for_its_router_can_be_stopped() -> anyhow::Result<()> {
+    let mut fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 1.0)?;
+    let nobody = format!("tcp/127.0.0.1:{}", free_port()?);
+    fleet.deployment.coordinator.network = NetworkConfig { connect: vec![nobody], ..NetworkConfig::agent() };
+    fleet.write()?;
+    let mut coordinator = fleet.coordinator()?;
+    std::thread::sleep(Duration::from_secs(3));
+    anyhow::ensure!(!coordinator.ended(), "it does not wait");
+    assert_eq!(coordinator.stop(Duration::from_secs(10)), Some(0));
+    Ok(())
+}
+
+#[test]
 fn the_example_configurations_are_good_and_belong_together() -> anyhow::Result<()> {
     let live = |name: &str| workspace().join("scenarios/live").join(name);
     let path = live("coordinator.toml");

@@ -60,6 +60,25 @@ fn doctor_says_what_is_wrong_and_what_to_do() {
 }
 
 #[test]
+fn a_model_of_another_kind_is_refused_by_name() {
+    let log = "scenarios/measured/enertech-lco-2280mah/discharge-1c.csv";
+    let robot = run("robot-agent", &["run", "--id", "r1", "--battery", "explorer-robot", "--source", "replay", log]);
+    assert_eq!(robot.status.code(), Some(2), "{}", text(&robot.stderr));
+    assert!(text(&robot.stderr).contains("battery: `explorer-robot` is the model of a robot, not of a battery"), "{}", text(&robot.stderr));
+    let folder = tempfile::tempdir().unwrap();
+    for (agent, file, of) in [("robot-agent", "robot-explorer-1.toml", "a robot"), ("station-agent", "station-mds-1.toml", "a station")] {
+        let live = std::fs::read_to_string(workspace().join("scenarios/live").join(file)).unwrap();
+        let wrong = live.lines().map(|line| if line.starts_with("load = ") { "load = \"mds-3s4p-7600mah\"" } else { line });
+        let path = folder.path().join(file);
+        std::fs::write(&path, wrong.collect::<Vec<_>>().join("\n")).unwrap();
+        let refused = run(agent, &["run", "--config", path.to_str().unwrap()]);
+        let said = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(said.contains(&format!("source.load: `mds-3s4p-7600mah` is the model of a battery, not of {of}")), "{said}");
+    }
+}
+
+#[test]
 fn doctor_says_who_else_can_read_a_token() {
     use std::os::unix::fs::PermissionsExt as _;
     let folder = tempfile::tempdir().unwrap();

@@ -43,10 +43,6 @@ impl Office {
     }
 }
 
-fn free_port() -> anyhow::Result<u16> {
-    Ok(std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
-}
-
 /// What a coordinator that carries the traffic hears under its site's keys.
 struct Desk {
     address: String,
@@ -99,7 +95,7 @@ async fn says(link: &Link, key: Key) -> anyhow::Result<()> {
 #[tokio::test(flavor = "multi_thread")]
 async fn an_agent_is_let_in_and_speaks_under_its_own_id_only() -> anyhow::Result<()> {
     let office = Office::new()?;
-    let mut desk = Desk::open(&office, free_port()?).await?;
+    let mut desk = Desk::open(&office, tests::free_port()?).await?;
     let one = client(&desk.address, Some(office.issue(&Holder::Robot(robot("r-1")), NOW, "r-1")?)).await?;
     says(&one, Key::RobotGauge(robot("r-1"))).await?;
     assert_eq!(desk.heard().await, ["tender/plant/v1/robot/r-1/gauge"]);
@@ -117,7 +113,7 @@ async fn an_agent_is_let_in_and_speaks_under_its_own_id_only() -> anyhow::Result
 #[tokio::test(flavor = "multi_thread")]
 async fn only_the_coordinator_commands() -> anyhow::Result<()> {
     let office = Office::new()?;
-    let desk = Desk::open(&office, free_port()?).await?;
+    let desk = Desk::open(&office, tests::free_port()?).await?;
     let two = client(&desk.address, Some(office.issue(&Holder::Robot(robot("r-2")), NOW, "r-2")?)).await?;
     let key = Key::RobotCommand(robot("r-2")).build(&site());
     let (asked_in, mut asked) = mpsc::unbounded_channel();
@@ -149,7 +145,7 @@ async fn only_the_coordinator_commands() -> anyhow::Result<()> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stranger_a_wrong_authority_and_an_expired_certificate_are_refused() -> anyhow::Result<()> {
     let (office, foreign) = (Office::new()?, Office::new()?);
-    let mut desk = Desk::open(&office, free_port()?).await?;
+    let mut desk = Desk::open(&office, tests::free_port()?).await?;
     let holder = Holder::Robot(robot("r-1"));
     let own_ca = office.ca().join("ca.pem");
     let strangers = [
@@ -202,5 +198,13 @@ fn the_command_makes_an_authority_once_and_keys_that_only_their_owner_reads() ->
     let nobody = certs(&["issue", "robot", "--site", "plant"])?;
     assert_eq!(nobody.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&nobody.stderr).contains("robot needs an id"), "{}", String::from_utf8_lossy(&nobody.stderr));
+    // An authority is that of one site, and nothing outlives it.
+    for (arguments, why) in [(["--site", "other", "--days", "9"], "authority.plant"), (["--site", "plant", "--days", "4000"], "fewer days")]
+    {
+        let refused = certs(&[&["issue", "robot", "r-2"][..], &arguments].concat())?;
+        let said = String::from_utf8_lossy(&refused.stderr);
+        assert!(refused.status.code() == Some(2) && said.contains(why), "{said}");
+        assert!(!folder.path().join("robot.r-2.key").exists());
+    }
     Ok(())
 }

@@ -29,7 +29,7 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = "site-ca")]
         dir: PathBuf,
         /// How long it is valid, days.
-        #[arg(long, default_value_t = 3650)]
+        #[arg(long, default_value_t = 3650, value_parser = clap::value_parser!(u32).range(1..))]
         days: u32,
     },
     /// Issues a certificate: `coordinator`, `router`, `robot ID`, `station ID` or `viewer NAME`.
@@ -50,7 +50,7 @@ enum Command {
         #[arg(long, value_name = "HOST")]
         host: Vec<String>,
         /// How long it is valid, days.
-        #[arg(long, default_value_t = 365)]
+        #[arg(long, default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..))]
         days: u32,
     },
     /// Prints the access rules of a site, for the configuration of a router of its own.

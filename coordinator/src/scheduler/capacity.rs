@@ -30,8 +30,9 @@ pub struct Question {
     pub station: StationId,
     /// Its packs.
     pub packs: Vec<Holding>,
-    /// Robots in the order in which they will want a service, and what each takes then.
-    pub robots: Vec<(RobotId, Need)>,
+    /// Robots in the order in which they will want a service, what each takes then, and when that is, s from when the services
+    /// that have begun are over; 0 or less is at once.
+    pub robots: Vec<(RobotId, Need, f64)>,
     /// A service from where one is wanted to where it is done.
     pub service: Need,
     /// The same by cause, Wh.
@@ -124,10 +125,17 @@ impl Question {
     fn count(&self, usable_wh: Estimate, confidence: f64) -> Count {
         let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
         let (mut services, mut short_wh) = (Need::default(), None);
+        let mut bays_free_s = vec![0.0_f64; self.bays.clamp(1, SERVICES_MAX as u32) as usize];
+        let mut ends_s = 0.0_f64;
         for number in 1..=SERVICES_MAX {
             let robot = self.robots.get(number - 1);
-            services = services.plus(robot.map_or(&self.service, |(_, need)| need));
-            let need = services.plus(&self.overhead(number as u32)).estimate();
+            services = services.plus(robot.map_or(&self.service, |(_, need, _)| need));
+            // What the station takes by itself meanwhile, also while it waits for whoever wants nothing yet.
+            if let Some(free_s) = bays_free_s.iter_mut().min_by(|a, b| a.total_cmp(b)) {
+                *free_s = free_s.max(robot.map_or(0.0, |(.., wanted_s)| *wanted_s)) + self.service_s;
+                ends_s = ends_s.max(*free_s);
+            }
+            let need = services.plus(&self.overhead_per_h.scaled(ends_s / S_PER_H)).estimate();
             let (mut probability, short) = margin(usable_wh, need, confidence);
             if self.bays == 0 {
                 probability = 0.0;
@@ -138,19 +146,13 @@ impl Question {
                 short_wh.get_or_insert(short);
             }
             if probability >= TOLD_MIN && (robot.is_some() || number <= TOLD_MAX) {
-                promises.push(Promise { robot: robot.map(|(robot, _)| robot.clone()), probability, need_wh: node::wire(need) });
+                promises.push(Promise { robot: robot.map(|(robot, ..)| robot.clone()), probability, need_wh: node::wire(need) });
             }
             if probability < TOLD_MIN {
                 break;
             }
         }
         Count { promises, expected, promised, short_wh: short_wh.unwrap_or(0.0) }
-    }
-
-    /// What the station takes by itself meanwhile: services come in rounds of as many as there are bays.
-    fn overhead(&self, services: u32) -> Need {
-        let rounds = services.div_ceil(self.bays.max(1));
-        self.overhead_per_h.scaled(f64::from(rounds) * self.service_s / S_PER_H)
     }
 }
 
@@ -220,12 +222,22 @@ mod tests {
     #[test]
     fn robots_come_first_and_each_with_its_own_need() {
         let mut asked = question(&[60.0], 3);
-        let robot = |name: &str, wh: f64| (RobotId::new(name).unwrap(), Need { mean_wh: wh, ..Need::default() });
+        let robot = |name: &str, wh: f64| (RobotId::new(name).unwrap(), Need { mean_wh: wh, ..Need::default() }, 0.0);
         asked.robots = vec![robot("a", 10.0), robot("b", 24.0)];
         // 10 + 24 + 20 + 6 = 60.
         let told: Vec<(Option<String>, f64)> =
             first(&asked).promises.iter().map(|promise| (promise.robot.as_ref().map(ToString::to_string), promise.need_wh.value)).collect();
         assert_eq!(told, [(Some("a".to_owned()), 16.0), (Some("b".to_owned()), 40.0), (None, 60.0)]);
+    }
+
+    #[test]
+    fn a_station_that_waits_for_a_robot_pays_for_itself_meanwhile() {
+        let mut asked = question(&[70.0], 3);
+        let robot = |name: &str, wanted_s: f64| (RobotId::new(name).unwrap(), asked.service.clone(), wanted_s);
+        asked.robots = vec![robot("a", 0.0), robot("b", 1800.0), robot("c", 5.0 * 3600.0)];
+        // Services of 20 Wh and an hour; the station takes 6 Wh in each of 1, 1.5 and 6 hours.
+        let told: Vec<f64> = first(&asked).promises.iter().map(|promise| promise.need_wh.value).collect();
+        assert_eq!((told, first(&asked).robots_promised), (vec![26.0, 49.0], 2));
     }
 
     #[test]

@@ -27,7 +27,7 @@ const BOOKED_MAX: f64 = 20_000.0;
 /// Ticks of a horizon: at most, and as many as there may be for any number of stations.
 const TICKS_MAX: [f64; 2] = [300.0, 3000.0];
 /// Nobody plans farther ahead, s.
-const HORIZON_MAX_S: f64 = 48.0 * S_PER_H;
+pub(crate) const HORIZON_MAX_S: f64 = 48.0 * S_PER_H;
 /// Services after each other that are looked at beyond that.
 const QUEUE_MAX: Tick = 6;
 /// What a station may draw in a tick where nothing limits it.
