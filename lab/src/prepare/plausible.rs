@@ -64,7 +64,7 @@ mod tests {
     /// An hour of pulses of so much current, or one discharge, as another sign or unit tells it.
     fn odd(pulses: bool, factor: f64) -> Option<String> {
         let row = |second: u32| {
-            let current_a = if pulses && second / 60 % 2 == 0 { 0.0 } else { 2.0 };
+            let current_a = if pulses && (second / 60).is_multiple_of(2) { 0.0 } else { 2.0 };
             format!("{second},{},{}\n", factor * current_a, 4.0 - 1e-4 * f64::from(second) - 0.07 * current_a)
         };
         let text = (0..3600).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
