@@ -237,14 +237,7 @@ impl Config {
                     model
                 }
             };
-            ensure!(
-                model.system == system,
-                "{key}: `{}` is the model of a {}, not of a {}",
-                model.name,
-                model.system.name(),
-                system.name()
-            );
-            Ok(model)
+            node::files::is_of(&model, system, &key).map(|()| model)
         };
         let mut models = Models { store: crate::store::shown(&self.store).display().to_string(), ..Models::default() };
         for (robot, reference) in &self.robots {

@@ -43,6 +43,16 @@ pub fn model(name: &str, beside: Option<&Path>) -> Result<Arc<Model>, DocumentEr
     energy::load_model(&resolved, &|path| read_text(path).map_err(|error| format!("{error:#}"))).map(Arc::new)
 }
 
+/// Whether a model that `key` names in a configuration is one of this system.
+///
+/// # Errors
+/// Says of what it is.
+pub fn is_of(model: &Model, system: System, key: &str) -> anyhow::Result<()> {
+    let (name, its, wanted) = (&model.name, model.system.name(), system.name());
+    anyhow::ensure!(model.system == system, "{key}: `{name}` is the model of a {its}, not of a {wanted}");
+    Ok(())
+}
+
 /// A model named in a configuration: a name or path, or the same with effects left out.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
@@ -94,13 +104,7 @@ impl ModelRef {
     /// When it cannot be loaded, or is the model of something else.
     pub fn load_as(&self, system: System, key: &str, beside: Option<&Path>) -> anyhow::Result<Arc<Model>> {
         let model = self.load(beside).with_context(|| key.to_owned())?;
-        anyhow::ensure!(
-            model.system == system,
-            "{key}: `{}` is the model of a {}, not of a {}",
-            model.name,
-            model.system.name(),
-            system.name()
-        );
+        is_of(&model, system, key)?;
         Ok(model)
     }
 }
