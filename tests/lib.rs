@@ -4,6 +4,7 @@ use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -85,12 +86,23 @@ pub fn start(mut command: Command) -> anyhow::Result<Running> {
     Ok(Running(command.spawn().with_context(|| format!("{command:?}"))?))
 }
 
-/// A port that nobody has now.
+/// A port that nobody has now, and that nobody else gets before the program that it is for listens on it.
+///
+/// A port that the system gave for a moment would be anybody's again by then: another test's, or either
+/// end of some connection. So it is one below those that systems give out by themselves (Linux from
+/// 32768, others from 49152), and each is given once.
 ///
 /// # Errors
-/// When this machine gives none.
+/// When this machine has none.
 pub fn free_port() -> anyhow::Result<u16> {
-    Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
+    const FIRST: u16 = 20_000;
+    const COUNT: u16 = 12_000;
+    static GIVEN: AtomicU32 = AtomicU32::new(0);
+    // Another test program at the same time begins elsewhere.
+    let begin = std::process::id().wrapping_mul(97);
+    let next = || FIRST + (begin.wrapping_add(GIVEN.fetch_add(1, Ordering::Relaxed)) % u32::from(COUNT)) as u16;
+    let free = |port: &u16| TcpListener::bind(("127.0.0.1", *port)).is_ok();
+    (0..COUNT).map(|_| next()).find(free).context("no port from 20000 to 31999 is free")
 }
 
 /// What a dashboard on this machine answers on a route, if it does and that is JSON.

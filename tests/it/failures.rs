@@ -147,7 +147,7 @@ async fn messages_of_another_version_and_garbage_are_refused_by_name() -> anyhow
 async fn who_listens_too_slowly_holds_up_nobody() -> anyhow::Result<()> {
     use std::io::{Read as _, Write as _};
     let mut fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 100.0)?;
-    fleet.deployment.coordinator.web.port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    fleet.deployment.coordinator.web.port = tests::free_port()?;
     fleet.write()?;
     let _coordinator = fleet.coordinator()?;
     fleet_up(&fleet)?;

@@ -113,7 +113,7 @@ fn broker(folder: &Path) -> Option<(Running, u16)> {
         eprintln!("skipped: Mosquitto is not installed");
         return None;
     };
-    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let port = tests::free_port().unwrap();
     let config = folder.join("mosquitto.conf");
     std::fs::write(&config, format!("listener {port} 127.0.0.1\nallow_anonymous true\n")).unwrap();
     let mut command = Command::new(program);
