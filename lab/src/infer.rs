@@ -15,6 +15,7 @@
 //!   state      the best unknowns and noise for one list of effects, and the evidence for it
 //!     |          descent    the way there
 //!     |          certainty  how well the numbers are known
+//!     |          told       the numbers that are told and written
 //!     |
 //!   candidate  absent effects, the shapes that their equations can take, what keeps one from a test
 //!     |
@@ -50,5 +51,6 @@ mod prune;
 pub mod rough;
 pub mod score;
 pub mod state;
+mod told;
 pub mod trial;
 mod walk;

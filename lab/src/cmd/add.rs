@@ -40,11 +40,11 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let base = case.fitted();
     let trial = trial(&case, &base, spec)?;
     bar.finish_and_clear();
-    let before = case.held.as_ref().map_or_else(Vec::new, |held| held_out(&base, held));
+    let before = case.held.as_ref().map_or_else(Vec::new, |held| held_out(base.told(), held));
     // Only this one was tried, and its name is not the logs' choice but the user's.
     let refused = refusals(&base, &trial, &before, case.held.as_ref(), 1);
-    let refitted = case.learned(&base, None, args.save.date())?;
-    let extended = case.learned(&trial.state, args.save.output(), args.save.date())?;
+    let refitted = case.learned(base.told(), None, args.save.date())?;
+    let extended = case.learned(trial.state.told(), args.save.output(), args.save.date())?;
     if let Some(path) = args.save.output() {
         extended.save(path)?;
     }
@@ -61,7 +61,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         regimes: Addition::regimes_of(&look(&refitted).train, &look(&extended).train),
         words: look(&extended).train.words,
         decision: case.decisions(&extended),
-        left_out: left_out(&trial.state),
+        left_out: left_out(trial.state.told()),
         output: args.save.told(),
     };
     print(format, &report, || report.human())?;

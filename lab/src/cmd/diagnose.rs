@@ -30,8 +30,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         Outcome::Missing(_) => (Verdict::Ambiguous, step.trials[0].state.clone()),
     };
     let search = Search { steps: vec![step], last };
-    let found = case.learned(&search.last, None, None)?;
-    let report = case.report(Discovery { verdict, ..Discovery::of(&search) }, &search.last, &found, Reach::OneLook, None);
+    let found = case.learned(search.last.told(), None, None)?;
+    let report = case.report(Discovery { verdict, ..Discovery::of(&search) }, search.last.told(), &found, Reach::OneLook, None);
     print(format, &report, || report.human())?;
     Ok(if verdict == Verdict::Complete { Answer::Yes } else { Answer::No })
 }

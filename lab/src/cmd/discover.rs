@@ -25,11 +25,11 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
     let case = Case::read(&args.model, &args.logs)?;
     let search = searched(&case);
-    let found = case.learned(&search.last, args.save.output(), args.save.date())?;
+    let found = case.learned(search.last.told(), args.save.output(), args.save.date())?;
     if let Some(path) = args.save.output() {
         found.save(path)?;
     }
-    let report = case.report(Discovery::of(&search), &search.last, &found, Reach::Whole, args.save.told());
+    let report = case.report(Discovery::of(&search), search.last.told(), &found, Reach::Whole, args.save.told());
     print(format, &report, || report.human())?;
     Ok(if report.discovery.verdict == Verdict::Unknown { Answer::No } else { Answer::Yes })
 }

@@ -62,8 +62,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let mut discovery = None;
     if !args.no_discover {
         let search = searched(&case);
-        let found = case.learned(&search.last, None, args.date.as_deref())?;
-        let report = case.report(Discovery::of(&search), &search.last, &found, Reach::Whole, None);
+        let found = case.learned(search.last.told(), None, args.date.as_deref())?;
+        let report = case.report(Discovery::of(&search), search.last.told(), &found, Reach::Whole, None);
         page.add_discovery(model, &report, &search.steps[0].scores);
         discovery = Some(report);
     }

@@ -125,10 +125,10 @@ impl Discovery {
     #[must_use]
     pub fn of(search: &Search) -> Discovery {
         let found: Vec<&Step> = search.steps.iter().filter(|step| matches!(step.outcome, Outcome::Missing(_))).collect();
-        let first = &search.steps[0];
+        let (first, last) = (&search.steps[0], search.last.told());
         let selected: Vec<&'static str> = found.iter().map(|step| step.trials[0].spec.id).collect();
         let (equivalent, experiment) = equivalents(&found);
-        let complete = explained(&search.last) || beyond(&search.last) < MOSTLY * beyond(&first.base);
+        let complete = explained(last) || beyond(last) < MOSTLY * beyond(first.base.told());
         let verdict = match () {
             () if !complete => Verdict::Unknown,
             () if !equivalent.is_empty() => Verdict::Ambiguous,
@@ -143,8 +143,8 @@ impl Discovery {
             equivalent,
             ranking: ranking(first),
             ladder: ladder(search),
-            parameters: parameters(&search.last),
-            residual: left(&search.last),
+            parameters: parameters(last),
+            residual: left(last),
             experiment,
             untested: first.untested.clone(),
         }
@@ -196,7 +196,7 @@ fn experiment(a: &EffectSpec, b: &EffectSpec) -> String {
 }
 
 fn ranking(step: &Step) -> Vec<Ranked> {
-    let before = by_channel(&step.base.rms());
+    let before = by_channel(&step.base.told().rms());
     let holdout_before = by_channel(&step.base_holdout);
     let trial = |id: &str| step.trials.iter().position(|trial| trial.spec.id == id);
     let mut all: Vec<Ranked> = step
@@ -221,7 +221,7 @@ fn ranking(step: &Step) -> Vec<Ranked> {
                 uniqueness: score.uniqueness,
                 confounded_with: alike.collect(),
                 rms_before: before.clone(),
-                rms_after: refit.map(|trial| by_channel(&trial.state.rms())).unwrap_or_default(),
+                rms_after: refit.map(|trial| by_channel(&trial.state.told().rms())).unwrap_or_default(),
                 holdout_before: holdout_before.clone(),
                 holdout_after: refit.map(|trial| by_channel(&trial.holdout)).unwrap_or_default(),
                 refused: place.map(|place| step.refusals[place].clone()).unwrap_or_default(),
@@ -244,7 +244,7 @@ fn chance(statistic: f64, freedom: usize) -> f64 {
 
 fn own_parameters(trial: &Trial) -> Vec<(&'static str, f64, Option<f64>)> {
     let model = &trial.state.frame.model;
-    let deviations = deviations(&trial.state);
+    let deviations = deviations(trial.state.told());
     let own = deviations.into_iter().filter(|&(index, _, _)| model.parameters()[index].effect == trial.spec.id);
     own.map(|(index, value, sigma)| (model.parameters()[index].name, value, sigma)).collect()
 }
@@ -269,7 +269,7 @@ fn ladder(search: &Search) -> Vec<Rung> {
     let first = &search.steps[0];
     let mut rungs = vec![Rung {
         effect: None,
-        train_rms: by_channel(&first.base.rms()),
+        train_rms: by_channel(&first.base.told().rms()),
         holdout_rms: by_channel(&first.base_holdout),
         floor: floor.clone(),
     }];
@@ -277,7 +277,7 @@ fn ladder(search: &Search) -> Vec<Rung> {
         let best = &step.trials[0];
         rungs.push(Rung {
             effect: Some(best.spec.id),
-            train_rms: by_channel(&best.state.rms()),
+            train_rms: by_channel(&best.state.told().rms()),
             holdout_rms: by_channel(&best.holdout),
             floor: floor.clone(),
         });
@@ -298,7 +298,7 @@ fn left(state: &State) -> BTreeMap<&'static str, Left> {
     let noise = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
     let of = |(channel, rms): (Channel, f64)| {
         let (floor, noise) = (state.frame.evidence.floor(channel), noise(channel));
-        let (slow, tau_s) = noise.map_or((0.0, 0.0), |noise| (noise.slow, noise.tau_s));
+        let (slow, tau_s) = noise.map_or((0.0, 0.0), |noise| (noise.slow.min(rms), noise.tau_s));
         (channel.name(), Left { rms, floor, slow, tau_s })
     };
     state.rms().into_iter().map(of).collect()

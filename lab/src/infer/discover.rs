@@ -100,7 +100,7 @@ impl Step {
         };
         places.into_iter().for_each(|place| refit(place, &mut trials));
         trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
-        let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&base, evidence));
+        let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(base.told(), evidence));
         // What looks like the best must be heard as well.
         if let Some(best) = trials.first().filter(|best| best.delta_bic > threshold(able.len())) {
             let best = scored.iter().map(|(score, _)| score).find(|score| score.spec.id == best.spec.id);

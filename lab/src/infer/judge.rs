@@ -32,8 +32,6 @@ pub(super) const ABSORBED: f64 = 0.1;
 const STRONG: f64 = 3.0;
 /// Share of the squared error beyond the floor that an effect must take away: 5 % of the RMS.
 const FALL: f64 = 0.1;
-/// Rise of the squared error that no fit of another kind excuses.
-const WORSE: f64 = 2.0;
 /// RMS over floor up to which a channel is explained.
 const EXPLAINED: f64 = 1.05;
 /// Deviations of one reading from which on a change of a measured channel is no small one,
@@ -70,25 +68,26 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout:
     let helps = |held: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]| {
         falls(held, before, after) || strong && at_floor(held, before) && at_floor(held, after)
     };
-    let (trains, holds) =
-        (falls(evidence, &base.rms(), &trial.state.rms()), holdout.is_none_or(|held| helps(held, before, &trial.holdout)));
-    if !(trains && holds) {
-        // Slow noise that excuses an error keeps a fit from lowering it: what do the fits leave that
-        // know none?
-        let (plain_base, plain) = (base.plain(), trial.state.plain());
-        let trains_plain = falls(evidence, &plain_base.rms(), &plain.rms());
-        let holds_plain = holdout.is_none_or(|held| helps(held, &held_out(plain_base, held), &held_out(plain, held)));
-        // But what predicts worse than without it is no gain, whatever it does for such fits.
-        let worse = squares(evidence, &trial.state.rms()) > WORSE * squares(evidence, &base.rms());
-        if strong && trains_plain && holds_plain && !worse {
-            return all;
-        }
-        if !trains {
-            all.push(Refusal::Training);
-        }
-        if !holds {
-            all.push(Refusal::Holdout);
-        }
+    let trains = |base: &State, state: &State| falls(evidence, &base.rms(), &state.rms());
+    let holds = |before: &[(Channel, f64)], after: &[(Channel, f64)]| holdout.is_none_or(|held| helps(held, before, after));
+    // Slow noise that excuses an error keeps the most likely numbers from lowering it, and the least squares are
+    // bent by what else is missing: one of them must be better off for the effect.
+    let likely = || {
+        let of = |state: &State| holdout.map_or_else(Vec::new, |held| held_out(state, held));
+        trains(base, &trial.state) && holds(&of(base), &of(&trial.state))
+    };
+    let (trains, holds) = (trains(base.told(), trial.state.told()), holds(before, &trial.holdout));
+    if trains && holds && (strong || explained(base)) || likely() {
+        return all;
+    }
+    if !trains {
+        all.push(Refusal::Training);
+    }
+    if !holds {
+        all.push(Refusal::Holdout);
+    }
+    if all.is_empty() {
+        all.push(Refusal::Evidence);
     }
     all
 }

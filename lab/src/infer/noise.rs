@@ -33,6 +33,42 @@ impl Noise {
         Noise { white, slow: 0.0, tau_s: 1.0 }
     }
 
+    /// White noise that leaves a level as uncertain as this does, for readings that are so far apart, s:
+    /// its spectral density is that of this noise at frequency 0.
+    #[must_use]
+    pub fn levelled(&self, step_s: f64) -> Noise {
+        if self.slow == 0.0 || step_s <= 0.0 {
+            return *self;
+        }
+        Noise::white((self.white.powi(2) + self.slow.powi(2) / (step_s / (2.0 * self.tau_s)).tanh()).sqrt())
+    }
+
+    /// Multiplies many columns at once, whose values of one row lie behind one another, by the covariance
+    /// of rows at these times, s, increasing; each is the mean of so many readings.
+    pub fn spread_all(&self, time_s: &[f64], counts: &[f64], values: &mut [f64], columns: usize) {
+        let own: Vec<f64> = values.to_vec();
+        let kept = |row: usize| if row == 0 { 0.0 } else { (-(time_s[row] - time_s[row - 1]) / self.tau_s).exp() };
+        let (white2, slow2) = (self.white * self.white, self.slow * self.slow);
+        values.chunks_exact_mut(columns).zip(counts).for_each(|(row, count)| row.iter_mut().for_each(|value| *value *= white2 / count));
+        // What each row shares with the earlier ones and itself, and then with the later ones.
+        let (mut before, mut after) = (vec![0.0; columns], vec![0.0; columns]);
+        for (row, value) in values.chunks_exact_mut(columns).enumerate() {
+            let kept = kept(row);
+            for ((value, level), own) in value.iter_mut().zip(&mut before).zip(&own[row * columns..]) {
+                *level = *level * kept + own;
+                *value += slow2 * *level;
+            }
+        }
+        for (row, value) in values.chunks_exact_mut(columns).enumerate().rev() {
+            let kept = if row + 1 < time_s.len() { kept(row + 1) } else { 0.0 };
+            for ((value, level), own) in value.iter_mut().zip(&mut after).zip(&own[row * columns..]) {
+                *level *= kept;
+                *value += slow2 * *level;
+                *level += own;
+            }
+        }
+    }
+
     /// The filter for rows at these times, s, increasing; each is the mean of so many readings.
     #[must_use]
     pub fn filter(&self, time_s: &[f64], counts: &[f64]) -> Filter {
@@ -291,6 +327,23 @@ mod tests {
         let logs = [(&time_s[..], &[1.0; 6][..], values.as_slice())];
         let cost = Likely::new(1.0, &logs).costs([NOISE; LANES])[LANES - 1];
         assert!((cost - cholesky.determinant().ln() - expected.norm_squared()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn columns_are_spread_as_by_the_covariance_matrix_and_a_level_is_as_uncertain_when_levelled() {
+        let (time_s, counts) = ([0.0_f64, 1.0, 3.0, 10.0], [1.0, 2.0, 1.0, 4.0]);
+        let covariance = DMatrix::from_fn(4, 4, |i, j| {
+            NOISE.slow.powi(2) * (-(time_s[i] - time_s[j]).abs() / NOISE.tau_s).exp() + if i == j { 1.0 / counts[i] } else { 0.0 }
+        });
+        let columns = DMatrix::from_row_slice(2, 4, &[1.0, -2.0, 0.5, 3.0, 0.0, 1.0, 4.0, -1.0]);
+        let mut found = columns.clone();
+        NOISE.spread_all(&time_s, &counts, found.as_mut_slice(), 2);
+        assert!((found - columns * covariance).amax() < 1e-12);
+        // The mean of many readings a second apart, by V and by white noise.
+        let (rows, step_s) = (20_000.0_f64, 1.0);
+        let shared = (1.0 + (-step_s / NOISE.tau_s).exp()) / (1.0 - (-step_s / NOISE.tau_s).exp());
+        let variance = (NOISE.white.powi(2) + NOISE.slow.powi(2) * shared) / rows;
+        assert!((NOISE.levelled(step_s).white.powi(2) / rows / variance - 1.0).abs() < 1e-9);
     }
 
     #[test]

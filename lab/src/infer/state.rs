@@ -42,8 +42,8 @@ pub struct State {
     pub freedom: usize,
     /// RMS by channel over all rows, once somebody has asked.
     rms: OnceLock<Vec<(Channel, f64)>>,
-    /// See [`State::plain`].
-    plain: OnceLock<Box<State>>,
+    /// See [`State::told`].
+    pub(super) least_squares: OnceLock<Box<State>>,
 }
 
 /// Slow noise, in floors, that needs no second look.
@@ -126,7 +126,7 @@ impl State {
         State::of(frame, place)
     }
 
-    fn of(frame: Arc<Frame>, Place { x, noise, residual, slopes, lens }: Place) -> State {
+    pub(super) fn of(frame: Arc<Frame>, Place { x, noise, residual, slopes, lens }: Place) -> State {
         let free = frame.free.len();
         let sigmas: Vec<f64> = frame.known.iter().map(|known| known.sigma).collect();
         // 1 + S H S: the information holds the priors' share, 1/sigma^2, which becomes the 1.
@@ -143,7 +143,7 @@ impl State {
             slopes: Arc::new(slopes),
             freedom,
             rms: OnceLock::new(),
-            plain: OnceLock::new(),
+            least_squares: OnceLock::new(),
         }
     }
 
@@ -157,14 +157,6 @@ impl State {
     /// The rows through this state's noise, or another.
     pub(super) fn lens(&self, noise: &[(Channel, Noise)]) -> Lens {
         Lens::new(&self.frame, &self.x, &all(&self.frame), &self.slopes, &self.residual, noise)
-    }
-
-    /// The nearest fit that knows the sensors' own noise only.
-    pub(super) fn plain(&self) -> &State {
-        self.plain.get_or_init(|| {
-            let place = descend(&self.frame, &self.x, &State::white(&self.frame), &all(&self.frame), Asked::Never);
-            Box::new(State::of(Arc::clone(&self.frame), place))
-        })
     }
 
     /// Whether slow noise is left that is worth a second look.
@@ -237,7 +229,7 @@ fn look_for_starts(frame: &Frame, x: &mut [f64]) {
     }
 }
 
-fn all(frame: &Frame) -> Vec<usize> {
+pub(super) fn all(frame: &Frame) -> Vec<usize> {
     (0..frame.unknowns()).collect()
 }
 

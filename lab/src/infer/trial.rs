@@ -124,7 +124,7 @@ impl Trial {
         let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
         let change = state.frame.change(&state.x, spec.channel, &nulls);
-        let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(&state, evidence));
+        let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(state.told(), evidence));
         Trial { spec, delta_bic: base.bic() - state.bic(), uniqueness, change, holdout, state }
     }
 }
@@ -164,7 +164,8 @@ pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
     }
     let own: Vec<usize> =
         (0..frame.known.len()).filter(|&place| frame.known[place].log().is_some()).map(|place| frame.free.len() + place).collect();
-    let of = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
+    let weights = state.weights();
+    let of = |wanted| weights.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
     let noise: Vec<_> = evidence.floors.iter().map(|&(channel, floor)| (channel, of(channel).unwrap_or(Noise::white(floor)))).collect();
     let x = descend(&frame, &x, &noise, &own, Asked::Never).x;
     let whole = evidence.whole.as_ref().unwrap_or(evidence);

@@ -103,7 +103,8 @@ impl Addition {
     #[must_use]
     pub fn parameters_of(trial: &Trial) -> BTreeMap<&'static str, Value> {
         let model = &trial.state.frame.model;
-        let own = deviations(&trial.state).into_iter().map(|(index, value, sigma)| (&model.parameters()[index], Value { value, sigma }));
+        let own =
+            deviations(trial.state.told()).into_iter().map(|(index, value, sigma)| (&model.parameters()[index], Value { value, sigma }));
         own.filter(|(parameter, _)| parameter.effect == trial.spec.id).map(|(parameter, value)| (parameter.name, value)).collect()
     }
 
@@ -114,8 +115,8 @@ impl Addition {
             |numbers: &[(Channel, f64)]| -> ByChannel { numbers.iter().map(|&(channel, number)| (channel.name(), number)).collect() };
         let floor = named(&base.frame.evidence.floors);
         vec![
-            Rung { effect: None, train_rms: named(&base.rms()), holdout_rms: named(base_holdout), floor: floor.clone() },
-            Rung { effect: Some(trial.spec.id), train_rms: named(&trial.state.rms()), holdout_rms: named(&trial.holdout), floor },
+            Rung { effect: None, train_rms: named(&base.told().rms()), holdout_rms: named(base_holdout), floor: floor.clone() },
+            Rung { effect: Some(trial.spec.id), train_rms: named(&trial.state.told().rms()), holdout_rms: named(&trial.holdout), floor },
         ]
     }
 
