@@ -15,11 +15,13 @@ pub struct Replay {
     core: Core,
     outbox: Outbox,
     told: u64,
-    made: Vec<Record>,
+    /// Its decisions, each with the number of the input that it followed.
+    made: Vec<(u64, Record)>,
 }
 
-/// How much of a decision that differs is shown, characters.
+/// How much of a decision that differs is shown, characters, and how much of it before the difference.
 const SHOWN: usize = 300;
+const SHOWN_BEFORE: usize = 100;
 
 impl Replay {
     /// Begins with a core as it was at the start of that epoch.
@@ -41,7 +43,8 @@ impl Replay {
         self.outbox.take_commands();
         // The core runs by itself what nobody ran beside it.
         self.outbox.take_studies();
-        self.made.extend(self.outbox.take_records().into_iter().filter(Record::is_decision));
+        let decided = self.outbox.take_records().into_iter().filter(Record::is_decision);
+        self.made.extend(decided.map(|record| (heard.number, record)));
         Ok(())
     }
 
@@ -52,25 +55,26 @@ impl Replay {
     }
 
     /// Compares its decisions with those kept, each kind in order; how many were the same. What packs
-    /// can service and why follows from the same beliefs, and is not compared.
+    /// can service and why follows from the same beliefs, and is not compared. Those kept hold at least what followed
+    /// the inputs up to `whole`; they may hold less than it was told, when a coordinator still writes.
     ///
     /// # Errors
     /// The first difference.
-    pub fn compare(&self, kept: &[Record]) -> Result<usize, String> {
+    pub fn compare(&self, kept: &[Record], whole: u64) -> Result<usize, String> {
         let mut same = 0;
         for kind in [Record::is_event as fn(&Record) -> bool, Record::is_command, Record::is_plan] {
-            let mut own = self.made.iter().filter(|record| kind(record));
+            let mut own = self.made.iter().filter(|(_, record)| kind(record));
             for record in kept.iter().filter(|record| kind(record)) {
                 match own.next() {
-                    Some(mine) if mine == record => same += 1,
+                    Some((_, mine)) if mine == record => same += 1,
                     mine => {
-                        let mine = mine.map_or_else(|| "nothing".to_owned(), brief);
-                        return Err(format!("the journal has\n  {}\nthe core decides\n  {mine}", brief(record)));
+                        let (kept, mine) = apart(&said(record), &mine.map_or_else(|| "nothing".to_owned(), |(_, mine)| said(mine)));
+                        return Err(format!("the journal has\n  {kept}\nthe core decides\n  {mine}"));
                     }
                 }
             }
-            if let Some(more) = own.next() {
-                return Err(format!("the core decides what is not in the journal:\n  {}", brief(more)));
+            if let Some((_, more)) = own.next().filter(|(number, _)| *number <= whole) {
+                return Err(format!("the core decides what is not in the journal:\n  {}", apart(&said(more), "").0));
             }
         }
         Ok(same)
@@ -83,8 +87,20 @@ impl Replay {
     }
 }
 
-fn brief(record: &Record) -> String {
-    format!("{record:?}").chars().take(SHOWN).collect()
+fn said(record: &Record) -> String {
+    format!("{record:?}")
+}
+
+/// Two texts about where they differ.
+fn apart(a: &str, b: &str) -> (String, String) {
+    let same = a.chars().zip(b.chars()).take_while(|(a, b)| a == b).count();
+    let from = if same + SHOWN_BEFORE < SHOWN { 0 } else { same - SHOWN_BEFORE };
+    let part = |text: &str| {
+        let shown: String = text.chars().skip(from).take(SHOWN).collect();
+        let (before, after) = (if from > 0 { "... " } else { "" }, if text.chars().count() > from + SHOWN { " ..." } else { "" });
+        format!("{before}{shown}{after}")
+    };
+    (part(a), part(b))
 }
 
 /// Makes inputs of journal lines and the telemetry that they point to.
@@ -148,5 +164,20 @@ impl Inputs {
                 Input::PackGauge(station, pack, gauge)
             }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_texts_are_shown_where_they_differ() {
+        let long = |end: &str| format!("{}{end}", "a".repeat(1000));
+        let (one, other) = apart(&long("1"), &long("2"));
+        assert_eq!(one, format!("... {}1", "a".repeat(SHOWN_BEFORE)));
+        assert_eq!(other, format!("... {}2", "a".repeat(SHOWN_BEFORE)));
+        assert_eq!(apart("short", "nothing"), ("short".to_owned(), "nothing".to_owned()));
+        assert!(apart(&long(""), "").0.ends_with("a ..."));
     }
 }

@@ -79,6 +79,10 @@ async fn replayed(
     let (settings, models) = config.load(Some(path))?;
     let mut replay = Replay::new(Core::new(settings, models, start), start.epoch);
     let mut difference = None;
+    // A coordinator that still writes may keep decisions between two of these reads: those read are at least the ones
+    // that followed the inputs counted before, and at most those that followed the inputs read after.
+    let whole = reader.heard_last(start.epoch).await?;
+    let kept = reader.decisions(start, next).await.context("the decisions to compare with")?;
     'lines: loop {
         let lines = reader.heard(start.epoch, replay.told(), LINES).await?;
         for heard in &lines {
@@ -92,8 +96,7 @@ async fn replayed(
             break;
         }
     }
-    let kept = reader.decisions(start, next).await.context("the decisions to compare with")?;
-    let compared = replay.compare(&kept);
+    let compared = replay.compare(&kept, whole);
     let same_decisions = *compared.as_ref().unwrap_or(&0);
     Ok(Told { epoch: start.epoch, inputs: replay.told(), same_decisions, difference: difference.or(compared.err()) })
 }

@@ -187,6 +187,13 @@ impl Reader {
             .collect())
     }
 
+    /// Number of the last thing that the core of that start was told; 0 before the first.
+    pub async fn heard_last(&self, epoch: u64) -> Result<u64, StoreError> {
+        let select = query_scalar::<_, Option<i64>>("SELECT MAX(number) FROM inputs WHERE epoch = $1").bind(epoch.cast_signed());
+        let last = select.fetch_one(&self.pool).await.map_err(self.failed("reading inputs"))?;
+        Ok(last.unwrap_or(0).cast_unsigned())
+    }
+
     /// What the core of that start was told after line `after`, in order; at most `limit` lines.
     pub async fn heard(&self, epoch: u64, after: u64, limit: usize) -> Result<Vec<Heard>, StoreError> {
         let select = query("SELECT * FROM inputs WHERE epoch = $1 AND number > $2 ORDER BY number LIMIT $3")
