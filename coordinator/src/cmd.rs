@@ -34,6 +34,18 @@ pub fn write_manual(program: clap::Command, dir: &Path) -> anyhow::Result<ExitCo
     Ok(ExitCode::SUCCESS)
 }
 
+/// Prints a script with which a shell completes a program's commands.
+///
+/// # Errors
+/// None: what cannot be printed ends the program (see [`say_text`]).
+pub fn write_completions(mut program: clap::Command, shell: clap_complete::Shell) -> anyhow::Result<ExitCode> {
+    let mut script = Vec::new();
+    let name = program.get_name().to_owned();
+    clap_complete::generate(shell, &mut program, name, &mut script);
+    say_text(&String::from_utf8_lossy(&script));
+    Ok(ExitCode::SUCCESS)
+}
+
 /// How an answer is printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Format {

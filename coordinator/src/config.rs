@@ -187,6 +187,12 @@ impl PolicyConfig {
             patience_s: time("patience_s", self.patience_s)?,
         };
         ensure!(
+            settings.resend_s < settings.deadline_s,
+            "policy.resend_s = {} must lie below policy.deadline_s = {}: after that a command is given up",
+            settings.resend_s,
+            settings.deadline_s
+        );
+        ensure!(
             settings.serve_below_soc < settings.charge_to_soc,
             "policy.serve_below_soc = {} must lie below policy.charge_to_soc = {}",
             settings.serve_below_soc,
@@ -256,6 +262,7 @@ impl Config {
             for (key, value) in [("load_s", config.load_s), ("unload_s", config.unload_s), ("swap_s", config.swap_s)] {
                 ensure!((0.0..=TIME_MAX_S).contains(&value), "stations.{station}.{key} = {value}: must be between 0 and {TIME_MAX_S}");
             }
+            ensure!(!config.packs.is_empty(), "stations.{station}.packs: at least one is needed");
             let mut packs = BTreeMap::new();
             for (pack, reference) in &config.packs {
                 packs.insert(pack.clone(), of(System::Battery, reference, format!("stations.{station}.packs.{pack}"))?);

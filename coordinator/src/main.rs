@@ -78,10 +78,7 @@ fn execute(command: Command) -> anyhow::Result<ExitCode> {
         Command::Import(args) => cmd::import::execute(&args),
         Command::Certs(args) => cmd::certs::execute(&args),
         Command::Doctor(args) => live()?.block_on(cmd::doctor::execute(&args)),
-        Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "coordinator", &mut std::io::stdout());
-            Ok(ExitCode::SUCCESS)
-        }
+        Command::Completions { shell } => cmd::write_completions(Cli::command(), shell),
         Command::Man { dir } => cmd::write_manual(Cli::command(), &dir),
         Command::Demo(args) => live()?.block_on(cmd::demo::execute(&args)),
         Command::Agent(args) => live()?.block_on(cmd::demo::agent(&args)),

@@ -96,8 +96,9 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
         Verb::Propose(args) => propose::run(&args, cli.format),
         Verb::Report(args) => report::run(&args, cli.format),
         Verb::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "lab", &mut io::stdout());
-            Ok(Answer::Yes)
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "lab", &mut script);
+            tell(&script).map(|()| Answer::Yes)
         }
         Verb::Man { dir } => write_manual(&dir),
     };
@@ -124,7 +125,11 @@ fn print(format: Format, json: &impl Serialize, human: impl FnOnce() -> String) 
         Format::Human => human(),
         Format::Json => serde_json::to_string_pretty(json)? + "\n",
     };
-    match io::stdout().lock().write_all(text.as_bytes()) {
+    tell(text.as_bytes())
+}
+
+fn tell(answer: &[u8]) -> anyhow::Result<()> {
+    match io::stdout().lock().write_all(answer) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => Ok(other?),
     }

@@ -81,10 +81,7 @@ fn main() -> ExitCode {
     let Cli { log_format, command } = Cli::parse();
     let args = match command {
         Command::Run(args) => args,
-        Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "robot-agent", &mut std::io::stdout());
-            return ExitCode::SUCCESS;
-        }
+        Command::Completions { shell } => return write_completions(shell),
         Command::Man { dir } => return write_manual(&dir),
     };
     node::log::to_stderr("robot_agent", log_format);
@@ -101,6 +98,18 @@ fn main() -> ExitCode {
             eprintln!("robot-agent: {error:#}");
             ExitCode::from(2)
         }
+    }
+}
+
+fn write_completions(shell: clap_complete::Shell) -> ExitCode {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "robot-agent", &mut script);
+    match std::io::Write::write_all(&mut std::io::stdout(), &script) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            eprintln!("robot-agent: cannot print the completions: {error}");
+            ExitCode::from(2)
+        }
+        _ => ExitCode::SUCCESS,
     }
 }
 

@@ -54,10 +54,7 @@ fn main() -> ExitCode {
     let Cli { log_format, command } = Cli::parse();
     let (config, set, connect, log) = match command {
         Command::Run { config, set, connect, log } => (config, set, connect, log),
-        Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "station-agent", &mut std::io::stdout());
-            return ExitCode::SUCCESS;
-        }
+        Command::Completions { shell } => return write_completions(shell),
         Command::Man { dir } => return write_manual(&dir),
     };
     node::log::to_stderr("station_agent", log_format);
@@ -74,6 +71,18 @@ fn main() -> ExitCode {
             eprintln!("station-agent: {error:#}");
             ExitCode::from(2)
         }
+    }
+}
+
+fn write_completions(shell: clap_complete::Shell) -> ExitCode {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "station-agent", &mut script);
+    match std::io::Write::write_all(&mut std::io::stdout(), &script) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            eprintln!("station-agent: cannot print the completions: {error}");
+            ExitCode::from(2)
+        }
+        _ => ExitCode::SUCCESS,
     }
 }
 

@@ -35,11 +35,28 @@ async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
         })?;
         let live = fleet.schedule(&["show"])?;
         anyhow::ensure!(live.status.success() && live.stderr.is_empty(), "{}", String::from_utf8_lossy(&live.stderr));
-        let page = ask(page, "/api/v1/schedule").context("no dashboard")?;
-        anyhow::ensure!(page["services"].as_array().is_some_and(|services| !services.is_empty()), "{page}");
-        Ok(())
+        let schedule = ask(page, "/api/v1/schedule").context("no dashboard")?;
+        anyhow::ensure!(schedule["services"].as_array().is_some_and(|services| !services.is_empty()), "{schedule}");
+        refusals_are_told_in_json(page)
     })?;
     drop(router);
+    Ok(())
+}
+
+/// Whatever refuses, its own code or the framework's.
+fn refusals_are_told_in_json(page: u16) -> anyhow::Result<()> {
+    for (route, said) in [
+        ("/api/v1/events?lst=3", "unknown field `lst`"),
+        ("/api/v1/view?rows=-1", "rows: invalid digit"),
+        ("/api/v1/view?rwos=1", "unknown field `rwos`"),
+        ("/api/v1/explain/a%20b", "is not a robot id"),
+        ("/api/v1/explain/nobody", "nobody"),
+        ("/api/v1/replan", "no token is configured"),
+        ("/api/v1/nothing", "there is no such page"),
+    ] {
+        let answer = ask(page, route).with_context(|| format!("{route}: no JSON"))?;
+        anyhow::ensure!(answer["error"].as_str().is_some_and(|error| error.contains(said)), "{route}: {answer}");
+    }
     Ok(())
 }
 

@@ -45,6 +45,8 @@ fn doctor_says_what_is_wrong_and_what_to_do() {
     let policy = run("coordinator", &["doctor", "--config", LIVE, "--set", "policy.confidence=7"]);
     assert!(text(&policy.stdout).contains("policy.confidence = 7"), "{}", text(&policy.stdout));
     assert!(text(&policy.stdout).contains("✗ policy: set it to what is allowed"), "{}", text(&policy.stdout));
+    let times = run("coordinator", &["doctor", "--config", LIVE, "--set", "policy.resend_s=60"]);
+    assert!(text(&times.stdout).contains("policy.resend_s = 60 must lie below policy.deadline_s = 60"), "{}", text(&times.stdout));
     let unknown = run("coordinator", &["doctor", "--config", LIVE, "--set", "policy.confidnce=0.9"]);
     assert!(text(&unknown.stdout).contains("--set policy.confidnce=0.9: unknown field"), "{}", text(&unknown.stdout));
 
@@ -151,6 +153,12 @@ fn every_program_has_completions_and_manual_pages() {
         assert!(run(name, &["man", &dir]).status.success());
         let page = std::fs::read_to_string(folder.path().join(format!("{name}.1"))).unwrap();
         assert!(page.contains(".TH ") && page.contains("NAME"), "{name}");
+    }
+    for name in ["coordinator", "robot-agent", "station-agent"] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let told = program(name).args(["completions", "bash"]).stdout(full).output().unwrap();
+        assert_eq!(told.status.code(), Some(2), "{name} {}", text(&told.stderr));
+        assert!(text(&told.stderr).starts_with(&format!("{name}: cannot print ")), "{}", text(&told.stderr));
     }
     let bash = run("coordinator", &["completions", "bash"]);
     let script = folder.path().join("coordinator.bash");

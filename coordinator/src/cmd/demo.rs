@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "tender-demo")]
     dir: PathBuf,
     /// Another seed than the scenario's.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     seed: Option<u64>,
     /// Only the run of this name.
     #[arg(long, value_name = "NAME")]

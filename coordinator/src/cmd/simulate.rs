@@ -24,7 +24,7 @@ pub struct Args {
     /// The scenario file.
     scenario: PathBuf,
     /// Another seed than the scenario's.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     seed: Option<u64>,
     /// A model to believe in place of the believed one of the same name, or of the same system.
     #[arg(long, value_name = "FILE")]

@@ -42,6 +42,7 @@ impl Scenario {
         for station in &self.station {
             let at = |message: String| document.error_at(station.span(), message);
             check_station(station.get_ref()).map_err(at)?;
+            station.get_ref().model_names().try_for_each(check_model).map_err(at)?;
             if !ids.insert(station.get_ref().id.to_string()) {
                 return Err(at(format!("station {} appears twice", station.get_ref().id)));
             }
@@ -51,6 +52,7 @@ impl Scenario {
         for robot in &self.robot {
             let at = |message: String| document.error_at(robot.span(), message);
             check_robot(robot.get_ref(), &stations).map_err(at)?;
+            robot.get_ref().model_names().try_for_each(check_model).map_err(at)?;
             for index in 0..robot.get_ref().len() {
                 let id = robot.get_ref().robot(index).map_err(|error| at(error.to_string()))?;
                 if !ids.insert(id.clone()) {
@@ -80,6 +82,16 @@ impl Scenario {
         }
         Ok(())
     }
+}
+
+/// Whether a model of that name is built in, or it is a path to one: a misspelt name is none.
+fn check_model(name: &str) -> Result<(), String> {
+    if energy::built_in_names().any(|known| known == name) || name.contains(['.', '/']) {
+        return Ok(());
+    }
+    let hint = energy::document::hint(name, energy::built_in_names());
+    let known: Vec<&str> = energy::built_in_names().collect();
+    Err(format!("no model `{name}`: neither built in nor a path{hint} Built in: {}", known.join(", ")))
 }
 
 fn fraction(key: &str, value: f64) -> Result<(), String> {

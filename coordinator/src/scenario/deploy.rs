@@ -168,18 +168,8 @@ impl Scenario {
     /// Names of all models that stations and robots use.
     #[must_use]
     pub fn model_names(&self) -> Vec<&str> {
-        let stations = self.station.iter().map(toml::Spanned::get_ref);
-        let robots = self.robot.iter().map(toml::Spanned::get_ref);
-        let mut names: Vec<&str> = stations
-            .flat_map(|station| {
-                let packs = station.packs.iter().map(|pack| pack.battery.as_str());
-                std::iter::once(station.load.as_str())
-                    .chain(packs)
-                    .chain(station.charging.spare_battery.as_deref())
-                    .chain(station.vehicle.as_ref().map(|vehicle| vehicle.load.as_str()))
-            })
-            .chain(robots.flat_map(|robot| [robot.battery.as_str(), robot.load.as_str()]))
-            .collect();
+        let stations = self.station.iter().flat_map(|station| station.get_ref().model_names());
+        let mut names: Vec<&str> = stations.chain(self.robot.iter().flat_map(|robot| robot.get_ref().model_names())).collect();
         names.sort_unstable();
         names.dedup();
         names
@@ -207,7 +197,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// A misspelt name is told here: further on it is a path like any other.
+    /// A file that is not there is told here, and a misspelt name that replaces another.
     fn check_models(&self, run: &RunEntry) -> anyhow::Result<()> {
         let replacing = [&self.world, &self.believed, &run.believed].into_iter().flat_map(|changes| changes.replace.values());
         for name in self.model_names().into_iter().chain(replacing.map(String::as_str)) {

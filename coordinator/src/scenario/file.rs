@@ -238,7 +238,21 @@ fn default_swap_s() -> f64 {
     60.0
 }
 
+impl StationEntry {
+    /// Every model that it names.
+    pub(super) fn model_names(&self) -> impl Iterator<Item = &str> {
+        let packs = self.packs.iter().map(|pack| pack.battery.as_str());
+        let vehicle = self.vehicle.as_ref().map(|vehicle| vehicle.load.as_str());
+        std::iter::once(self.load.as_str()).chain(packs).chain(self.charging.spare_battery.as_deref()).chain(vehicle)
+    }
+}
+
 impl RobotEntry {
+    /// Every model that it names.
+    pub(super) fn model_names(&self) -> impl Iterator<Item = &str> {
+        [self.battery.as_str(), self.load.as_str()].into_iter()
+    }
+
     /// How many robots the entry stands for.
     #[must_use]
     pub fn len(&self) -> usize {

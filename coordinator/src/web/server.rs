@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use axum::Router;
+use axum::body::to_bytes;
 use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
@@ -87,6 +88,7 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
         .route("/api/v1/", get(index))
         .nest("/api/v1", api)
         .fallback(|| async { refusal(NoAnswer::Unknown("there is no such page; see /api/v1/".to_owned())) })
+        .layer(from_fn(in_json))
         .layer(from_fn(guarded))
         .layer(from_fn(move |request, next| known_host(local, request, next)))
         .with_state(web);
@@ -116,6 +118,7 @@ fn error(status: StatusCode, what: &str) -> Response {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Last {
     #[serde(default)]
     last: Option<usize>,
@@ -211,6 +214,32 @@ async fn known_host(local: bool, request: Request, next: Next) -> Response {
         return error(StatusCode::FORBIDDEN, "this server answers to localhost only; set web.address to serve others");
     }
     next.run(request).await
+}
+
+/// Longest text of a refusal.
+const REFUSAL_MAX: usize = 4096;
+
+/// What the framework refuses by itself (a query, an id, a method) is told as everything else is.
+async fn in_json(request: Request, next: Next) -> Response {
+    let response = next.run(request).await;
+    let told = response.headers().get(header::CONTENT_TYPE).is_some_and(|kind| kind == "application/json");
+    if told || !response.status().is_client_error() {
+        return response;
+    }
+    let (parts, body) = response.into_parts();
+    let allowed = parts.headers.get(header::ALLOW).cloned();
+    let text = to_bytes(body, REFUSAL_MAX).await.unwrap_or_default();
+    let text = String::from_utf8_lossy(&text);
+    let what = match allowed.as_ref().and_then(|methods| methods.to_str().ok()) {
+        Some(methods) => format!("this route takes {methods}"),
+        None if text.is_empty() => parts.status.to_string(),
+        None => text.into_owned(),
+    };
+    let mut response = error(parts.status, &what);
+    if let Some(methods) = allowed {
+        response.headers_mut().insert(header::ALLOW, methods);
+    }
+    response
 }
 
 async fn guarded(request: Request, next: Next) -> Response {

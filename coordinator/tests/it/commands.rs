@@ -74,7 +74,11 @@ const MISTAKES: &[(&str, &str, &[&str])] = &[
     ("id = \"mds-1\"", "id = \"a/b\"", &["changed.toml:7:6: `a/b` is not a station id", "A-Z a-z 0-9 _ -"]),
     ("id = \"explorer\"", "id = \"a/b\"", &["changed.toml:13:1: `a/b-1` is not a robot id"]),
     ("count = 2", "count = 0", &["robot explorer: count = 0: must be between 1 and 100000"]),
-    ("explorer-3s1p-1320mah", "explorer-3s1p-1320ma", &["no model `explorer-3s1p-1320ma`", "did you mean `explorer-3s1p-1320mah`?"]),
+    (
+        "explorer-3s1p-1320mah",
+        "explorer-3s1p-1320ma",
+        &["changed.toml:13:1: no model `explorer-3s1p-1320ma`", "did you mean `explorer-3s1p-1320mah`?"],
+    ),
     ("load = \"mds-station\"", "load = \"explorer-robot\"", &["explorer-robot", "station"]),
     ("[\"lift\"]", "[\"lft\"]", &["has no effect `lft`; it has robot_own_load, charger_efficiency"]),
     ("{ \"mds-station\" = [\"lift\"] }", "{ \"mds-staton\" = [\"lift\"] }", &["`mds-staton`", "did you mean `mds-station`?"]),
