@@ -9,6 +9,7 @@
 use energy::{Channel, Facts, Model, OcvTable};
 use serde::Serialize;
 
+use crate::infer::answer::deviations;
 use crate::infer::certainty::range_sigma;
 use crate::infer::rough::{Rough, straight};
 use crate::infer::state::State;
@@ -100,8 +101,10 @@ fn mv(volts: f64) -> String {
 /// they do know, so that what follows from all of them is no less certain than it is.
 fn fitted(state: &State, origin: &str) -> Vec<Change> {
     let covariance = state.covariance();
+    let deviations = deviations(state);
     let of = |(place, &index): (usize, &usize)| {
         let parameter = &state.frame.model.parameters()[index];
+        let determined = deviations[place].2.is_some();
         let open = range_sigma(&state.frame, index);
         let by_itself = state.normal[(place, place)].max(0.0).sqrt().recip();
         let sigma = if by_itself < open { covariance[(place, place)].max(0.0).sqrt().max(by_itself).min(open) } else { open };
@@ -111,7 +114,7 @@ fn fitted(state: &State, origin: &str) -> Vec<Change> {
             value: state.x[place],
             sigma,
             range: (parameter.min, parameter.max),
-            source: format!("fitted by {origin}"),
+            source: if determined { format!("fitted by {origin}") } else { format!("left open by the logs: {origin}") },
             free: true,
         }
     };

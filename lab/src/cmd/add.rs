@@ -34,6 +34,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
+    args.logs.spare(args.save.output())?;
     let spec = absent(&args.model.load()?.model, &args.effect)?;
     let case = Case::read(&args.model, &args.logs)?;
     let bar = busy(format!("fitting {} with {}", case.source.model.name, spec.id));

@@ -20,7 +20,7 @@ use lab::measurement::Log;
 use lab::model_source::{Origin, parse_beside};
 use lab::output::{directory_of, write_whole};
 use lab::prepare::Prepared;
-use lab::report::discovery::{DiscoveryReport, Reach, rms_of};
+use lab::report::discovery::{DiscoveryReport, FileErrors, Reach, rms_of};
 
 use super::inputs::{LogInputs, ModelArg};
 
@@ -104,15 +104,14 @@ impl<'a> Case<'a> {
         reach: Reach,
         output: Option<String>,
     ) -> DiscoveryReport {
-        let alone = compare(&written.model, &written.model.values(), &written.train);
-        DiscoveryReport {
-            discovery,
-            decision: self.decisions(written),
-            left_out: learned::left_out(last),
-            file_rms: rms_of(&alone),
-            reach,
-            output,
+        let rms = |model: &Arc<Model>, logs: &[Prepared]| rms_of(&compare(model, &model.values(), logs));
+        let given = &self.source.model;
+        let file_rms = rms(&written.model, &written.train);
+        let mut files = FileErrors::of(&rms(given, &self.evidence.logs), &file_rms, false);
+        if let Some(held) = &self.held {
+            files.extend(FileErrors::of(&rms(given, &held.logs), &rms(&written.model, &written.holdout), true));
         }
+        DiscoveryReport { discovery, decision: self.decisions(written), left_out: learned::left_out(last), file_rms, files, reach, output }
     }
 
     /// What it changes to plan with that model instead of the given one.

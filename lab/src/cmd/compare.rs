@@ -30,6 +30,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     for path in args.plot.iter().chain(&args.plot_regimes) {
         Kind::of(path)?;
         check_writable(path)?;
+        args.logs.spare(Some(path))?;
     }
     let source = args.model.load()?;
     let (model, values) = (&source.model, source.model.values());

@@ -23,6 +23,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
+    args.logs.spare(args.save.output())?;
     let case = Case::read(&args.model, &args.logs)?;
     let search = searched(&case);
     let found = case.learned(search.last.told(), args.save.output(), args.save.date())?;

@@ -37,6 +37,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
+    args.logs.spare(args.save.output())?;
     let source = args.model.load()?;
     let model = &source.model;
     let free = free_parameters(model, &args.free, &args.fix)?;

@@ -117,6 +117,11 @@ impl LogArgs {
         Ok(logs)
     }
 
+    /// Refuses to write over a log, or over the facts beside it.
+    pub(super) fn spare(&self, output: Option<&Path>) -> anyhow::Result<()> {
+        output.map_or(Ok(()), |output| self.logs.iter().try_for_each(|log| spare(log, output)))
+    }
+
     fn files(&self) -> impl Iterator<Item = (&Path, Option<Role>)> {
         self.logs.iter().map(|path| (path.as_path(), None))
     }
@@ -151,6 +156,12 @@ impl LogArgs {
 }
 
 impl LogInputs {
+    /// Refuses to write over a log, or over the facts beside it.
+    pub(super) fn spare(&self, output: Option<&Path>) -> anyhow::Result<()> {
+        self.logs.spare(output)?;
+        output.map_or(Ok(()), |output| self.holdout.iter().try_for_each(|log| spare(log, output)))
+    }
+
     fn files(&self) -> Vec<(&Path, Option<Role>)> {
         self.logs.files().chain(self.holdout.iter().map(|path| (path.as_path(), Some(Role::Holdout)))).collect()
     }
@@ -171,6 +182,14 @@ impl LogInputs {
     pub(super) fn ready(&self, model: &Model, logs: &[Log]) -> anyhow::Result<Vec<Prepared>> {
         self.logs.ready(model, logs)
     }
+}
+
+/// Refuses to write over this log, or over the facts beside it.
+pub(super) fn spare(log: &Path, output: &Path) -> anyhow::Result<()> {
+    ensure!(!same_file(log, output), "{} is a log that is read here; write to another file", output.display());
+    let facts = log.with_extension("toml");
+    ensure!(!same_file(&facts, output), "{} holds the facts of the log {}; write to another file", output.display(), log.display());
+    Ok(())
 }
 
 /// Whether two paths name one file; of files that are not there, whether they are spelt alike.

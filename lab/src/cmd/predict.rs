@@ -7,7 +7,7 @@ use lab::predict::predict;
 use lab::prepare::prepare;
 use lab::report::prediction::{Predicted, csv_text};
 
-use super::inputs::{FactArgs, ModelArg};
+use super::inputs::{FactArgs, ModelArg, spare};
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]
@@ -27,6 +27,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     if let Some(path) = &args.output {
         check_writable(path)?;
+        spare(&args.log, path)?;
     }
     let source = args.model.load()?;
     let log = args.facts.read(&args.log)?;

@@ -50,6 +50,7 @@ struct Written {
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     check_writable(&args.output)?;
+    args.logs.spare(Some(&args.output))?;
     let case = Case::read(&args.model, &args.logs)?;
     let given = case.given()?;
     let (model, values) = (&given.model, given.model.values());

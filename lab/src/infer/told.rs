@@ -1,14 +1,14 @@
 //! The numbers that are told and written.
 //!
 //! Where a model explains its logs, they are the most likely ones. Where it does not, what is left lasts,
-//! and the most likely numbers leave to slow noise what they could explain: a disturbance is cheap that
-//! another has paid for. Nobody who reads an error or plans with a model wants that. So there the least
-//! squares are told: all rows weigh the same, as if the noise were white, and as uncertain as the slow
-//! noise makes a level, so that what is only roughly known is not bent to hide the error.
+//! and beside slow noise the most likely numbers need not lower the error at all: the noise may last instead.
+//! Nobody who reads an error or plans with a model wants that. So there the least squares are told: all rows
+//! weigh the same, as if the noise were white, and as uncertain as the slow noise makes a level, so that what
+//! is only roughly known is not bent to hide the error.
 //!
-//! Their deviations are those that the slow noise gives them (White, Econometrica 48, 1980, equation 4, with the
-//! covariance of the rows in place of the squares of residuals): with derivatives J, weights W, covariance V and
-//! prior information P, `H^-1 (J' W V W J + P) H^-1` where `H = J' W J + P`.
+//! Their deviations are those that the slow noise gives them: with derivatives J, weights W, covariance V of the
+//! rows and prior information P, `H^-1 (J' W V W J + P) H^-1` where `H = J' W J + P` (the sandwich of White,
+//! Econometrica 48, 1980, p. 817, for correlated rows as in Newey and West, Econometrica 55, 1987, p. 703).
 
 use std::sync::Arc;
 

@@ -58,7 +58,8 @@ impl Mapping {
         }
         // The last reading cut off the most, so what is left is most likely a bare name.
         let name = tried.unwrap_or(text);
-        let near = nearest(name, names.iter().map(String::as_str)).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        let near =
+            nearest(name, names.iter().map(String::as_str)).map_or_else(|| ".".to_owned(), |near| format!("; did you mean `{near}`?"));
         Err(format!("`{}={text}`: the log has no column `{name}`{near} Its columns: {}", self.canonical, names.join(", ")))
     }
 }

@@ -13,7 +13,7 @@ use crate::infer::state::State;
 use crate::infer::trial::Trial;
 use crate::learned::LeftOut;
 
-use super::discovery::{decisions, ladder, refusal};
+use super::discovery::{decisions, ladder, learned_lines, refusal};
 use super::quantity::{digits, quantity, unit_of, with_sigma};
 use super::table::{numbers_from, table, text};
 
@@ -177,6 +177,12 @@ impl Addition {
         parts.push(format!("What is left: {}\n", self.words.join("\n")));
         if !self.decision.0.is_empty() {
             parts.push(format!("What it changes:\n{}", text(&decisions(&self.decision))));
+        }
+        if !self.left_out.is_empty() {
+            parts.push(format!(
+                "A model file cannot hold what follows, which the error at the top rests on:\n{}",
+                learned_lines(&self.left_out)
+            ));
         }
         if let Some(output) = &self.output {
             let warning = if self.accepted { "" } else { ", although the logs do not speak for it" };

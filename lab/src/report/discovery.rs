@@ -40,10 +40,34 @@ pub struct DiscoveryReport {
     pub left_out: Vec<LeftOut>,
     /// RMS by channel that the model found leaves by its file alone, as `lab compare` sees it.
     pub file_rms: ByChannel,
+    /// The files of the model given and of the one found against each other, channel by channel.
+    pub files: Vec<FileErrors>,
     /// How far the search went.
     pub reach: Reach,
     /// The file written; null when none was asked for.
     pub output: Option<String>,
+}
+
+/// What the files of two models leave of a channel, as `lab compare` sees them.
+#[derive(Debug, Clone, Serialize)]
+pub struct FileErrors {
+    /// The channel.
+    pub channel: &'static str,
+    /// Whether the logs were held out.
+    pub holdout: bool,
+    /// RMS with the model as it was given.
+    pub given: f64,
+    /// RMS with the model found.
+    pub found: f64,
+}
+
+impl FileErrors {
+    /// By channel, of the logs that were fitted or of those held out.
+    #[must_use]
+    pub fn of(given: &ByChannel, found: &ByChannel, holdout: bool) -> Vec<FileErrors> {
+        let both = |(&channel, &given): (&&'static str, &f64)| Some(FileErrors { channel, holdout, given, found: *found.get(channel)? });
+        given.iter().filter_map(both).collect()
+    }
 }
 
 /// Effects in the printed ranking; JSON holds all.
@@ -62,6 +86,7 @@ impl DiscoveryReport {
             parts.push(format!("{more} more promise less (--format json has all).\n"));
         }
         parts.extend(section("Parameters", text(&tables::parameters(found)), !found.parameters.is_empty()));
+        parts.extend(section("The files alone, as `lab compare` sees them", self.files(), !self.files.is_empty()));
         parts.extend(section("What it changes", text(&decisions(&self.decision)), !self.decision.0.is_empty()));
         parts.extend(section("What is left", left(found) + &self.beside(), true));
         parts.extend(section("Not to be tested with these logs", untested(&found.untested), !found.untested.is_empty()));
@@ -75,6 +100,13 @@ impl DiscoveryReport {
             parts.push(format!("Written to {output}\n"));
         }
         parts.join("\n")
+    }
+
+    fn files(&self) -> String {
+        let worse = self.files.iter().any(|one| one.found > one.given);
+        let warning = "Where the model found is worse, what it learned of a log or a sensor is missing (below), or it holds for the \
+                       logs that it was fitted to and not for others: look at both before you use it.\n";
+        text(&tables::files(&self.files)) + if worse { warning } else { "" }
     }
 
     /// What was learned beside the model, and what the model alone leaves therefore.

@@ -72,6 +72,8 @@ fn what_is_found_is_written_loads_again_and_explains_the_logs_as_well() {
     let again: f64 = f64::sqrt(squares / rows);
     // The answer says beforehand what the file alone leaves.
     assert!((again / json["file_rms"]["voltage_v"].as_f64().unwrap() - 1.0).abs() < 1e-4, "{again}");
+    let file = json["files"].as_array().unwrap().iter().find(|one| one["holdout"] == false).unwrap();
+    assert_eq!(file["found"], json["file_rms"]["voltage_v"], "{file}");
     // It is more than at the end of the search, since the logs' own starts stay out of the file.
     assert!(again < 0.5 * first && again > 0.99 * last, "{first}, {last} in the search, {again} by the file");
     let left_out = json["left_out"].as_array().unwrap();

@@ -96,3 +96,28 @@ fn an_endless_input_is_refused() {
     let outcome = lab_in(folder.path(), &["compare", "--model", CELL, "--log", "endless.mcap"]);
     refuses(&outcome, "not readable as MCAP");
 }
+
+/// A measurement is not made twice.
+#[test]
+fn no_answer_is_written_over_a_log_or_its_facts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, facts) = ("time_s,current_a,voltage_v\n0,1,4.1\n60,1,4.0\n", "schema = 1\nsoc_initial = 1.0\n");
+    for name in ["a", "b"] {
+        write(folder.path(), &format!("{name}.csv"), log);
+        write(folder.path(), &format!("{name}.toml"), facts);
+    }
+    let model = ["--model", "enertech-lco-2280mah", "--log", "a.csv"];
+    let outcome = |verb: &[&str], output: &str, words: &str| {
+        refuses(&lab_in(folder.path(), &[verb, &model[..], &["-o", output]].concat()), words);
+    };
+    for verb in [&["fit"][..], &["predict"], &["discover"], &["add", "rc1"], &["propose"], &["report"]] {
+        outcome(verb, "./a.csv", "./a.csv is a log that is read here");
+        outcome(verb, "a.toml", "a.toml holds the facts of the log a.csv");
+    }
+    let judge = [&["discover"], &model[..], &["--holdout", "b.csv", "-o", "b.csv"]].concat();
+    refuses(&lab_in(folder.path(), &judge), "b.csv is a log that is read here");
+    for name in ["a", "b"] {
+        assert_eq!(fs::read_to_string(folder.path().join(format!("{name}.csv"))).unwrap(), log);
+        assert_eq!(fs::read_to_string(folder.path().join(format!("{name}.toml"))).unwrap(), facts);
+    }
+}

@@ -2,7 +2,7 @@
 
 use comfy_table::Table;
 
-use super::{named, perhaps_sigma, refusal};
+use super::{FileErrors, named, perhaps_sigma, refusal};
 use crate::decision::Decisions;
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Rung};
 use crate::report::comparison::chance;
@@ -74,11 +74,19 @@ pub(super) fn ranking(found: &Discovery, printed: usize) -> Table {
         let refused: Vec<&str> = ranked.refused.iter().map(|&one| refusal(one)).collect();
         row.push(match ranked.delta_bic {
             None => "not worth a refit".to_owned(),
+            Some(_) if refused.is_empty() && rises(ranked) => "accepted: falls beside slow noise".to_owned(),
             Some(_) => refused.join("\n"),
         });
         rows.add_row(row);
     }
     rows
+}
+
+/// Whether an error rises that is shown.
+fn rises(ranked: &Ranked) -> bool {
+    let up =
+        |before: &ByChannel, after: &ByChannel| before.iter().all(|(channel, rms)| after.get(channel).is_some_and(|after| after >= rms));
+    up(&ranked.rms_before, &ranked.rms_after) || !ranked.holdout_before.is_empty() && up(&ranked.holdout_before, &ranked.holdout_after)
 }
 
 fn sizes(ranked: &Ranked) -> String {
@@ -118,6 +126,27 @@ pub(super) fn parameters(found: &Discovery) -> Table {
     rows
 }
 
+/// What the files of two models leave.
+pub(super) fn files(errors: &[FileErrors]) -> Table {
+    let mut rows = table(&["channel", "", "model given", "model found", ""]);
+    for one in errors {
+        let unit = unit_of(one.channel);
+        rows.add_row([
+            one.channel.to_owned(),
+            if one.holdout { "held out" } else { "" }.to_owned(),
+            quantity(one.given, unit),
+            quantity(one.found, unit),
+            if one.found > one.given { "worse" } else { "" }.to_owned(),
+        ]);
+    }
+    for column in [2, 3] {
+        if let Some(column) = rows.column_mut(column) {
+            column.set_cell_alignment(comfy_table::CellAlignment::Right);
+        }
+    }
+    rows
+}
+
 /// What the coordinator plans with, before and after.
 #[must_use]
 pub fn decisions(decisions: &Decisions) -> Table {
@@ -128,7 +157,8 @@ pub fn decisions(decisions: &Decisions) -> Table {
             row.what,
             perhaps_sigma(row.before, row.before_sigma, &row.unit),
             perhaps_sigma(row.after, row.after_sigma, &row.unit),
-            if change.is_finite() { format!("{change:+.1} %") } else { "-".to_owned() },
+            // Rounded first: what is below that is no fall.
+            if change.is_finite() { format!("{:+.1} %", (change * 10.0).round() / 10.0 + 0.0) } else { "-".to_owned() },
         ]);
     }
     numbers_from(&mut rows, 1);
