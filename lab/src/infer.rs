@@ -21,7 +21,9 @@
 //!     |
 //!   score      each of them without a refit: expected size, uniqueness, what it is confused with
 //!     |
-//!   trial      the best of them refitted
+//!   sketch     the promising ones refitted on coarser evidence
+//!     |
+//!   trial      the best of them refitted on all of it
 //!     |
 //!   judge      accepted or not, also by logs that the fit has not seen
 //!     v
@@ -50,6 +52,7 @@ pub mod propose;
 mod prune;
 pub mod rough;
 pub mod score;
+mod sketch;
 pub mod state;
 mod told;
 pub mod trial;

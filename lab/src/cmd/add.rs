@@ -102,7 +102,7 @@ fn trial(case: &Case<'_>, base: &State, spec: &'static EffectSpec) -> anyhow::Re
         return Err(anyhow!("{} cannot be fitted to these logs{reason}", spec.id));
     };
     match Scoring::new(base).score(candidate) {
-        Some(score) => Ok(Trial::run(base, candidate, &score, f64::INFINITY, case.held.as_ref())),
+        Some(score) => Ok(Trial::run(base, candidate, &score, case.held.as_ref())),
         None => bail!("{} changes nothing in these logs, so they cannot say how large it is", spec.id),
     }
 }

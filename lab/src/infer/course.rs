@@ -7,7 +7,7 @@
 
 use energy::{Channel, Sensor};
 
-use super::evidence::Segment;
+use super::evidence::{Grain, Segment};
 use crate::prepare::Prepared;
 
 /// A log as a model walks it.
@@ -50,7 +50,7 @@ impl Course {
     }
 
     /// Rows that hold and go into one mean are a step.
-    pub(super) fn in_means(index: usize, log: &Prepared, segments: &[Segment], sensor: impl Fn(Channel) -> Sensor) -> Course {
+    pub(super) fn in_means(index: usize, log: &Prepared, segments: &[Segment], grain: Grain, sensor: impl Fn(Channel) -> Sensor) -> Course {
         let rows = log.time_s.len();
         let blocks: Vec<(&Segment, Vec<Option<usize>>)> =
             segments.iter().filter(|s| s.log == index).map(|segment| (segment, block_of(segment, rows))).collect();
@@ -64,8 +64,8 @@ impl Course {
             .collect();
         let mut first = 0;
         let goes_on = |row: usize, first: usize| {
-            // Half a mean at most.
-            let fits = |segment: &Segment, block: usize| 2.0 * (row + 1 - first) as f64 <= segment.counts[block] + 1.0;
+            // A part of a mean at most.
+            let fits = |segment: &Segment, block: usize| grain.steps * (row - first) < segment.counts[block] as usize;
             let together = |(segment, block): &(&Segment, Vec<Option<usize>>)| {
                 block[row] == block[row - 1] && block[row].is_some_and(|block| fits(segment, block))
             };

@@ -2,12 +2,12 @@
 //! each, and damping where a step leads up (see [`crate::fit`]).
 
 use energy::Channel;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::frame::Frame;
 use super::lens::{Lens, sigma};
-use super::noise::Noise;
-use super::state::{filters, likelihood, noises, observed};
+use super::noise::{Filter, Noise};
+use super::state::{all, filters, likelihood, noises, observed};
 use crate::fit::{damped_step, held, promised};
 
 /// Steps after which the search gives up.
@@ -17,6 +17,11 @@ const DAMPING_MAX: f64 = 1e14;
 /// Fall of the cost that is not worth another step: in units of two log-likelihoods, and as a share
 /// of the cost, which is far above its number of rows while the model is far from right.
 const ENOUGH: (f64, f64) = (0.02, 1e-6);
+
+/// Share of its height above a valley's bottom by which a place on its slopes may differ from what the derivatives
+/// there say. A place in another valley is as high as that only by chance; wider, and ways into neighbours are given
+/// up, narrower, and the end of a way that is known is gone again.
+const ON_THE_SLOPE: f64 = 0.2;
 
 /// Where a search stands.
 #[derive(Debug, Clone)]
@@ -49,13 +54,90 @@ pub(super) enum Asked {
     Always,
 }
 
+/// A valley whose bottom is known: a way that leads into it need not be gone to its end.
+#[derive(Debug)]
+pub(super) struct Valley<'a> {
+    x: &'a [f64],
+    /// How steeply the cost rises.
+    normal: &'a DMatrix<f64>,
+    pull: &'a DVector<f64>,
+    filters: Vec<Filter>,
+    /// At the bottom.
+    cost: f64,
+}
+
+impl<'a> Valley<'a> {
+    /// About these unknowns and noise, with all unknowns.
+    pub(super) fn new(
+        frame: &Frame,
+        x: &'a [f64],
+        residual: &[f64],
+        noise: &[(Channel, Noise)],
+        (normal, pull): (&'a DMatrix<f64>, &'a DVector<f64>),
+    ) -> Valley<'a> {
+        let filters = filters(frame, noise);
+        let cost = likelihood(frame, residual, &filters) + known(frame, x, &all(frame));
+        Valley { x, normal, pull, filters, cost }
+    }
+
+    /// Whether a place lies on its slopes: about as high above the bottom as the derivatives there say.
+    fn holds(&self, frame: &Frame, x: &[f64], residual: &[f64]) -> bool {
+        let way = DVector::from_iterator(x.len(), x.iter().zip(self.x).map(|(there, bottom)| there - bottom));
+        let expected = way.dot(&(self.normal * &way)) - 2.0 * self.pull.dot(&way);
+        let above = likelihood(frame, residual, &self.filters) + known(frame, x, &all(frame)) - self.cost;
+        above > -ENOUGH.0 && (above - expected).abs() < ON_THE_SLOPE * expected.max(above).max(1.0)
+    }
+}
+
 /// The most likely values of some unknowns, from `start` on.
 pub(super) fn descend(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], by: &[usize], asked: Asked) -> Place {
+    descend_from(frame, Place::at(frame, within(frame, start, by), noise.to_vec(), by), by, asked)
+}
+
+/// The most likely values of all unknowns, unless they lie in a valley that is known.
+pub(super) fn descend_elsewhere(
+    frame: &Frame,
+    start: &[f64],
+    noise: &[(Channel, Noise)],
+    asked: Asked,
+    valleys: &[Valley<'_>],
+) -> Option<Place> {
+    let by = all(frame);
+    let x = within(frame, start, &by);
+    if !valleys.is_empty() {
+        let residual = super::state::residual(frame, &x);
+        if valleys.iter().any(|valley| valley.holds(frame, &x, &residual)) {
+            return None;
+        }
+    }
+    descend_unless(frame, Place::at(frame, x, noise.to_vec(), &by), &by, asked, |x, residual| {
+        valleys.iter().any(|valley| valley.holds(frame, x, residual))
+    })
+}
+
+fn within(frame: &Frame, start: &[f64], by: &[usize]) -> Vec<f64> {
+    let bounds = frame.bounds();
+    let mut x = start.to_vec();
+    by.iter().for_each(|&unknown| x[unknown] = x[unknown].clamp(bounds[unknown].0, bounds[unknown].1));
+    x
+}
+
+/// The same from a place whose derivatives by these unknowns are known.
+pub(super) fn descend_from(frame: &Frame, place: Place, by: &[usize], asked: Asked) -> Place {
+    let begin = place.clone();
+    descend_unless(frame, place, by, asked, |_, _| false).unwrap_or(begin)
+}
+
+/// The same, unless the way leads to what is known already.
+fn descend_unless(
+    frame: &Frame,
+    mut place: Place,
+    by: &[usize],
+    asked: Asked,
+    known_already: impl Fn(&[f64], &[f64]) -> bool,
+) -> Option<Place> {
     let all = frame.bounds();
     let bounds: Vec<(f64, f64)> = by.iter().map(|&unknown| all[unknown]).collect();
-    let mut x = start.to_vec();
-    by.iter().zip(&bounds).for_each(|(&unknown, (min, max))| x[unknown] = x[unknown].clamp(*min, *max));
-    let mut place = Place::at(frame, x, noise.to_vec(), by);
     let (mut scale, mut damping) = (vec![0.0_f64; by.len()], 1e-4);
     for _ in 0..STEPS_MAX {
         let Place { x, lens, .. } = &place;
@@ -84,6 +166,9 @@ pub(super) fn descend(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], 
             damping *= 10.0;
         }
         let Some((x, residual, cost)) = next else { break };
+        if known_already(&x, &residual) {
+            return None;
+        }
         let settled = lens.cost - cost <= enough;
         let mut noise = place.noise.clone();
         if asked == Asked::Always {
@@ -96,7 +181,7 @@ pub(super) fn descend(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], 
             break;
         }
     }
-    place
+    Some(place)
 }
 
 /// What is known of the rough numbers among these unknowns, against their values.

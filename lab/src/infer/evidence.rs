@@ -74,10 +74,28 @@ pub struct Evidence {
     pub(super) given: Vec<Parameter>,
     /// The same evidence row by row, where `segments` hold means of rows.
     pub whole: Option<Arc<Evidence>>,
+    /// The same evidence in fewer means, walked in fewer steps: to find the way, not to judge.
+    pub(super) coarse: Option<Arc<Evidence>>,
 }
 
-/// Rows that a mean takes at most.
-const BLOCK_MAX: usize = 12;
+/// How many rows go into a mean, and into a step of a walk.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grain {
+    /// Rows since an input jumped, for each row of a mean.
+    since: usize,
+    /// Rows that a mean takes at most.
+    most: usize,
+    /// Steps that a mean takes at least, where it has as many rows.
+    pub(super) steps: usize,
+}
+
+/// What is judged: a quarter of the rows since the jump are a mean.
+const FINE: Grain = Grain { since: 4, most: 12, steps: 2 };
+/// Judged rows up to which there is nothing to be saved, and means of more rows would leave too few to see by.
+const FEW: usize = 500;
+/// What shows the way: as many rows as have passed since the jump, which is as long as a decay goes on about as it
+/// began, and each mean a step.
+const COARSE: Grain = Grain { since: 1, most: 48, steps: 1 };
 /// Change of an input, as a share of its range, after which means begin small again.
 const JUMP: f64 = 0.02;
 
@@ -123,23 +141,29 @@ impl Evidence {
         }
         let courses = || logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (courses, fine) = (courses(), courses());
-        Evidence { logs: Arc::new(logs), segments, floors, courses, fine, given: model.parameters().to_vec(), whole: None }
+        Evidence { logs: Arc::new(logs), segments, floors, courses, fine, given: model.parameters().to_vec(), whole: None, coarse: None }
     }
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
-    /// when much happens, and of up to [`BLOCK_MAX`] later. A mean of measurements is compared with
+    /// when much happens, and of up to a dozen later. A mean of measurements is compared with
     /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
     #[must_use]
     pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
         let whole = Evidence::row_by_row(model, logs);
+        let fine = Evidence::in_means(model, &whole, FINE);
+        let coarse = (fine.rows() > FEW).then(|| Evidence { fine: Vec::new(), ..Evidence::in_means(model, &whole, COARSE) });
+        Evidence { whole: Some(Arc::new(whole)), coarse: coarse.map(Arc::new), ..fine }
+    }
+
+    fn in_means(model: &Model, whole: &Evidence, grain: Grain) -> Evidence {
         let jumps: Vec<Vec<bool>> = whole.logs.iter().map(|log| jumps(log, model)).collect();
-        let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log])).collect();
+        let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log], grain)).collect();
         place(&mut segments);
         let logs = || whole.logs.iter().enumerate();
-        let courses = logs().map(|(index, log)| Course::in_means(index, log, &segments, |channel| model.sensor(channel))).collect();
+        let courses = logs().map(|(index, log)| Course::in_means(index, log, &segments, grain, |channel| model.sensor(channel))).collect();
         let fine = logs().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (floors, given) = (whole.floors.clone(), whole.given.clone());
-        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, fine, given, whole: Some(Arc::new(whole)) }
+        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, fine, given, whole: None, coarse: None }
     }
 
     /// Judged rows.
@@ -176,7 +200,7 @@ fn jumps(log: &Prepared, model: &Model) -> Vec<bool> {
     jumps
 }
 
-fn in_means(segment: &Segment, jumps: &[bool]) -> Segment {
+fn in_means(segment: &Segment, jumps: &[bool], grain: Grain) -> Segment {
     let (mut block_of, mut counts, mut time_s, mut observed) = (Vec::new(), Vec::<f64>::new(), Vec::<f64>::new(), Vec::<f64>::new());
     let (mut since, mut room) = (0, 0);
     for (place, &row) in segment.rows.iter().enumerate() {
@@ -185,8 +209,8 @@ fn in_means(segment: &Segment, jumps: &[bool]) -> Segment {
         let ends = jumps.get(row + 1) == Some(&true);
         since = if jumps[row] || apart { 0 } else { since + 1 };
         if room == 0 || since == 0 || ends {
-            // One by one at first, then a quarter of the rows since the jump.
-            room = if ends { 1 } else { (since / 4).clamp(1, BLOCK_MAX) };
+            // One by one at first, then a share of the rows since the jump.
+            room = if ends { 1 } else { (since / grain.since).clamp(1, grain.most) };
             counts.push(0.0);
             time_s.push(0.0);
             observed.push(0.0);

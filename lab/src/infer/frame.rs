@@ -55,6 +55,13 @@ impl Frame {
         Frame { model, evidence, free, known, knots, between, reads_curve }
     }
 
+    /// The same model on coarser evidence of the same logs; the same where there is none.
+    #[must_use]
+    pub(super) fn coarse(&self) -> Frame {
+        let coarse = self.evidence.coarse.as_ref().unwrap_or(&self.evidence);
+        Frame::new(Arc::clone(&self.model), Arc::clone(coarse))
+    }
+
     /// Number of unknowns.
     #[must_use]
     pub fn unknowns(&self) -> usize {
@@ -246,7 +253,7 @@ impl Frame {
 
     /// How the model walks a log to show what is judged.
     fn course(&self, log: usize) -> &Course {
-        let courses = if self.reads_curve { &self.evidence.fine } else { &self.evidence.courses };
+        let courses = if self.reads_curve && !self.evidence.fine.is_empty() { &self.evidence.fine } else { &self.evidence.courses };
         &courses[log]
     }
 

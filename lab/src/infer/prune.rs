@@ -20,7 +20,7 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
     let last = &newest.trials[0].state;
     let without = |place: usize| {
         let later = steps[place + 1..].iter();
-        let state = later.clone().try_fold(steps[place].base.clone(), |state, step| state.with(step.trials[0].spec, last));
+        let state = later.clone().try_fold(steps[place].base.clone(), |state, step| state.with(step.trials[0].spec, last, None));
         state.map(|state| (place, state))
     };
     let cost = |(place, state): &(usize, State)| state.bic() - last.bic() - threshold(steps[*place].scores.len());
@@ -30,7 +30,7 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
     let mut base = steps[place].base.clone();
     for (index, step) in steps.iter().enumerate().skip(place + 1) {
         let found = &step.trials[0];
-        let state = base.with(found.spec, last)?;
+        let state = base.with(found.spec, last, None)?;
         let trial = Trial::of(&base, state, found.spec, found.uniqueness, holdout);
         let next = trial.state.clone();
         // The first look at this base is told as it was, with what was taken in the end before all else.

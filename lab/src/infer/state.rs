@@ -11,10 +11,10 @@
 use std::sync::{Arc, OnceLock};
 
 use energy::{Channel, EffectSpec, Model};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::candidate::usual;
-use super::descent::{Asked, Place, descend};
+use super::descent::{Asked, Place, Valley, descend, descend_elsewhere};
 use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
 use super::lens::Lens;
@@ -36,6 +36,8 @@ pub struct State {
     pub cost: f64,
     /// Information about the unknowns, with what is known of the rough numbers.
     pub normal: DMatrix<f64>,
+    /// Half the fall of the cost along each unknown: nil but for those that rest on a bound.
+    pull: DVector<f64>,
     /// Derivatives of the predictions: one row per unknown, one column per judged row.
     slopes: Arc<DMatrix<f64>>,
     /// Free parameters on which the logs have a say.
@@ -57,11 +59,30 @@ const LOOKS: i32 = 12;
 const LOOKS_PER_SIGMA: f64 = 4.0;
 
 impl State {
-    /// The model on its evidence, its free parameters and all that is roughly known at their best.
+    /// The model on its evidence, its free parameters and all that is roughly known at their best. The way
+    /// there is looked for on coarser evidence, where it has any.
     #[must_use]
     pub fn of_model(model: Arc<Model>, evidence: Arc<Evidence>) -> State {
-        let frame = Arc::new(Frame::new(model, evidence));
-        State::search(Arc::clone(&frame), &frame.start(), f64::NEG_INFINITY).or_with_other_starts()
+        let frame = Frame::new(model, evidence);
+        let rough = Arc::new(frame.coarse());
+        let rough = State::search(Arc::clone(&rough), &rough.start(), f64::NEG_INFINITY).or_with_other_starts();
+        rough.on(frame.evidence)
+    }
+
+    /// The same model fitted to other evidence of the same logs, beginning here.
+    #[must_use]
+    pub(super) fn on(self, evidence: Arc<Evidence>) -> State {
+        if Arc::ptr_eq(&self.frame.evidence, &evidence) {
+            return self;
+        }
+        let frame = Frame::new(Arc::clone(&self.frame.model), evidence);
+        State::fit(Arc::new(frame), &self.x, &self.noise)
+    }
+
+    /// The state on coarser evidence.
+    #[must_use]
+    pub(super) fn coarse(&self) -> State {
+        self.clone().on(self.frame.coarse().evidence)
     }
 
     /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
@@ -71,27 +92,58 @@ impl State {
     #[must_use]
     pub fn search(frame: Arc<Frame>, start: &[f64], content: f64) -> State {
         let begin = State::fit(Arc::clone(&frame), start, &noises(&frame, &residual(&frame, start)));
-        if begin.cost < content || !begin.is_slow() {
-            return begin;
+        begin.or_from_white(content)
+    }
+
+    /// The same, unless it leads to where this state is.
+    pub(super) fn search_elsewhere(&self, start: &[f64], content: f64) -> Option<State> {
+        let begin = self.fit_elsewhere(start, &noises(&self.frame, &residual(&self.frame, start)))?;
+        Some(begin.or_from_white(content))
+    }
+
+    fn or_from_white(self, content: f64) -> State {
+        if self.cost < content || !self.is_slow() {
+            return self;
         }
-        let white = descend(&frame, &begin.x, &State::white(&frame), &all(&frame), Asked::Never);
-        let again = State::fit(Arc::clone(&frame), &white.x, &noises(&frame, &white.residual));
-        if again.cost < begin.cost { again } else { begin }
+        let frame = &self.frame;
+        let again = || {
+            let white = descend_elsewhere(frame, &self.x, &State::white(frame), Asked::Never, &[self.valley()])?;
+            self.fit_elsewhere(&white.x, &noises(frame, &white.residual))
+        };
+        match again() {
+            Some(again) if again.cost < self.cost => again,
+            _ => self,
+        }
+    }
+
+    /// Where this state lies.
+    pub(super) fn valley(&self) -> Valley<'_> {
+        Valley::new(&self.frame, &self.x, &self.residual, &self.noise, (&self.normal, &self.pull))
+    }
+
+    /// Fits all unknowns, beginning at `start` and with this noise, unless that leads to where this state is.
+    pub(super) fn fit_elsewhere(&self, start: &[f64], noise: &[(Channel, Noise)]) -> Option<State> {
+        let place = descend_elsewhere(&self.frame, start, noise, Asked::Always, &[self.valley()])?;
+        Some(State::of(Arc::clone(&self.frame), place))
     }
 
     /// This state with one more effect, all numbers beginning where another state has them, and those that
-    /// it lacks at their usual size.
+    /// it lacks at their usual size; none where that leads to a state that is known.
     #[must_use]
-    pub(super) fn with(&self, effect: &EffectSpec, like: &State) -> Option<State> {
+    pub(super) fn with(&self, effect: &EffectSpec, like: &State, known: Option<&State>) -> Option<State> {
         let model = self.frame.model.with(effect.id).ok()?;
         let frame = Arc::new(Frame::new(Arc::new(model), Arc::clone(&self.frame.evidence)));
-        Some(State::fit(Arc::clone(&frame), &frame.like(like, Some(effect)), &like.noise))
+        let start = frame.like(like, Some(effect));
+        match known {
+            Some(known) => known.fit_elsewhere(&start, &like.noise),
+            None => Some(State::fit(frame, &start, &like.noise)),
+        }
     }
 
     /// This state refitted from where another ended.
     #[must_use]
-    pub(super) fn begun_from(&self, other: &State) -> State {
-        State::fit(Arc::clone(&self.frame), &self.frame.like(other, None), &other.noise)
+    pub(super) fn begun_from(&self, other: &State) -> Option<State> {
+        self.fit_elsewhere(&self.frame.like(other, None), &other.noise)
     }
 
     /// The better of this state and those that begin elsewhere, where it leaves slow noise. How far a
@@ -110,12 +162,12 @@ impl State {
         if all.clone().any(odd) {
             let mut told = self.x.clone();
             all.clone().filter(|&place| own(place)).for_each(|place| told[place] = 0.0);
-            others.push(State::fit(Arc::clone(&self.frame), &told, &self.noise));
+            others.extend(self.fit_elsewhere(&told, &self.noise));
         }
         let mut looked = self.x.clone();
         looked[first..].fill(0.0);
         look_for_starts(&self.frame, &mut looked);
-        others.push(State::fit(Arc::clone(&self.frame), &looked, &noises(&self.frame, &residual(&self.frame, &looked))));
+        others.extend(self.fit_elsewhere(&looked, &noises(&self.frame, &residual(&self.frame, &looked))));
         others.into_iter().fold(self, |best, other| if other.cost < best.cost { other } else { best })
     }
 
@@ -140,6 +192,7 @@ impl State {
             noise,
             cost,
             normal: lens.normal,
+            pull: lens.pull,
             slopes: Arc::new(slopes),
             freedom,
             rms: OnceLock::new(),
@@ -152,6 +205,17 @@ impl State {
         let place = Place::at(&self.frame, x, self.noise.clone(), &all(&self.frame));
         let moved = State::of(Arc::clone(&self.frame), place);
         if moved.cost <= self.cost + AS_GOOD { moved } else { self }
+    }
+
+    /// Where a search stands that has come here.
+    pub(super) fn place(&self) -> Place {
+        Place {
+            x: self.x.clone(),
+            noise: self.noise.clone(),
+            residual: self.residual.clone(),
+            slopes: DMatrix::clone(&self.slopes),
+            lens: self.lens(&self.noise),
+        }
     }
 
     /// The rows through this state's noise, or another.

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use energy::Channel;
 use nalgebra::DMatrix;
 
-use super::descent::{Asked, Place, descend};
+use super::descent::{Asked, Place, descend_from};
 use super::evidence::Segment;
 use super::frame::Frame;
 use super::judge::explained;
@@ -43,15 +43,20 @@ impl State {
 
     fn with_least_squares(&self) -> State {
         let frame = &self.frame;
-        let (mut x, mut noise) = (self.x.clone(), self.noise.clone());
+        let by = all(frame);
+        let seen = |place: &Place, noise: Vec<(Channel, Noise)>| Place {
+            lens: Lens::new(frame, &place.x, &by, &place.slopes, &place.residual, &noise),
+            noise,
+            ..place.clone()
+        };
+        let mut place = self.place();
         let mut lens = None;
         for _ in 0..ROUNDS {
-            let place = descend(frame, &x, &levelled(frame, &noise), &all(frame), Asked::Never);
-            noise = noises(frame, &place.residual);
-            x.clone_from(&place.x);
-            lens = Some((place.lens, place.slopes));
+            place = descend_from(frame, seen(&place, levelled(frame, &place.noise)), &by, Asked::Never);
+            place.noise = noises(frame, &place.residual);
+            lens = Some((place.lens.clone(), place.slopes.clone()));
         }
-        let mut state = State::of(Arc::clone(frame), Place::at(frame, x, noise, &all(frame)));
+        let mut state = State::of(Arc::clone(frame), seen(&place, place.noise.clone()));
         if let Some((lens, slopes)) = lens {
             state.normal = information(&state, &lens, slopes);
         }

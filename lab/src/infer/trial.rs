@@ -31,46 +31,18 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Refits the base model with the candidate, from where its score expects it and, if that ends
-    /// with less than the score promises, from its usual size, and keeps the better. Where even what
-    /// is promised would cost more than a `rival`, the first refit is enough.
+    /// Refits the base model with the candidate.
     #[must_use]
-    pub fn run(base: &State, candidate: &Candidate, score: &Score, rival: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
-        let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
-        let usual: Vec<f64> =
-            candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
-        let from = |x: &[f64], own: &[f64]| start(&frame, base, x, candidate, own);
-        // A second look is worth its time where the linear theory promised more, and that would do.
-        let promised = base.cost - CONTENT * score.gain;
-        let content = if promised < rival { promised } else { f64::INFINITY };
-        let mut state = State::search(Arc::clone(&frame), &from(&score.base_x, &score.expected), content);
-        if state.cost >= content {
-            let other = State::fit(Arc::clone(&frame), &from(&score.base_x, &usual), &state.noise);
-            state = if other.cost < state.cost { other } else { state };
-        }
-        if score.uniqueness < ABSORBED {
-            // The base model may have bent itself to do the effect's work: it is put back first.
-            let other = State::search(Arc::clone(&frame), &from(&base.frame.start(), &usual), content);
-            state = if other.cost < state.cost { other } else { state };
-        }
-        Trial::of(base, state.or_with_other_starts().with_what_is_open_as_before(), candidate.spec, score.uniqueness, holdout)
+    pub fn run(base: &State, candidate: &Candidate, score: &Score, holdout: Option<&Arc<Evidence>>) -> Trial {
+        let sketch = sketch(&base.coarse(), candidate, score, f64::INFINITY);
+        Trial::refit(base, score, sketch, holdout)
     }
 
-    /// Refits the base model with an effect from where a rival's refit ended.
+    /// Refits the base model with an effect, beginning where that has led on coarser evidence.
     #[must_use]
-    pub fn from_rival(base: &State, score: &Score, rival: &Trial, holdout: Option<&Arc<Evidence>>) -> Option<Trial> {
-        let state = base.with(score.spec, &rival.state)?;
-        Some(Trial::of(base, state.with_what_is_open_as_before(), score.spec, score.uniqueness, holdout))
-    }
-
-    /// Cost of a first refit with the candidate at its usual size: cheap, and enough to see that an
-    /// effect does nothing for the base model.
-    #[must_use]
-    pub fn glance(base: &State, candidate: &Candidate, score: &Score) -> f64 {
-        let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
-        let own: Vec<f64> = candidate.spec.parameters.iter().map(usual).collect();
-        let start = start(&frame, base, &score.base_x, candidate, &own);
-        State::fit(frame, &start, &base.noise).cost
+    pub(super) fn refit(base: &State, score: &Score, sketch: State, holdout: Option<&Arc<Evidence>>) -> Trial {
+        let state = sketch.on(Arc::clone(&base.frame.evidence));
+        Trial::of(base, state.with_what_is_open_as_before(), score.spec, score.uniqueness, holdout)
     }
 
     /// Whether a number of the effect's own rests at an end of its range.
@@ -127,6 +99,42 @@ impl Trial {
         let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(state.told(), evidence));
         Trial { spec, delta_bic: base.bic() - state.bic(), uniqueness, change, holdout, state }
     }
+}
+
+/// The base model refitted with the candidate on the base's evidence, from where its score expects it and, if that ends
+/// with less than the score promises, from its usual size, whichever is better. Where even what
+/// is promised would cost more than a `rival`, the first refit is enough.
+#[must_use]
+pub(super) fn sketch(base: &State, candidate: &Candidate, score: &Score, rival: f64) -> State {
+    let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
+    let usual: Vec<f64> =
+        candidate.spec.parameters.iter().zip(&score.expected).map(|(p, &e)| if p.null.is_some() { usual(p) } else { e }).collect();
+    let from = |x: &[f64], own: &[f64]| start(&frame, base, x, candidate, own);
+    // A second look is worth its time where the linear theory promised more, and that would do.
+    let promised = base.cost - CONTENT * score.gain;
+    let content = if promised < rival { promised } else { f64::INFINITY };
+    let mut state = State::search(Arc::clone(&frame), &from(&score.base_x, &score.expected), content);
+    let better = |state: State, other: Option<State>| other.filter(|other| other.cost < state.cost).unwrap_or(state);
+    if state.cost >= content {
+        let other = state.fit_elsewhere(&from(&score.base_x, &usual), &state.noise);
+        state = better(state, other);
+    }
+    if score.uniqueness < ABSORBED {
+        // The base model may have bent itself to do the effect's work: it is put back first.
+        let other = state.search_elsewhere(&from(&base.frame.start(), &usual), content);
+        state = better(state, other);
+    }
+    state.or_with_other_starts()
+}
+
+/// Cost of a first refit with the candidate at its usual size: cheap, and enough to see that an
+/// effect does nothing for the base model.
+#[must_use]
+pub(super) fn glance(base: &State, candidate: &Candidate, score: &Score) -> f64 {
+    let frame = Arc::new(Frame::new(Arc::clone(&candidate.model), Arc::clone(&base.frame.evidence)));
+    let own: Vec<f64> = candidate.spec.parameters.iter().map(usual).collect();
+    let start = start(&frame, base, &score.base_x, candidate, &own);
+    State::fit(frame, &start, &base.noise).cost
 }
 
 /// Share by which predictions differ that are the same but for rounding.

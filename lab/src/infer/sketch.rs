@@ -1,0 +1,194 @@
+//! Every promising effect refitted on coarser evidence: which of them are worth a refit on all of it.
+//!
+//! A refit goes most of its way far from where it ends, and some go it several times, from different beginnings. Means
+//! of more rows show the way as well, at a fraction of the cost; only what ends near the best there is refitted and
+//! judged on the evidence itself.
+
+use energy::EffectSpec;
+
+use super::candidate::{Candidate, Untested, candidates};
+use super::discover::ALIKE;
+use super::judge::{ABSORBED, explained, threshold};
+use super::score::{Score, Scoring};
+use super::state::State;
+use super::trial::{glance, sketch};
+
+/// Effects that are refitted: the best by what a linear refit promises, by the score against slow
+/// noise, and by what they explain where no slow noise excuses it.
+const REFITTED: usize = 4;
+const BY_STATISTIC: usize = 1;
+const BY_EXPLAINED: usize = 2;
+/// Of those that a refit of the base absorbs nearly whole, and of those that look like the best.
+const ABSORBED_MAX: usize = 4;
+const LIKE_THE_BEST: usize = 3;
+/// Share of what the best explains that such an effect must explain to be refitted.
+const SHARE: f64 = 0.1;
+/// Confounding from which on an effect looks like the best.
+const LOOKS_ALIKE: f64 = 0.9;
+
+/// Trials from whose end the base is refitted.
+const BEGUN_FROM: usize = 2;
+/// Fall of the cost that makes a base a better one, in units of two log-likelihoods.
+const BETTER: f64 = 1.0;
+
+/// Share of the best gain on coarser evidence from which on an effect may be the best on all of it. Means of many rows
+/// take something of a quick effect, and steps as long as they bend a curved one a little.
+const MAY_BE_BEST: f64 = 0.7;
+
+/// One effect on coarser evidence.
+pub(super) struct Sketch {
+    /// Place of its score.
+    pub(super) place: usize,
+    /// The base model with it, at its best there.
+    pub(super) state: State,
+    /// Fall of the Bayesian information criterion there.
+    pub(super) delta_bic: f64,
+}
+
+/// The absent effects of a base, and how the promising ones do on coarser evidence.
+pub(super) struct Sketches {
+    /// Every absent effect that the logs excite, by how much it explains.
+    pub(super) scored: Vec<(Score, Candidate)>,
+    /// Effects that cannot be tried on these logs.
+    pub(super) untested: Vec<Untested>,
+    /// How many can.
+    pub(super) tried: usize,
+    /// The base on coarser evidence.
+    base: State,
+    /// Those that were not yet taken, best first.
+    drawn: Vec<Sketch>,
+    /// Places of all that were drawn.
+    seen: Vec<usize>,
+}
+
+impl Sketches {
+    /// Of this base: what is worth a refit by its score, then what looks like the best of that.
+    pub(super) fn new(base: &State) -> Sketches {
+        let (able, untested) = candidates(&base.frame, &base.x);
+        let tried = able.len();
+        let scoring = Scoring::new(base);
+        let mut scored: Vec<(Score, Candidate)> = able.into_iter().filter_map(|one| Some((scoring.score(&one)?, one))).collect();
+        scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
+        let worth = worth_a_refit(base, &scored, tried);
+        let mut sketches = Sketches { scored, untested, tried, base: base.coarse(), drawn: Vec::new(), seen: Vec::new() };
+        let places: Vec<usize> = (0..sketches.scored.len()).filter(|place| worth.contains(place)).collect();
+        sketches.draw(&places);
+        sketches.draw_what_looks_like_the_best();
+        sketches.draw_what_is_taken_for_the_best();
+        sketches
+    }
+
+    fn draw(&mut self, places: &[usize]) {
+        for &place in places {
+            let (score, candidate) = &self.scored[place];
+            let rival = self.drawn.iter().map(|one| one.state.cost).fold(f64::INFINITY, f64::min) + 3.0 * ALIKE;
+            let state = sketch(&self.base, candidate, score, rival);
+            self.keep(place, state);
+        }
+        self.drawn.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    }
+
+    fn keep(&mut self, place: usize, state: State) {
+        self.seen.push(place);
+        self.drawn.push(Sketch { place, delta_bic: self.base.bic() - state.bic(), state });
+    }
+
+    fn best(&self) -> Option<&Sketch> {
+        self.drawn.first().filter(|best| best.delta_bic > threshold(self.tried))
+    }
+
+    /// What looks like the best must be heard as well.
+    fn draw_what_looks_like_the_best(&mut self) {
+        let Some(best) = self.best().map(|best| &self.scored[best.place].0) else { return };
+        let alike = |place: &usize| !self.seen.contains(place) && best.confounded(&self.scored[*place].0) > LOOKS_ALIKE;
+        let alike: Vec<usize> = (0..self.scored.len()).filter(alike).take(LIKE_THE_BEST).collect();
+        self.draw(&alike);
+    }
+
+    /// So must what the catalogue says is taken for it: from the base, which has bent itself to do without
+    /// either, the way to the one may be open and that to the other not.
+    fn draw_what_is_taken_for_the_best(&mut self) {
+        let Some(best) = self.best() else { return };
+        let taken_for = |a: &EffectSpec, b: &EffectSpec| a.confused_with.iter().any(|(id, _)| *id == b.id);
+        let spec = self.scored[best.place].0.spec;
+        let (begin, delta_bic) = (best.state.clone(), best.delta_bic);
+        for place in 0..self.scored.len() {
+            let other = self.scored[place].0.spec;
+            let known = self.drawn.iter().position(|one| one.place == place);
+            let behind = known.is_none_or(|known| delta_bic - self.drawn[known].delta_bic > ALIKE);
+            if !behind || other.id == spec.id || !(taken_for(spec, other) || taken_for(other, spec)) {
+                continue;
+            }
+            let Some(state) = self.base.with(other, &begin, known.map(|known| &self.drawn[known].state)) else { continue };
+            match known {
+                Some(known) if self.drawn[known].state.cost > state.cost => {
+                    self.drawn.remove(known);
+                    self.keep(place, state);
+                }
+                Some(_) => {}
+                None => self.keep(place, state),
+            }
+        }
+        self.drawn.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    }
+
+    /// Effects that a refit of the base absorbs nearly whole, where a first refit is promising.
+    pub(super) fn draw_what_begins_alike(&mut self) {
+        let promising = |&place: &usize| {
+            let (score, candidate) = &self.scored[place];
+            let absorbed = score.uniqueness < ABSORBED && !self.seen.contains(&place);
+            absorbed && self.base.cost - glance(&self.base, candidate, score) > 0.5 * threshold(self.tried)
+        };
+        let places: Vec<usize> = (0..self.scored.len()).filter(promising).collect();
+        self.draw(&places);
+    }
+
+    /// The best of those that are left, and all that may turn out to be as good; none when no other can be accepted.
+    pub(super) fn next_wave(&mut self) -> Option<Vec<Sketch>> {
+        let least = threshold(self.tried) - ALIKE;
+        let best = self.drawn.first().filter(|best| best.delta_bic > least)?.delta_bic;
+        let least = least.max(MAY_BE_BEST * best - 3.0 * ALIKE);
+        let count = self.drawn.iter().take_while(|one| one.delta_bic > least).count();
+        Some(self.drawn.drain(..count).collect())
+    }
+
+    /// The base refitted from where the best ended, where that is clearly better.
+    pub(super) fn better_base(&self, base: &State) -> Option<State> {
+        let gaining = self.drawn.iter().filter(|one| one.delta_bic > 0.0).take(BEGUN_FROM);
+        let best = gaining.filter_map(|one| self.base.begun_from(&one.state)).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        let better = |better: &State, than: &State| better.cost < than.cost - BETTER;
+        if !better(&best, &self.base) {
+            return None;
+        }
+        Some(best.on(base.frame.evidence.clone())).filter(|best| better(best, base))
+    }
+}
+
+/// Places of the scores, best gain first, whose effects are refitted for real.
+fn worth_a_refit(base: &State, scored: &[(Score, Candidate)], tried: usize) -> Vec<usize> {
+    let by = |of: fn(&Score) -> f64, count: usize| {
+        let mut places: Vec<usize> = (0..scored.len()).collect();
+        places.sort_by(|&a, &b| of(&scored[b].0).total_cmp(&of(&scored[a].0)));
+        places.truncate(count);
+        places
+    };
+    let best_gain = scored.first().map_or(0.0, |(score, _)| score.gain);
+    let most = scored.iter().map(|(score, _)| score.explained).fold(0.0, f64::max);
+    let near = (0..scored.len()).filter(|&place| {
+        let gain = scored[place].0.gain;
+        place < REFITTED && gain > 0.3 * best_gain || gain > best_gain - 2.0 * ALIKE
+    });
+    let weighty = |&place: &usize| scored[place].0.gain.max(scored[place].0.statistic) > 0.5 * threshold(tried);
+    let mut places: Vec<usize> = near.chain(by(|score| score.statistic, BY_STATISTIC)).filter(weighty).collect();
+    if !explained(base) {
+        let explains = |&place: &usize| scored[place].0.explained > 10.0 * threshold(tried);
+        places.extend(by(|score| score.explained, BY_EXPLAINED).into_iter().filter(explains));
+        // The base model may have bent itself to absorb an effect.
+        let absorbed = |&place: &usize| scored[place].0.uniqueness < ABSORBED && scored[place].0.explained > SHARE * most;
+        places.extend(by(|score| score.explained, scored.len()).into_iter().filter(explains).filter(absorbed).take(ABSORBED_MAX));
+        // Or it does all of an effect's work already.
+        let wholly = |&place: &usize| scored[place].0.freedom == 0;
+        places.extend((0..scored.len()).filter(wholly).take(ABSORBED_MAX));
+    }
+    places
+}
