@@ -1,7 +1,7 @@
 //! Plans of instance files within a CPU time: robots, time, levels, bound, gap.
 //!
-//! `cargo bench -p planner -- FILE.json SECONDS ...` plans pairs of file and time; without
-//! arguments it plans the small instances of the tests, rolls fifty robots through two hundred
+//! `cargo bench -p planner -- FILE.json SECONDS ...` plans pairs of file and time, or number of moves
+//! (`FILE.json 2000m`); without arguments it plans the small instances of the tests, rolls fifty robots through two hundred
 //! services, and mends the plan of a thousand.
 
 #![allow(clippy::disallowed_methods, reason = "a bench measures time")]
@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use planner::problem::{Problem, Robot, Travel};
-use planner::{Instance, Moves, Session, plan, policies, replan};
+use planner::{Budget, Instance, Moves, Session, plan, policies, replan};
 use rustix::time::{ClockId, clock_gettime};
 
 /// Fleets of this size are planned on several threads: their budget is time, that of smaller ones CPU time.
@@ -37,8 +37,11 @@ fn main() {
         mend();
     }
     for pair in arguments.chunks(2) {
-        let seconds = pair.get(1).map_or(1.0, |text| text.parse().expect("seconds"));
-        show(&read(Path::new(&pair[0])).problem, seconds, "optimise");
+        let (problem, limit) = (read(Path::new(&pair[0])).problem, pair.get(1).map_or("1", String::as_str));
+        match limit.strip_suffix('m') {
+            Some(moves) => planned(&problem, "optimise", &mut Moves(moves.parse().expect("a number of moves"))),
+            None => show(&problem, limit.parse().expect("seconds"), "optimise"),
+        }
     }
 }
 
@@ -56,7 +59,12 @@ fn show(problem: &Problem, budget_s: f64, policy: &str) {
     let (begin, start) = (Instant::now(), cpu_s());
     let took = || if problem.robots.len() < LARGE { cpu_s() - start } else { begin.elapsed().as_secs_f64() };
     let mut used = |_: u64| if budget_s == 0.0 { 1.0 } else { took() / budget_s };
-    let plan = plan(problem, policy, 1, &mut used).expect("a plan");
+    planned(problem, policy, &mut used);
+}
+
+fn planned(problem: &Problem, policy: &str, budget: &mut dyn Budget) {
+    let (begin, start) = (Instant::now(), cpu_s());
+    let plan = plan(problem, policy, 1, budget).expect("a plan");
     let (levels, robots) = (plan.objective, problem.robots.len());
     println!(
         "{:<26} {robots:>8} {policy:>18} {:>9.4} {:>9.4} {:>9} {:>9} {:>10} {:>8.2}",

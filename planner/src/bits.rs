@@ -12,17 +12,14 @@ impl Bits {
 
     /// Sets the flags of `from..` to what holds of these, one after the other.
     #[inline]
-    pub(crate) fn put<T>(&mut self, from: usize, of: &mut [T], mut holds: impl FnMut(&mut T) -> bool) {
+    pub(crate) fn put<T>(&mut self, from: usize, of: &[T], holds: impl Fn(&T) -> bool) {
         let (mut at, mut of) = (from, of);
         while !of.is_empty() {
             let bit = at % 64;
-            let (here, rest) = of.split_at_mut(of.len().min(64 - bit));
-            let (count, mut flags) = (here.len(), 0_u64);
-            for each in here {
-                flags = flags >> 1 | u64::from(holds(each)) << 63;
-            }
-            self.set(at / 64, Self::stretch(bit, count), flags >> (64 - count) << bit);
-            (at, of) = (at + count, rest);
+            let (here, rest) = of.split_at(of.len().min(64 - bit));
+            let flags = here.iter().zip(bit..).fold(0, |flags, (each, bit)| flags | u64::from(holds(each)) << bit);
+            self.set(at / 64, Self::stretch(bit, here.len()), flags);
+            (at, of) = (at + here.len(), rest);
         }
     }
 
@@ -39,17 +36,24 @@ impl Bits {
     }
 
     /// Whether a flag in `from..to` is set.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn any(&self, from: usize, to: usize) -> bool {
         if from >= to {
             return false;
         }
+        if to - from > 64 {
+            return self.any_of_many(from, to);
+        }
+        // There is always a word after that of the last tick.
+        let (word, bit) = (from / 64, from % 64);
+        let flags = self.0[word] >> bit | self.0[word + 1] << 1 << (63 - bit);
+        flags << (64 - (to - from)) != 0
+    }
+
+    fn any_of_many(&self, from: usize, to: usize) -> bool {
         let (first, last) = (from / 64, (to - 1) / 64);
         let head = u64::MAX << (from % 64);
         let tail = u64::MAX >> (63 - (to - 1) % 64);
-        if first == last {
-            return self.0[first] & head & tail != 0;
-        }
         self.0[first] & head != 0 || self.0[last] & tail != 0 || self.0[first + 1..last].iter().any(|&word| word != 0)
     }
 
@@ -66,5 +70,24 @@ impl Bits {
             at = (at / 64 + 1) * 64;
         }
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stretch_is_asked_as_its_ticks_would_be() {
+        for set in [vec![], vec![0], vec![63], vec![64, 65], vec![127], vec![130, 191]] {
+            let mut bits = Bits::new(192, false);
+            bits.put(0, &(0..192).map(|tick| set.contains(&tick)).collect::<Vec<_>>(), |&is_set| is_set);
+            for from in 0..=192 {
+                for to in from..=192 {
+                    assert_eq!(bits.any(from, to), (from..to).any(|tick| set.contains(&tick)), "{set:?} {from}..{to}");
+                    assert_eq!(bits.first(from, to), (from..to).find(|tick| set.contains(tick)), "{set:?} {from}..{to}");
+                }
+            }
+        }
     }
 }

@@ -107,7 +107,7 @@ impl<'p> Book<'p> {
             let begun = station.chance.as_ref().map_or(0, |chance| chance.begun);
             limit.energy -= begun + base[..limit.before as usize].iter().sum::<i64>();
         }
-        book.tight.put(0, &mut book.headroom, |room| *room < draw_max);
+        book.tight.put(0, &book.headroom, |&room| room < draw_max);
         book
     }
 
@@ -264,14 +264,14 @@ impl<'p> Book<'p> {
         if let Some(odds) = &mut self.odds {
             odds.change(choices, way, sign);
         }
-        let (headroom, tight, draw_max) = (&mut self.headroom, &mut self.tight, self.draw_max);
+        let (headroom, draw_max) = (&mut self.headroom, self.draw_max);
+        let mut last = start;
         choices.draws(way, self.station, self.horizon, |from, to, draw| {
             let draw = i64::from(sign) * draw;
-            tight.put(from, &mut headroom[from..to], |room| {
-                *room += draw;
-                *room < draw_max
-            });
+            headroom[from..to].iter_mut().for_each(|room| *room += draw);
+            last = to;
         });
+        self.tight.put(start, &headroom[start..last], |&room| room < draw_max);
     }
 
     /// Energy that all ways in the book and the station itself draw before a tick.
@@ -292,6 +292,22 @@ impl<'p> Book<'p> {
         let counted = [&self.bays, &self.lift, &self.slot, &self.spares];
         let counted = counted.into_iter().flat_map(|counters| counters.left(self.horizon));
         counted.chain(self.headroom.iter().copied()).chain(self.energy.iter().map(|limit| limit.energy)).collect()
+    }
+
+    /// What is left in a tick of bays, lift, slot, spares or power: the rows of [`Self::left`].
+    pub(crate) fn left_at(&self, row: usize, tick: usize) -> i64 {
+        let counted = [&self.bays, &self.lift, &self.slot, &self.spares];
+        counted.get(row).map_or_else(|| self.headroom[tick], |counters| counters.left_at(tick))
+    }
+
+    /// Tells in words how many spares are left from a tick on.
+    pub(crate) fn spares_from(&self, tick: usize, tell: impl FnMut(u64)) {
+        self.spares.from(tick, tell);
+    }
+
+    /// The ticks that it has.
+    pub(crate) fn horizon(&self) -> Tick {
+        self.horizon
     }
 
     /// How much there is of bay ticks, lift ticks, spares and energy; at least 1 of each.

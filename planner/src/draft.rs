@@ -177,12 +177,15 @@ impl<'w, 'p> Draft<'w, 'p> {
 
     /// Makes the choice that of another draft of the same problem.
     pub fn become_choice(&mut self, chosen: &[u32]) {
-        let differing: Vec<usize> = (0..chosen.len()).filter(|&robot| chosen[robot] != self.chosen[robot]).collect();
-        for &robot in differing.iter().filter(|&&robot| self.chosen[robot] != NONE).collect::<Vec<_>>() {
-            self.strike(robot);
+        for (robot, &way) in chosen.iter().enumerate() {
+            if self.chosen[robot] != way && self.chosen[robot] != NONE {
+                self.strike(robot);
+            }
         }
-        for &robot in differing.iter().filter(|&&robot| chosen[robot] != NONE) {
-            self.enter(robot, chosen[robot]);
+        for (robot, &way) in chosen.iter().enumerate() {
+            if self.chosen[robot] != way {
+                self.enter(robot, way);
+            }
         }
         self.log.clear();
     }

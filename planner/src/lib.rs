@@ -9,7 +9,8 @@
 //!   draft.rs       a plan in the making: one way per robot, the books, a log to take back
 //!     |
 //!   policy/        one file per policy; optimise.rs is the default:
-//!     |              construct.rs at once, turns.rs and search.rs better, prices.rs bounds and guides
+//!     |              construct.rs at once, turns.rs and search.rs better, prices.rs bounds and guides,
+//!     |              narrow.rs goes through all that is left to a better plan of a small fleet
 //!     |            replan.rs mends a plan and moves little
 //!     |
 //!   plan.rs        sessions, packs, what is proven, reasons.rs for who is left out
@@ -41,6 +42,7 @@ pub mod draft;
 pub mod explain;
 mod guide;
 pub mod instance;
+mod narrow;
 pub mod optimise;
 pub mod plan;
 pub mod policy;

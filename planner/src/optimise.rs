@@ -5,10 +5,12 @@
 //!     |
 //!   strand few       search over orders of robots, in small fleets               (turns)
 //!     |              search with what a way takes of its station as its cost     (thrifty ways)
+//!     |              in small fleets instead: all that fewer stranded leave open (narrow)
 //!     |
 //!   miss little      search by missed work, at most as many stranded,            (search)
 //!     |  ^            led by prices, which are bettered in between               (prices, guide)
 //!     |  +---- prices bound the missed work from below
+//!     |              in small fleets then: all that a better plan could still be (narrow)
 //!   tidy up          ways of equal cost that take less energy
 //! ```
 
@@ -18,6 +20,7 @@ use rand_pcg::Pcg64Mcg;
 use crate::construct::{self, ORDERS, greedy, ranked};
 use crate::draft::{Draft, NONE, broken};
 use crate::guide::Guide;
+use crate::narrow;
 use crate::plan::{Levels, Plan};
 use crate::prices::{Level, Prices};
 use crate::search::{SETTLED_MAX, Search};
@@ -49,9 +52,14 @@ impl<F: FnMut(u64) -> f64> Budget for F {
 /// Share of the budget after which the stranded are as few as they will be.
 const STRAND_SHARE: f64 = 0.4;
 /// The largest fleet for which orders are searched: beyond that, turning one into a plan takes too long.
-const TURNS_MAX: usize = 64;
+const TURNS_MAX: u64 = 64;
 /// Share of the time for few stranded that goes to orders.
 const TURNS_SHARE: f64 = 0.9;
+/// Moves for each robot of a small fleet after which only what a better plan could still use is looked at:
+/// first for fewer stranded robots, then for less missed work.
+const TURNS_MOVES: u64 = 200;
+/// See [`TURNS_MOVES`].
+const WIDE_MOVES: u64 = 3000;
 /// Share of the search's time that goes to prices.
 const PRICES_SHARE: f64 = 0.25;
 /// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
@@ -59,7 +67,7 @@ const HOT: [f64; 2] = [20.0, 64.0];
 /// Temperature at its end.
 const COLD: f64 = 0.3;
 /// A search of a small fleet is over long before its time: it is heated again so often, from its best plan.
-const HEATS: f64 = 4.0;
+const HEATS: f64 = 6.0;
 /// The largest fleet for which that pays.
 const REHEATED_MAX: usize = 32;
 /// Both while the cost is what a way takes of its station.
@@ -92,7 +100,7 @@ pub(crate) fn best<'w, 'p>(
     seed: u64,
     budget: &mut dyn Budget,
 ) -> (Draft<'w, 'p>, Levels) {
-    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), budget, moves: 0 };
+    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), clock: Clock { budget, moves: 0 } };
     let at_once = run.at_once();
     let mut search = Search::new(match known {
         Some(known) if (known.broken(), known.score) <= (at_once.broken(), at_once.score) => known,
@@ -101,9 +109,19 @@ pub(crate) fn best<'w, 'p>(
     search.settle(if run.used() < 1.0 { SETTLED_MAX } else { HASTY });
     let least = least_stranded(ways);
     let mut prices = Prices::new(ways, Level::Cost { stranded_max: search.best_score.stranded });
+    let (mut least, mut proven) = (least, false);
     if run.used() < 1.0 && !search.idle() {
-        run.strand_few(&mut search, &mut prices, least);
-        run.miss_little(&mut search, &mut prices, least);
+        least = run.strand_few(&mut search, &mut prices, least);
+        proven = run.miss_little(&mut search, &mut prices, least);
+        // When nothing is left to miss less, the rest of the time goes to stranding fewer.
+        let mut width = narrow::WIDTH;
+        while run.is_small() && proven && search.best_score.stranded > least && run.used() < 1.0 && width <= narrow::WIDTH_MAX {
+            let before = search.best_score.stranded;
+            least = narrow::fewer_stranded(run.ways, &mut prices, &mut search, least, 1.0, &mut run.clock, &mut width);
+            if search.best_score.stranded < before {
+                proven = run.miss_little(&mut search, &mut prices, least);
+            }
+        }
         search.return_to_best();
         search.settle(SETTLED_MAX);
     }
@@ -111,7 +129,8 @@ pub(crate) fn best<'w, 'p>(
     let least = if prices.improved() { proven_least(ways, least, draft.score.stranded) } else { least };
     prices.cap_stranded(draft.score.stranded);
     let energy_bound = if prices.improved() { prices.energy_bound(draft.score.cost) } else { 0 };
-    let bounds = Levels { stranded: least, cost: prices.bound(), energy: energy_bound, packs: 0 };
+    let cost = if proven { draft.score.cost } else { prices.bound() };
+    let bounds = Levels { stranded: least, cost, energy: energy_bound, packs: 0 };
     (draft, bounds)
 }
 
@@ -137,16 +156,34 @@ fn proven_least(ways: &Ways<'_>, least: i64, stranded: i64) -> i64 {
     prices.bound().max(least)
 }
 
+/// What of the budget is used.
+pub(crate) struct Clock<'b> {
+    budget: &'b mut dyn Budget,
+    /// Moves so far.
+    pub(crate) moves: u64,
+}
+
+impl Clock<'_> {
+    /// The part of the budget that is used up.
+    pub(crate) fn used(&mut self) -> f64 {
+        self.budget.used(self.moves)
+    }
+
+    /// The same if there had been so many moves.
+    pub(crate) fn used_with(&mut self, moves: u64) -> f64 {
+        self.budget.used(moves)
+    }
+}
+
 struct Run<'w, 'p, 'b> {
     ways: &'w Ways<'p>,
     rng: Pcg64Mcg,
-    budget: &'b mut dyn Budget,
-    moves: u64,
+    clock: Clock<'b>,
 }
 
 impl<'w, 'p> Run<'w, 'p, '_> {
     fn used(&mut self) -> f64 {
-        self.budget.used(self.moves)
+        self.clock.used()
     }
 
     /// The best of several orders. The first serves most, so it has to do when there is no time.
@@ -168,11 +205,11 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         best
     }
 
-    /// Strands fewer, whatever work is missed for it.
-    fn strand_few(&mut self, found: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) {
+    /// Strands fewer, whatever work is missed for it. How few are stranded by any plan.
+    fn strand_few(&mut self, found: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, mut least: i64) -> i64 {
         let start = self.used();
         if found.best_score.stranded <= least {
-            return;
+            return least;
         }
         let thrifty = self.ways.thrifty();
         let mut few = Draft::new(&thrifty);
@@ -184,17 +221,31 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             }
         }
         let until = start + STRAND_SHARE * (1.0 - start);
-        if self.ways.problem().robots.len() <= TURNS_MAX {
+        let robots = self.ways.problem().robots.len() as u64;
+        if robots <= TURNS_MAX {
             let first = start + TURNS_SHARE * (until - start);
             let orders = ORDERS.map(|order| ranked(&thrifty, order));
-            let (budget, moves) = (&mut *self.budget, &mut self.moves);
+            let is_small = self.is_small();
+            let clock = &mut self.clock;
+            let enough = clock.moves + robots * TURNS_MOVES;
             let found = turns::few_stranded(&thrifty, &orders, least, &mut self.rng, |placed| {
-                *moves += placed;
-                budget.used(*moves) < first
+                clock.moves += placed;
+                clock.used() < first && !(is_small && clock.moves > enough)
             });
             if found.score < few.score {
                 few = found;
             }
+        }
+        if self.is_small() {
+            let chosen = self.ways.translated(&thrifty, &few.chosen);
+            if few.score.stranded < found.best_score.stranded
+                && broken(self.ways.problem(), &chosen) <= broken(self.ways.problem(), &found.best)
+            {
+                found.go_on_from(&chosen);
+                found.settle(SETTLED_MAX);
+            }
+            least = narrow::fewer_stranded(self.ways, prices, found, least, until, &mut self.clock, &mut { narrow::WIDTH });
+            return least;
         }
         let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
         let mut search = Search::new(few);
@@ -219,32 +270,38 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             found.go_on_from(&few);
             found.settle(SETTLED_MAX);
         }
+        least
     }
 
-    /// Misses less work, strands no more.
-    fn miss_little(&mut self, search: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) {
+    /// Misses less work, strands no more. Whether no plan that strands as few misses less.
+    fn miss_little(&mut self, search: &mut Search<'w, 'p>, prices: &mut Prices<'w, 'p>, least: i64) -> bool {
         let start = self.used();
         let robots = self.ways.problem().robots.len();
         let hot = (robots as f64 / 4.0).clamp(HOT[0], HOT[1]);
         let heats = if robots <= REHEATED_MAX { HEATS } else { 1.0 };
         let mut heated = 0.0;
+        let (began, wide) = (self.clock.moves, if self.is_small() { WIDE_MOVES * robots as u64 } else { u64::MAX });
         let (mut priced, mut searched) = (0.0, 0.0);
         loop {
             let at = self.used();
             let score = search.best_score;
             let proven = score.stranded == least && score.cost == prices.bound();
             if at >= 1.0 || (proven && at >= 0.3) || search.idle() {
-                break;
+                return proven;
+            }
+            let gone = ((self.clock.moves - began) as f64 / wide as f64).max((at - start) / (1.0 - start));
+            if self.clock.moves - began >= wide {
+                return narrow::cheaper(self.ways, prices, search, &mut self.rng, &mut self.clock);
             }
             prices.cap_stranded(score.stranded);
             if self.is_large() && prices.improved() {
                 let guide = prices.guide().clone();
-                self.search_beside(search, &guide, heat([hot, COLD], (at - start) / (1.0 - start)), prices, score.cost);
+                self.search_beside(search, &guide, heat([hot, COLD], gone), prices, score.cost);
             } else if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
-                self.moves += prices.improve(score.cost);
+                self.clock.moves += prices.improve(score.cost);
                 priced += self.used() - at;
             } else {
-                let progress = heats * (at - start) / (1.0 - start);
+                let progress = heats * gone;
                 if progress - heated >= 1.0 {
                     heated = progress.floor();
                     search.return_to_best();
@@ -253,6 +310,11 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 searched += self.used() - at;
             }
         }
+    }
+
+    /// Whether it is worth while to look at whatever a better plan could be.
+    fn is_small(&self) -> bool {
+        self.ways.problem().robots.len() <= narrow::ROBOTS_MAX
     }
 
     /// Whether there is work for several threads.
@@ -265,24 +327,24 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let moves = self.ways.problem().robots.len() as u64 * MOVES_BESIDE;
         let rng = &mut self.rng;
         rayon::join(|| search.run(guide, rng, moves, heat), || prices.improve(aim));
-        self.moves += moves;
+        self.clock.moves += moves;
     }
 
     fn search(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64) {
         let moves = (self.ways.problem().robots.len() as u64 * 2).clamp(20, MOVES_AT_ONCE);
         search.run(guide, &mut self.rng, moves, heat);
-        self.moves += moves;
+        self.clock.moves += moves;
     }
 }
 
 /// The temperature falls by equal factors.
-fn heat([hot, cold]: [f64; 2], progress: f64) -> f64 {
+pub(crate) fn heat([hot, cold]: [f64; 2], progress: f64) -> f64 {
     hot * f64::powf(cold / hot, progress.clamp(0.0, 1.0))
 }
 
 impl Ways<'_> {
     /// A choice among `other`'s ways, of the same problem, as a choice among these.
-    fn translated(&self, other: &Ways<'_>, chosen: &[u32]) -> Vec<u32> {
+    pub(crate) fn translated(&self, other: &Ways<'_>, chosen: &[u32]) -> Vec<u32> {
         let here = chosen.iter().enumerate().map(|(robot, &way)| {
             if way == NONE {
                 return NONE;

@@ -6,11 +6,13 @@
 //! (subgradient steps with memory). All arithmetic on the bound is in whole numbers, so that it
 //! is proven and not merely computed.
 
+mod reduced;
 mod table;
 
 use crate::guide::Guide;
 use crate::problem::Problem;
 use crate::way::{Choices, Way, Ways};
+pub(crate) use reduced::Reduced;
 use table::{Layout, Table};
 
 /// Prices are whole numbers of this part of a unit of cost.
@@ -35,6 +37,16 @@ pub enum Level {
         /// So many.
         stranded_max: i64,
     },
+}
+
+impl Level {
+    /// What a unit of cost counts, and how many may be stranded for nothing.
+    fn weights(self) -> (i64, i64) {
+        match self {
+            Self::Stranded => (0, 0),
+            Self::Cost { stranded_max } => (UNIT, stranded_max),
+        }
+    }
 }
 
 /// Prices that are being improved.
@@ -117,6 +129,21 @@ impl<'w, 'p> Prices<'w, 'p> {
         };
         let mut usage = vec![0.0; rows];
         let look = prices.look_at_cheap(&mut usage);
+        prices.note(&look);
+        prices
+    }
+
+    /// The best prices so far.
+    pub(crate) fn best(&self) -> &[f64] {
+        &self.best
+    }
+
+    /// Fewer ways of the same problem at these prices.
+    pub(crate) fn from(ways: &'w Ways<'p>, level: Level, best: &[f64]) -> Self {
+        let mut prices = Prices::new(ways, level);
+        prices.now.copy_from_slice(best);
+        let mut usage = vec![0.0; prices.layout.rows()];
+        let look = prices.look_at_all(&mut usage);
         prices.note(&look);
         prices
     }
@@ -306,10 +333,7 @@ impl<'w, 'p> Prices<'w, 'p> {
     ) -> Look {
         let problem = self.ways.problem();
         let table = Table::new(&self.layout, prices, UNIT);
-        let (costs, stranded_max) = match self.level {
-            Level::Stranded => (0, 0),
-            Level::Cost { stranded_max } => (UNIT, stranded_max),
-        };
+        let (costs, stranded_max) = self.level.weights();
         let last = prices.last().copied().unwrap_or(0.0);
         let stranded_price = if costs == 0 { UNIT } else { (last * UNIT as f64) as i64 };
         let mut uses = table::Uses::new(&self.layout);

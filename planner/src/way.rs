@@ -184,6 +184,19 @@ impl<'p> Ways<'p> {
         Self { problem: self.problem, choices: choices.collect() }
     }
 
+    /// Of each robot only some of its ways, which keep their order.
+    #[must_use]
+    pub(crate) fn only(&self, kept: impl Fn(usize) -> Vec<u32>) -> Self {
+        let choices = (0..self.choices.len()).map(|robot| {
+            let all = self.of(robot);
+            let mut kept = kept(robot);
+            kept.sort_unstable();
+            let ways = kept.into_iter().map(|way| all.ways[way as usize]).collect();
+            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), ..*all })
+        });
+        Self { problem: self.problem, choices: choices.collect() }
+    }
+
     /// The problem.
     #[must_use]
     pub fn problem(&self) -> &'p Problem {

@@ -53,12 +53,23 @@ impl Counters {
 
     /// What is left in each tick.
     pub(super) fn left(&self, horizon: Tick) -> impl Iterator<Item = i64> + '_ {
-        (0..horizon as usize).map(|tick| {
-            let bits = &self.words[tick / 64 * self.bits..][..self.bits];
-            let set = |word: u64| (word >> (tick % 64) & 1) as i64;
-            let (sign, number) = bits.split_last().map_or((0, bits), |(&sign, number)| (set(sign), number));
-            number.iter().zip(0..).map(|(&word, place)| set(word) << place).sum::<i64>() - (sign << number.len())
-        })
+        (0..horizon as usize).map(|tick| self.left_at(tick))
+    }
+
+    /// Tells what is left from a tick on, in words.
+    pub(super) fn from(&self, tick: usize, mut tell: impl FnMut(u64)) {
+        let first = tick / 64 * self.bits;
+        for (place, &word) in self.words.iter().enumerate().skip(first) {
+            tell(if place < first + self.bits { word >> (tick % 64) } else { word });
+        }
+    }
+
+    /// What is left in a tick.
+    pub(super) fn left_at(&self, tick: usize) -> i64 {
+        let bits = &self.words[tick / 64 * self.bits..][..self.bits];
+        let set = |word: u64| (word >> (tick % 64) & 1) as i64;
+        let (sign, number) = bits.split_last().map_or((0, bits), |(&sign, number)| (set(sign), number));
+        number.iter().zip(0..).map(|(&word, place)| set(word) << place).sum::<i64>() - (sign << number.len())
     }
 }
 

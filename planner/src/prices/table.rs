@@ -5,7 +5,7 @@ use crate::problem::Problem;
 use crate::way::{Choices, Mode, Way};
 
 /// Bays, lift, slot, spares, power: so many rows have one entry per tick.
-const BY_TICK: usize = 5;
+pub(super) const BY_TICK: usize = 5;
 const BAY: usize = 0;
 const LIFT: usize = 1;
 const SLOT: usize = 2;
@@ -42,7 +42,8 @@ impl Layout {
         let mut layout = Self { ticks, first: vec![0], before: Vec::new(), there: Vec::new(), inverse: Vec::new(), draw_max };
         for station in &problem.stations {
             let book = Book::new(problem, station);
-            layout.there.extend(book.left());
+            // What is overdrawn already is there for nobody, and no more than that.
+            layout.there.extend(book.left().into_iter().map(|left| left.max(0)));
             for row in 0..BY_TICK {
                 layout.inverse.extend(std::iter::repeat_n(if row == POWER { 1.0 / draw } else { 1.0 }, ticks));
             }
@@ -55,6 +56,11 @@ impl Layout {
 
     pub(super) fn rows(&self) -> usize {
         self.there.len()
+    }
+
+    /// The prices of a station's rows as whole numbers per unit of each.
+    pub(super) fn whole(&self, station: usize, prices: &[f64], unit: i64) -> Vec<i64> {
+        (self.first[station]..self.first[station + 1]).map(|row| (prices[row] * self.inverse[row] * unit as f64) as i64).collect()
     }
 
     /// The greatest price of a row: with it everywhere, the sums over all ticks are still whole numbers

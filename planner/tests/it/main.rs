@@ -5,4 +5,5 @@ mod checker;
 mod degenerate;
 mod mending;
 mod promises;
+mod proofs;
 mod quality;

@@ -1,6 +1,7 @@
 //! A plan that is mended keeps its other promises.
 
-use planner::{Instance, Moves, plan, replan};
+use planner::problem::Problem;
+use planner::{Instance, Moves, Plan, plan, replan};
 
 use crate::checker::judged;
 
@@ -45,15 +46,24 @@ fn a_charge_that_takes_a_tick_more_makes_those_behind_it_slip_and_breaks_no_prom
     }
     let before = plan(&problem, "optimise", 1, &mut Moves(20_000)).expect("a plan");
     before.sessions.iter().for_each(|session| problem.robots[session.robot].held = true);
-    for station in 0..problem.stations.len() {
-        let Some(first) = before.sessions.iter().filter(|session| session.station == station).min_by_key(|session| session.start) else {
-            continue;
-        };
-        let robot = &mut problem.robots[first.robot];
-        robot.energy -= problem.batteries[robot.battery].chargers[problem.stations[station].charger].curve[0].gain;
+    let mut first: Vec<_> = before.sessions.iter().collect();
+    first.sort_by_key(|session| (session.station, session.start));
+    first.dedup_by_key(|session| session.station);
+    assert!(!first.is_empty());
+    for session in first {
+        let robot = &mut problem.robots[session.robot];
+        robot.energy -= problem.batteries[robot.battery].chargers[problem.stations[session.station].charger].curve[0].gain;
     }
-    let mended = replan(&problem, &before.sessions, &[], 5, 1, &mut Moves(0));
-    assert_eq!(mended.plan.objective.all(), judged(&problem, &mended.plan));
+    // The best plan leaves nobody time to wait: somebody must go elsewhere, and that is looked for.
+    kept_after(&problem, &before, 2000);
+    // Who has a little time waits.
+    problem.robots.iter_mut().for_each(|robot| robot.energy += 2 * robot.drain_hi);
+    kept_after(&problem, &before, 0);
+}
+
+fn kept_after(problem: &Problem, before: &Plan, moves: u64) {
+    let mended = replan(problem, &before.sessions, &[], 5, 1, &mut Moves(moves));
+    assert_eq!(mended.plan.objective.all(), judged(problem, &mended.plan));
     assert!(!mended.moved.is_empty());
     let broken: Vec<_> = mended.plan.unserved.iter().filter(|one| problem.robots[one.robot].held).collect();
     assert!(broken.is_empty(), "{broken:?}");

@@ -1,0 +1,200 @@
+//! Makes an end of small fleets: prices say which ways a better plan could still use, and mostly these
+//! are few.
+//!
+//! ```text
+//!   prices, best plan known       what each way costs beyond the bound    (prices::Reduced)
+//!     |
+//!   beam    plans tick by tick among the ways that leave room for a better plan, wider and wider
+//!     |  ^
+//!     v  |  every better plan leaves fewer
+//!   search  the same moves as elsewhere, among these ways alone
+//! ```
+//!
+//! Where the beam had room for everything, the plan is proven best.
+
+mod beam;
+
+use rand::Rng;
+
+use crate::draft::{Draft, broken};
+use crate::optimise::{Clock, heat};
+use crate::prices::{Level, Prices};
+use crate::search::{SETTLED_MAX, Search};
+use crate::way::Ways;
+use beam::beam;
+
+/// The largest fleet that is looked at so: beyond that too many ways are left.
+pub(crate) const ROBOTS_MAX: usize = 32;
+/// Beginnings of plans at a time: at first, by how much more the next time, and at most.
+pub(crate) const WIDTH: usize = 64;
+const WIDER: usize = 4;
+pub(crate) const WIDTH_MAX: usize = 1 << 16;
+/// Beginnings that a beam looks at in the time of a move of the search.
+const TO_A_MOVE: u64 = 3;
+/// Rounds of prices before a beam, and when another number of stranded robots is asked for.
+const ROUNDS: u32 = 2;
+const ROUNDS_ANEW: u32 = 40;
+/// Share of the time that those may take.
+const PRICED: f64 = 0.3;
+/// What a plan is taken to cost that strands fewer than any that is known, as a part of the bound: prices that aim
+/// lower make steps that are too short.
+const AIM: f64 = 1.3;
+/// Part of the bound that such a plan may cost beyond it at first, and by how much more when there is none.
+const ROOM: f64 = 0.04;
+const MORE_ROOM: f64 = 2.0;
+/// Fewest moves of a search between two beams.
+const MOVES_MIN: u64 = 400;
+/// A search among few ways begins as hot as this part of what a plan may cost beyond the bound.
+const HOT: f64 = 0.5;
+/// Temperature at its end, in units of cost.
+const COLD: f64 = 0.3;
+/// Slices in which it cools.
+const SLICES: u64 = 16;
+
+/// Looks for a plan that strands as few and misses less work until the time is used. Whether it is proven that there is
+/// none.
+pub(crate) fn cheaper<'w, 'p>(
+    ways: &'w Ways<'p>,
+    prices: &mut Prices<'w, 'p>,
+    search: &mut Search<'w, 'p>,
+    rng: &mut impl Rng,
+    clock: &mut Clock<'_>,
+) -> bool {
+    let mut width = WIDTH;
+    loop {
+        let known = search.best_score;
+        prices.cap_stranded(known.stranded);
+        for _ in 0..ROUNDS {
+            clock.moves += prices.improve(known.cost);
+        }
+        let reduced = prices.reduced(known.cost);
+        if reduced.room < 0 {
+            return true;
+        }
+        let mut seen = 0;
+        if width <= WIDTH_MAX {
+            let began = clock.moves;
+            let found = beam(ways, &reduced, known.stranded, width, |seen| clock.used_with(began + seen / TO_A_MOVE) < 1.0);
+            seen = found.seen;
+            clock.moves = began + seen / TO_A_MOVE;
+            match found.chosen {
+                Some(chosen) if broken(ways.problem(), &chosen) <= broken(ways.problem(), &search.best) => {
+                    search.go_on_from(&chosen);
+                    search.settle(SETTLED_MAX);
+                    if found.complete && search.best_score.stranded == known.stranded && is_certain(ways) {
+                        return true;
+                    }
+                }
+                None if found.complete && is_certain(ways) => return true,
+                _ => width *= WIDER,
+            }
+        }
+        if clock.used() >= 1.0 {
+            return false;
+        }
+        anneal(ways, prices, search, rng, clock, seen.max(MOVES_MIN));
+        if clock.used() >= 1.0 {
+            return false;
+        }
+    }
+}
+
+/// A search among the ways that leave room for a better plan.
+fn anneal<'w, 'p>(
+    ways: &'w Ways<'p>,
+    prices: &Prices<'w, 'p>,
+    search: &mut Search<'w, 'p>,
+    rng: &mut impl Rng,
+    clock: &mut Clock<'_>,
+    moves: u64,
+) {
+    let known = search.best_score;
+    let reduced = prices.reduced(known.cost);
+    if reduced.room < 0 {
+        return;
+    }
+    let few = ways.only(|robot| reduced.ways[robot].iter().map(|&(_, way)| way).collect());
+    let mut draft = Draft::new(&few);
+    draft.become_choice(&few.translated(ways, &search.best));
+    let priced = Prices::from(&few, Level::Cost { stranded_max: known.stranded }, prices.best());
+    let mut among = Search::new(draft);
+    let hot = (HOT * reduced.room_in_cost()).max(2.0 * COLD);
+    for slice in 0..SLICES {
+        among.run(priced.guide(), rng, moves / SLICES, heat([hot, COLD], slice as f64 / SLICES as f64));
+        clock.moves += moves / SLICES;
+        if clock.used() >= 1.0 {
+            break;
+        }
+    }
+    if among.best_score < known {
+        let chosen = ways.translated(&few, &among.best);
+        if broken(ways.problem(), &chosen) <= broken(ways.problem(), &search.best) {
+            search.go_on_from(&chosen);
+            search.settle(SETTLED_MAX);
+        }
+    }
+}
+
+/// Looks for a plan that strands fewer than the one that is known, until `until` of the time is used. How few any plan
+/// strands at least; `least` are stranded in any case. `width` is that of the next beam.
+pub(crate) fn fewer_stranded<'w, 'p>(
+    ways: &'w Ways<'p>,
+    prices: &mut Prices<'w, 'p>,
+    search: &mut Search<'w, 'p>,
+    least: i64,
+    until: f64,
+    clock: &mut Clock<'_>,
+    width: &mut usize,
+) -> i64 {
+    let mut rounds = ROUNDS_ANEW;
+    let mut part = ROOM;
+    let dearest = dearest(ways);
+    while search.best_score.stranded > least && clock.used() < until && *width <= WIDTH_MAX {
+        let aim = search.best_score.stranded - 1;
+        prices.cap_stranded(aim);
+        let above = |bound: i64| bound + ((bound as f64 * part) as i64).max(1);
+        let priced = clock.used() + PRICED * (until - clock.used());
+        for _ in 0..rounds {
+            if clock.used() < priced {
+                clock.moves += prices.improve((prices.bound() as f64 * AIM) as i64);
+            }
+        }
+        rounds = ROUNDS;
+        if prices.bound() > dearest {
+            return aim + 1;
+        }
+        let below = above(prices.bound());
+        let reduced = prices.reduced(below);
+        let began = clock.moves;
+        let found = beam(ways, &reduced, aim, *width, |seen| clock.used_with(began + seen / TO_A_MOVE) < until);
+        clock.moves = began + found.seen / TO_A_MOVE;
+        match found.chosen {
+            Some(chosen) if broken(ways.problem(), &chosen) <= broken(ways.problem(), &search.best) => {
+                search.go_on_from(&chosen);
+                search.settle(SETTLED_MAX);
+                rounds = ROUNDS_ANEW;
+                part = ROOM;
+                *width = WIDTH;
+            }
+            None if found.complete && below > dearest && is_certain(ways) => return aim + 1,
+            None if found.complete => part *= MORE_ROOM,
+            _ => *width *= WIDER,
+        }
+    }
+    least
+}
+
+/// No plan costs more.
+fn dearest(ways: &Ways<'_>) -> i64 {
+    let of = |robot: usize| {
+        let choices = ways.of(robot);
+        i64::from(choices.ways.last().map_or(choices.unserved_cost, |way| way.cost.max(choices.unserved_cost)))
+    };
+    (0..ways.problem().robots.len()).map(of).sum()
+}
+
+/// Whether what fits does not depend on the order in which it is entered: where promises need some certainty, those
+/// that are only held to need less, and may come in after others that would not after them.
+fn is_certain(ways: &Ways<'_>) -> bool {
+    ways.problem().stations.iter().all(|station| station.chance.is_none())
+}
