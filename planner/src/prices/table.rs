@@ -77,6 +77,8 @@ impl Layout {
 pub(super) struct Table {
     width: usize,
     sums: Vec<i64>,
+    /// The price of energy of each station where it is the same in all ticks.
+    flat: Vec<Option<i64>>,
     earned: i128,
 }
 
@@ -85,6 +87,7 @@ impl Table {
         let (ticks, width) = (layout.ticks, layout.ticks + 1);
         let stations = layout.before.len();
         let mut sums = vec![0; stations * BY_TICK * width];
+        let mut flat = vec![Some(0); stations];
         let mut earned = 0;
         let whole = |row: usize| (prices[row] * layout.inverse[row] * unit as f64) as i64;
         for station in 0..stations {
@@ -112,12 +115,17 @@ impl Table {
                             later -= passed;
                         }
                         price += later;
+                        if tick == 0 {
+                            flat[station] = Some(price);
+                        } else if flat[station] != Some(price) {
+                            flat[station] = None;
+                        }
                     }
                     out[tick + 1] = out[tick] + price;
                 }
             }
         }
-        Self { width, sums, earned }
+        Self { width, sums, flat, earned }
     }
 
     /// What the prices bring in for all that there is.
@@ -139,7 +147,10 @@ impl Table {
         } else {
             stretch(SLOT, start, end) + stretch(SPARE, start, usize::from(way.ready).min(width - 1))
         };
-        choices.draws(way, station, problem.horizon, |from, to, draw| paid += draw * stretch(POWER, from, to));
+        match self.flat[usize::from(way.station)] {
+            Some(price) => paid += price * way.energy,
+            None => choices.draws(way, station, problem.horizon, |from, to, draw| paid += draw * stretch(POWER, from, to)),
+        }
         paid
     }
 }
