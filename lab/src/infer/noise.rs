@@ -212,6 +212,8 @@ struct Likely<'a> {
     /// Steps between rows that occur, s, and which of them comes before each row of each log.
     steps_s: Vec<f64>,
     step_of: Vec<Vec<usize>>,
+    /// One over the readings of each row of each log.
+    inverses: Vec<Vec<f64>>,
 }
 
 impl<'a> Likely<'a> {
@@ -240,48 +242,80 @@ impl<'a> Likely<'a> {
             (0..time_s.len()).map(step).collect()
         });
         let step_of = step_of.collect();
-        Likely { white2: white * white, logs, steps_s, step_of }
+        let inverses = logs.iter().map(|(_, counts, _)| counts.iter().map(|count| count.recip()).collect()).collect();
+        Likely { white2: white * white, logs, steps_s, step_of, inverses }
     }
 
     /// Minus twice the log-likelihoods with these kinds of noise, without their constant.
+    ///
+    /// The variance of a level is kept as a quotient: then no row waits for the division of the one before it.
     fn costs(&self, noises: [Noise; LANES]) -> [f64; LANES] {
-        let slow2 = noises.map(|noise| noise.slow * noise.slow);
-        let decays: Vec<[f64; LANES]> = self.steps_s.iter().map(|dt_s| noises.map(|noise| (-dt_s / noise.tau_s).exp())).collect();
+        // In units in which no variance is above one.
+        let unit2 = noises.map(|noise| self.white2 + noise.slow * noise.slow);
+        let (white2, slow2): ([f64; LANES], [f64; LANES]) =
+            (unit2.map(|unit2| self.white2 / unit2), std::array::from_fn(|lane| noises[lane].slow.powi(2) / unit2[lane]));
+        let decay = |dt_s: f64, lane: usize| (-dt_s / noises[lane].tau_s).exp();
+        let decays: Vec<Decay> = self.steps_s.iter().map(|&dt_s| Decay::new(slow2, |lane| decay(dt_s, lane))).collect();
         let mut costs = [0.0; LANES];
-        for ((_, counts, residual), steps) in self.logs.iter().zip(&self.step_of) {
-            let (mut product, mut level, mut variance) = ([1.0; LANES], [0.0; LANES], slow2);
-            for ((&step, &count), &value) in steps.iter().zip(*counts).zip(*residual) {
-                let (kept, white2) = (&decays[step], self.white2 / count);
-                let mut worn = false;
-                for lane in 0..LANES {
-                    let keeps = kept[lane];
-                    let before = slow2[lane] + keeps * keeps * (variance[lane] - slow2[lane]);
-                    let total = before + white2;
-                    let inverse = total.recip();
-                    let gain = before * inverse;
-                    let expected = level[lane] * keeps;
-                    let innovation = value - expected;
-                    level[lane] = expected + gain * innovation;
-                    variance[lane] = white2 * gain;
-                    costs[lane] += innovation * innovation * inverse;
-                    product[lane] *= total;
-                    worn |= !(1e-200..1e200).contains(&product[lane]);
+        for (((_, _, residual), steps), inverses) in self.logs.iter().zip(&self.step_of).zip(&self.inverses) {
+            let (mut level, mut variance, mut scale) = ([0.0; LANES], slow2, [1.0; LANES]);
+            let mut squares = [0.0; LANES];
+            let places = (0..steps.len()).step_by(UNSCALED).map(|begin| begin..(begin + UNSCALED).min(steps.len()));
+            for rows in places {
+                for ((&step, &inverse), &value) in steps[rows.clone()].iter().zip(&inverses[rows.clone()]).zip(&residual[rows]) {
+                    let Decay { kept, kept2, new } = &decays[step];
+                    for lane in 0..LANES {
+                        // What `variance` and `scale` are the quotient of becomes that of the next row, and the
+                        // quotient of two scales is the variance of the row between them.
+                        let white2 = white2[lane] * inverse;
+                        let before = new[lane] * scale[lane] + kept2[lane] * variance[lane];
+                        let next = before + white2 * scale[lane];
+                        let share = next.recip();
+                        let (gain, weight) = (before * share, scale[lane] * share);
+                        variance[lane] = white2 * before;
+                        scale[lane] = next;
+                        let innovation = value - kept[lane] * level[lane];
+                        level[lane] = kept[lane] * (white2 * weight) * level[lane] + gain * value;
+                        squares[lane] += innovation * innovation * weight;
+                    }
                 }
                 // Logarithms are dear: one for many rows.
-                if worn {
+                if scale.iter().any(|scale| *scale < WORN) {
                     for lane in 0..LANES {
-                        costs[lane] += product[lane].ln();
-                        product[lane] = 1.0;
+                        costs[lane] += scale[lane].ln();
+                        variance[lane] /= scale[lane];
+                        scale[lane] = 1.0;
                     }
                 }
             }
             for lane in 0..LANES {
-                costs[lane] += product[lane].ln();
+                costs[lane] += scale[lane].ln() + squares[lane] / unit2[lane] + steps.len() as f64 * unit2[lane].ln();
             }
         }
         costs
     }
 }
+
+/// What is left over one step between rows, for each kind of noise.
+struct Decay {
+    /// Of a level, and of its variance.
+    kept: [f64; LANES],
+    kept2: [f64; LANES],
+    /// Variance that is new.
+    new: [f64; LANES],
+}
+
+impl Decay {
+    fn new(slow2: [f64; LANES], kept: impl Fn(usize) -> f64) -> Decay {
+        let kept: [f64; LANES] = std::array::from_fn(kept);
+        let kept2 = kept.map(|kept| kept * kept);
+        Decay { kept, kept2, new: std::array::from_fn(|lane| slow2[lane] * (1.0 - kept2[lane])) }
+    }
+}
+
+/// Rows after which products of variances are looked at, and where they have become so small that they begin anew.
+const UNSCALED: usize = 8;
+const WORN: f64 = 1e-100;
 
 /// Different steps between rows among which one is looked for again.
 const STEPS_MAX: usize = 64;
