@@ -77,10 +77,15 @@ impl OcvTable {
         let buckets_per_soc = f64::from(BUCKETS) / (last - first);
         let mut table = Self { soc, voltage_v, slopes_v, buckets_per_soc, buckets: Vec::new() };
         let begins = (0..BUCKETS).map(|bucket| first + (last - first) * f64::from(bucket) / f64::from(BUCKETS));
-        table.buckets = begins
-            .map(|soc| table.soc.partition_point(|&knot| knot <= soc).clamp(1, table.soc.len() - 1) - 1)
-            .map(|segment| segment as u16)
-            .collect();
+        // Both go up: one sweep over the points finds the segments of all buckets.
+        let mut segment = 0;
+        let segments = begins.map(|begin| {
+            while segment + 2 < table.soc.len() && table.soc[segment + 1] <= begin {
+                segment += 1;
+            }
+            segment as u16
+        });
+        table.buckets = segments.collect();
         table
     }
 
@@ -103,6 +108,15 @@ impl OcvTable {
     #[inline]
     pub fn slope_v(&self, soc: f64) -> f64 {
         self.slopes_v[self.segment(soc)]
+    }
+
+    /// Open-circuit voltage of one cell and its slope at `soc`, V.
+    #[must_use]
+    #[inline]
+    pub fn line_v(&self, soc: f64) -> (f64, f64) {
+        let low = self.segment(soc);
+        let slope_v = self.slopes_v[low];
+        ((soc - self.soc[low]) * slope_v + self.voltage_v[low], slope_v)
     }
 
     /// State of charge at which a rested cell shows `voltage_v`, kept within the table. On a

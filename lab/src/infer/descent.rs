@@ -38,11 +38,30 @@ pub(super) struct Place {
 impl Place {
     /// At given unknowns and noise.
     pub(super) fn at(frame: &Frame, x: Vec<f64>, noise: Vec<(Channel, Noise)>, by: &[usize]) -> Place {
-        let (predicted, slopes) = frame.linearise(&x, by);
-        let residual: Vec<f64> = observed(frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect();
-        let lens = Lens::new(frame, &x, by, &slopes, &residual, &noise);
+        let filters = filters(frame, &noise);
+        Place::through(frame, x, noise, filters, by)
+    }
+
+    /// The same where the noise's filters are known.
+    fn through(frame: &Frame, x: Vec<f64>, noise: Vec<(Channel, Noise)>, filters: Vec<Filter>, by: &[usize]) -> Place {
+        let (residual, slopes) = linearised(frame, &x, by);
+        let lens = Lens::new(frame, &x, by, &slopes, &residual, filters);
         Place { x, noise, residual, slopes, lens }
     }
+
+    /// At given unknowns, with the noise that is left there.
+    fn with_what_is_left(frame: &Frame, x: Vec<f64>, by: &[usize]) -> Place {
+        let (residual, slopes) = linearised(frame, &x, by);
+        let noise = noises(frame, &residual);
+        let lens = Lens::new(frame, &x, by, &slopes, &residual, filters(frame, &noise));
+        Place { x, noise, residual, slopes, lens }
+    }
+}
+
+/// Observed minus predicted, and the derivatives of what is predicted.
+fn linearised(frame: &Frame, x: &[f64], by: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
+    let (predicted, slopes) = frame.linearise(x, by);
+    (observed(frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect(), slopes)
 }
 
 /// Whether the noise is asked for again on the way.
@@ -94,6 +113,11 @@ pub(super) fn descend(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], 
     descend_from(frame, Place::at(frame, within(frame, start, by), noise.to_vec(), by), by, asked)
 }
 
+/// The same with the noise that is left at the start.
+pub(super) fn descend_from_left(frame: &Frame, start: &[f64], by: &[usize]) -> Place {
+    descend_from(frame, Place::with_what_is_left(frame, within(frame, start, by), by), by, Asked::Always)
+}
+
 /// The most likely values of all unknowns, unless they lie in a valley that is known.
 pub(super) fn descend_elsewhere(
     frame: &Frame,
@@ -110,9 +134,10 @@ pub(super) fn descend_elsewhere(
             return None;
         }
     }
-    descend_unless(frame, Place::at(frame, x, noise.to_vec(), &by), &by, asked, |x, residual| {
+    let (place, ended) = descend_until(frame, Place::at(frame, x, noise.to_vec(), &by), &by, asked, |x, residual| {
         valleys.iter().any(|valley| valley.holds(frame, x, residual))
-    })
+    });
+    (ended == Ended::Below).then_some(place)
 }
 
 fn within(frame: &Frame, start: &[f64], by: &[usize]) -> Vec<f64> {
@@ -124,18 +149,26 @@ fn within(frame: &Frame, start: &[f64], by: &[usize]) -> Vec<f64> {
 
 /// The same from a place whose derivatives by these unknowns are known.
 pub(super) fn descend_from(frame: &Frame, place: Place, by: &[usize], asked: Asked) -> Place {
-    let begin = place.clone();
-    descend_unless(frame, place, by, asked, |_, _| false).unwrap_or(begin)
+    descend_until(frame, place, by, asked, |_, _| false).0
 }
 
-/// The same, unless the way leads to what is known already.
-fn descend_unless(
+/// Where a way ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    /// Where nothing leads further down.
+    Below,
+    /// Where it led to what is known already.
+    Known,
+}
+
+/// The same, until the way leads to what is known already.
+fn descend_until(
     frame: &Frame,
     mut place: Place,
     by: &[usize],
     asked: Asked,
     known_already: impl Fn(&[f64], &[f64]) -> bool,
-) -> Option<Place> {
+) -> (Place, Ended) {
     let all = frame.bounds();
     let bounds: Vec<(f64, f64)> = by.iter().map(|&unknown| all[unknown]).collect();
     let (mut scale, mut damping) = (vec![0.0_f64; by.len()], 1e-4);
@@ -157,31 +190,34 @@ fn descend_unless(
                 tried[unknown] = (tried[unknown] + step).clamp(*min, *max);
             }
             let residual = super::state::residual(frame, &tried);
-            let cost = likelihood(frame, &residual, &lens.filters) + known(frame, &tried, by);
+            let unlikely = likelihood(frame, &residual, &lens.filters);
+            let cost = unlikely + known(frame, &tried, by);
             if cost < lens.cost {
                 damping = (damping / 10.0).max(1e-15);
-                next = Some((tried, residual, cost));
+                next = Some((tried, residual, cost, unlikely));
                 break;
             }
             damping *= 10.0;
         }
-        let Some((x, residual, cost)) = next else { break };
+        let Some((x, residual, cost, unlikely)) = next else { break };
         if known_already(&x, &residual) {
-            return None;
+            return (place, Ended::Known);
         }
         let settled = lens.cost - cost <= enough;
-        let mut noise = place.noise.clone();
+        let Place { mut noise, lens: Lens { mut filters, .. }, .. } = place;
         if asked == Asked::Always {
             let new = noises(frame, &residual);
-            let better = likelihood(frame, &residual, &filters(frame, &new)) <= likelihood(frame, &residual, &lens.filters);
-            noise = if better { new } else { noise };
+            let through = super::state::filters(frame, &new);
+            if likelihood(frame, &residual, &through) <= unlikely {
+                (noise, filters) = (new, through);
+            }
         }
-        place = Place::at(frame, x, noise, by);
+        place = Place::through(frame, x, noise, filters, by);
         if settled {
             break;
         }
     }
-    Some(place)
+    (place, Ended::Below)
 }
 
 /// What is known of the rough numbers among these unknowns, against their values.

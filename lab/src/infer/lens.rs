@@ -1,11 +1,9 @@
 //! Rows and derivatives in units of independent noise: what a linear refit works with.
 
-use energy::Channel;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::frame::Frame;
-use super::noise::{Filter, Noise};
-use super::state::filters;
+use super::noise::Filter;
 
 /// The rows through one kind of noise.
 #[derive(Debug, Clone)]
@@ -26,8 +24,7 @@ pub(super) struct Lens {
 
 impl Lens {
     /// Of derivatives by some unknowns (see [`Frame::linearise`]) and residuals at `x`.
-    pub(super) fn new(frame: &Frame, x: &[f64], by: &[usize], slopes: &DMatrix<f64>, residual: &[f64], noise: &[(Channel, Noise)]) -> Lens {
-        let filters = filters(frame, noise);
+    pub(super) fn new(frame: &Frame, x: &[f64], by: &[usize], slopes: &DMatrix<f64>, residual: &[f64], filters: Vec<Filter>) -> Lens {
         let design = whiten_all(frame, &filters, slopes.clone());
         let mut whitened = residual.to_vec();
         whiten(frame, &filters, &mut whitened);

@@ -74,12 +74,19 @@ impl Noise {
     pub fn filter(&self, time_s: &[f64], counts: &[f64]) -> Filter {
         let rows = time_s.len();
         let mut filter = Filter { kept: vec![0.0; rows], gain: vec![0.0; rows], scale: vec![0.0; rows], log_variance: 0.0 };
+        // Logarithms are dear: one for many rows.
+        let mut product = 1.0_f64;
         self.along(time_s, counts, |row, kept, gain, variance| {
             filter.kept[row] = kept;
             filter.gain[row] = gain;
             filter.scale[row] = variance.sqrt().recip();
-            filter.log_variance += variance.ln();
+            product *= variance;
+            if !(WORN..WORN.recip()).contains(&product) {
+                filter.log_variance += product.ln();
+                product = 1.0;
+            }
         });
+        filter.log_variance += product.ln();
         filter
     }
 
@@ -114,6 +121,19 @@ impl Filter {
             level += gain * innovation;
             *value = innovation * scale;
         }
+    }
+
+    /// Sum of the squares of a column's innovations.
+    #[must_use]
+    pub fn squares(&self, column: &[f64]) -> f64 {
+        let (mut level, mut sum) = (0.0, 0.0);
+        for (((&value, &kept), &gain), &scale) in column.iter().zip(&self.kept).zip(&self.gain).zip(&self.scale) {
+            level *= kept;
+            let innovation = value - level;
+            level += gain * innovation;
+            sum += (innovation * scale).powi(2);
+        }
+        sum
     }
 
     /// The same for many columns at once, whose values of one row lie behind one another.

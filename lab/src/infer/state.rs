@@ -14,7 +14,7 @@ use energy::{Channel, EffectSpec, Model};
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate::usual;
-use super::descent::{Asked, Place, Valley, descend, descend_elsewhere};
+use super::descent::{Asked, Place, Valley, descend, descend_elsewhere, descend_from_left};
 use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
 use super::lens::Lens;
@@ -91,8 +91,8 @@ impl State {
     /// cost below `content` needs no second look.
     #[must_use]
     pub fn search(frame: Arc<Frame>, start: &[f64], content: f64) -> State {
-        let begin = State::fit(Arc::clone(&frame), start, &noises(&frame, &residual(&frame, start)));
-        begin.or_from_white(content)
+        let place = descend_from_left(&frame, start, &all(&frame));
+        State::of(frame, place).or_from_white(content)
     }
 
     /// The same, unless it leads to where this state is.
@@ -220,7 +220,7 @@ impl State {
 
     /// The rows through this state's noise, or another.
     pub(super) fn lens(&self, noise: &[(Channel, Noise)]) -> Lens {
-        Lens::new(&self.frame, &self.x, &all(&self.frame), &self.slopes, &self.residual, noise)
+        Lens::new(&self.frame, &self.x, &all(&self.frame), &self.slopes, &self.residual, filters(&self.frame, noise))
     }
 
     /// Whether slow noise is left that is worth a second look.
@@ -355,10 +355,6 @@ pub(super) fn likelihood(frame: &Frame, residual: &[f64], filters: &[Filter]) ->
 }
 
 fn likelihood_of_log(frame: &Frame, residual: &[f64], filters: &[Filter], log: usize) -> f64 {
-    let of = |(segment, filter): (&Segment, &Filter)| {
-        let mut own = residual[segment.range()].to_vec();
-        filter.apply(&mut own);
-        filter.log_variance + own.iter().map(|e| e * e).sum::<f64>()
-    };
+    let of = |(segment, filter): (&Segment, &Filter)| filter.log_variance + filter.squares(&residual[segment.range()]);
     frame.evidence.segments.iter().zip(filters).filter(|(segment, _)| segment.log == log).map(of).sum()
 }

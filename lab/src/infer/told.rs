@@ -21,7 +21,7 @@ use super::frame::Frame;
 use super::judge::explained;
 use super::lens::{Lens, square};
 use super::noise::Noise;
-use super::state::{State, all, noises};
+use super::state::{State, all, filters, noises};
 
 /// Times that the weights are asked for: they follow from what the fit before left.
 const ROUNDS: usize = 2;
@@ -45,7 +45,7 @@ impl State {
         let frame = &self.frame;
         let by = all(frame);
         let seen = |place: &Place, noise: Vec<(Channel, Noise)>| Place {
-            lens: Lens::new(frame, &place.x, &by, &place.slopes, &place.residual, &noise),
+            lens: Lens::new(frame, &place.x, &by, &place.slopes, &place.residual, filters(frame, &noise)),
             noise,
             ..place.clone()
         };

@@ -269,7 +269,7 @@ fn bend(model: &Model, channel: Channel, begin: f64, end: f64, rows: usize) -> (
     if channel != Channel::VoltageV || rows < 2 {
         return (0.0, 0.0);
     }
-    let at = |soc: f64| (facts.ocv.voltage_v(soc), facts.ocv.slope_v(soc));
+    let at = |soc: f64| facts.ocv.line_v(soc);
     let (first, last) = (at(begin), at(end));
     if first.1.to_bits() == last.1.to_bits() {
         // One and the same line of the table.
