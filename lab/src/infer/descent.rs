@@ -118,25 +118,24 @@ pub(super) fn descend_from_left(frame: &Frame, start: &[f64], by: &[usize]) -> P
     descend_from(frame, Place::with_what_is_left(frame, within(frame, start, by), by), by, Asked::Always)
 }
 
-/// The most likely values of all unknowns, unless they lie in a valley that is known.
+/// The most likely values of all unknowns, unless they lie in a valley that is known. Without a noise, that which is
+/// left at the start.
 pub(super) fn descend_elsewhere(
     frame: &Frame,
     start: &[f64],
-    noise: &[(Channel, Noise)],
+    noise: Option<&[(Channel, Noise)]>,
     asked: Asked,
-    valleys: &[Valley<'_>],
+    valley: &Valley<'_>,
 ) -> Option<Place> {
     let by = all(frame);
     let x = within(frame, start, &by);
-    if !valleys.is_empty() {
-        let residual = super::state::residual(frame, &x);
-        if valleys.iter().any(|valley| valley.holds(frame, &x, &residual)) {
-            return None;
-        }
+    let residual = super::state::residual(frame, &x);
+    if valley.holds(frame, &x, &residual) {
+        return None;
     }
-    let (place, ended) = descend_until(frame, Place::at(frame, x, noise.to_vec(), &by), &by, asked, |x, residual| {
-        valleys.iter().any(|valley| valley.holds(frame, x, residual))
-    });
+    let noise = noise.map_or_else(|| noises(frame, &residual), <[_]>::to_vec);
+    let place = Place::at(frame, x, noise, &by);
+    let (place, ended) = descend_until(frame, place, &by, asked, |x, residual| valley.holds(frame, x, residual));
     (ended == Ended::Below).then_some(place)
 }
 

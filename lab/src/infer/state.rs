@@ -97,8 +97,7 @@ impl State {
 
     /// The same, unless it leads to where this state is.
     pub(super) fn search_elsewhere(&self, start: &[f64], content: f64) -> Option<State> {
-        let begin = self.fit_elsewhere(start, &noises(&self.frame, &residual(&self.frame, start)))?;
-        Some(begin.or_from_white(content))
+        Some(self.fit_elsewhere_from_left(start)?.or_from_white(content))
     }
 
     fn or_from_white(self, content: f64) -> State {
@@ -107,7 +106,7 @@ impl State {
         }
         let frame = &self.frame;
         let again = || {
-            let white = descend_elsewhere(frame, &self.x, &State::white(frame), Asked::Never, &[self.valley()])?;
+            let white = descend_elsewhere(frame, &self.x, Some(&State::white(frame)), Asked::Never, &self.valley())?;
             self.fit_elsewhere(&white.x, &noises(frame, &white.residual))
         };
         match again() {
@@ -123,7 +122,13 @@ impl State {
 
     /// Fits all unknowns, beginning at `start` and with this noise, unless that leads to where this state is.
     pub(super) fn fit_elsewhere(&self, start: &[f64], noise: &[(Channel, Noise)]) -> Option<State> {
-        let place = descend_elsewhere(&self.frame, start, noise, Asked::Always, &[self.valley()])?;
+        let place = descend_elsewhere(&self.frame, start, Some(noise), Asked::Always, &self.valley())?;
+        Some(State::of(Arc::clone(&self.frame), place))
+    }
+
+    /// The same with the noise that is left at the start.
+    fn fit_elsewhere_from_left(&self, start: &[f64]) -> Option<State> {
+        let place = descend_elsewhere(&self.frame, start, None, Asked::Always, &self.valley())?;
         Some(State::of(Arc::clone(&self.frame), place))
     }
 
@@ -167,7 +172,7 @@ impl State {
         let mut looked = self.x.clone();
         looked[first..].fill(0.0);
         look_for_starts(&self.frame, &mut looked);
-        others.extend(self.fit_elsewhere(&looked, &noises(&self.frame, &residual(&self.frame, &looked))));
+        others.extend(self.fit_elsewhere_from_left(&looked));
         others.into_iter().fold(self, |best, other| if other.cost < best.cost { other } else { best })
     }
 

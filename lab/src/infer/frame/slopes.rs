@@ -66,7 +66,7 @@ impl Frame {
         let mut soc = vec![0.0; all.len()];
         let mut slopes = DMatrix::zeros(by.len(), all.len());
         let model = self.model_at(x);
-        let added = Added::new(self, x, by);
+        let mut added = Added::new(self, x, by);
         for log in 0..self.evidence.logs.len() {
             let moved: Vec<(usize, usize)> =
                 by.iter().copied().enumerate().filter(|&(_, unknown)| self.moves_model(unknown, log)).collect();
@@ -301,6 +301,8 @@ struct Added<'a> {
     gains: Vec<Option<(usize, f64)>>,
     /// By knot of the OCV table.
     knots: Vec<Option<usize>>,
+    /// The last state of charge and the knots about it: where one step ends the next begins.
+    last: (f64, [(usize, f64); 4]),
 }
 
 impl<'a> Added<'a> {
@@ -313,12 +315,13 @@ impl<'a> Added<'a> {
                 .map(|segment| Some((place(Rough::Gain(segment.channel))?, frame.error(x, Rough::Gain(segment.channel)))))
                 .collect(),
             knots: (0..frame.knots.len()).map(|knot| place(Rough::Ocv(knot))).collect(),
+            last: (f64::NAN, [(0, 0.0); 4]),
             frame,
         }
     }
 
     /// Adds the derivatives of one share to those of its row.
-    fn add(&self, segment: usize, soc: f64, shown: f64, weight: f64, of_row: &mut [f64]) {
+    fn add(&mut self, segment: usize, soc: f64, shown: f64, weight: f64, of_row: &mut [f64]) {
         if let Some(place) = self.offsets[segment] {
             of_row[place] += weight;
         }
@@ -327,7 +330,9 @@ impl<'a> Added<'a> {
         }
         if self.frame.evidence.segments[segment].channel == Channel::VoltageV && !self.knots.is_empty() {
             let scale = weight * self.frame.cells();
-            for (knot, share) in weights(&self.frame.knots, soc) {
+            let about = if self.last.0 == soc { self.last.1 } else { weights(&self.frame.knots, soc) };
+            self.last = (soc, about);
+            for (knot, share) in about {
                 if let Some(place) = self.knots[knot] {
                     of_row[place] += scale * share;
                 }
