@@ -1,10 +1,8 @@
 //! The number that physics is written in: a plain f64, or a dual number that carries exact
 //! derivatives with respect to parameters.
 
-mod angle;
 mod dual;
 
-pub use angle::{cos, sin};
 pub use dual::Dual;
 
 use std::fmt::Debug;

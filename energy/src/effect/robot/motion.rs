@@ -8,7 +8,6 @@
 //!
 //! Absence: the power residual grows with speed and with uphill pitch.
 
-use crate::real::{cos, sin};
 use crate::units::GRAVITY_MPS2;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -71,7 +70,7 @@ impl Physics for Motion {
         let mass_kg = if own_kg.re() == 0.0 { own_kg } else { own_kg + channels[Channel::PayloadKg] };
         let pitch_rad = channels[Channel::PitchRad];
         let weight_n = mass_kg * GRAVITY_MPS2;
-        let force_n = weight_n * (own.parameters[0] * cos(pitch_rad) + sin(pitch_rad)) + mass_kg * channels[Channel::AccelMps2];
+        let force_n = weight_n * (own.parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
         channels.add(Channel::TractionN, force_n);
         let drawn_w = force_n * channels[Channel::SpeedMps] / own.parameters[2];
         // At zero the derivatives count.

@@ -7,7 +7,6 @@
 //! Absence: slopes and acceleration leave a residual that grows with the payload.
 
 use crate::drive::traction;
-use crate::real::sin;
 use crate::units::GRAVITY_MPS2;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -51,7 +50,7 @@ impl Physics for Payload {
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let carried_kg = own.parameters[0] * channels[Channel::PayloadKg];
-        let force_n = carried_kg * (sin(channels[Channel::PitchRad]) * GRAVITY_MPS2 + channels[Channel::AccelMps2]);
+        let force_n = carried_kg * (channels[Channel::PitchRad].sin() * GRAVITY_MPS2 + channels[Channel::AccelMps2]);
         traction::push(channels, force_n);
     }
 }

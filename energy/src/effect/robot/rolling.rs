@@ -7,7 +7,6 @@
 //! Absence: the power residual grows in proportion to speed, more with payload.
 
 use crate::drive::traction;
-use crate::real::cos;
 use crate::units::GRAVITY_MPS2;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -62,7 +61,7 @@ impl Physics for Rolling {
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let mass_kg = own.parameters[1] + channels[Channel::PayloadKg];
-        let force_n = own.parameters[0] * mass_kg * cos(channels[Channel::PitchRad]) * GRAVITY_MPS2;
+        let force_n = own.parameters[0] * mass_kg * channels[Channel::PitchRad].cos() * GRAVITY_MPS2;
         traction::resist(channels, force_n);
     }
 }

@@ -6,7 +6,6 @@
 //! Absence: the power residual follows the pitch.
 
 use crate::drive::traction;
-use crate::real::sin;
 use crate::units::GRAVITY_MPS2;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -49,7 +48,7 @@ impl Physics for Slope {
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let force_n = own.parameters[0] * sin(channels[Channel::PitchRad]) * GRAVITY_MPS2;
+        let force_n = own.parameters[0] * channels[Channel::PitchRad].sin() * GRAVITY_MPS2;
         traction::push(channels, force_n);
     }
 }
