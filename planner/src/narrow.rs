@@ -177,7 +177,7 @@ pub(crate) fn fewer_stranded<'w, 'p>(
                 *width = WIDTH;
             }
             None if found.complete && below > dearest && is_certain(ways) => return aim + 1,
-            None if found.complete => part *= MORE_ROOM,
+            None if found.complete => (part, *width) = (part * MORE_ROOM, WIDTH),
             _ => *width *= WIDER,
         }
     }
