@@ -152,7 +152,8 @@ pub(crate) fn fewer_stranded<'w, 'p>(
     while search.best_score.stranded > least && clock.used() < until && *width <= WIDTH_MAX {
         let aim = search.best_score.stranded - 1;
         prices.cap_stranded(aim);
-        let above = |bound: i64| bound + ((bound as f64 * part) as i64).max(1);
+        // A bound of nothing would leave no room at all.
+        let above = |bound: i64| bound + ((bound.max(dearest / 16) as f64 * part) as i64).max(1);
         let priced = clock.used() + PRICED * (until - clock.used());
         for _ in 0..rounds {
             if clock.used() < priced {
@@ -176,7 +177,8 @@ pub(crate) fn fewer_stranded<'w, 'p>(
                 part = ROOM;
                 *width = WIDTH;
             }
-            None if found.complete && below > dearest && is_certain(ways) => return aim + 1,
+            // There is none at any cost.
+            None if found.complete && below > dearest => return if is_certain(ways) { aim + 1 } else { least },
             None if found.complete => (part, *width) = (part * MORE_ROOM, WIDTH),
             _ => *width *= WIDER,
         }

@@ -285,6 +285,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         loop {
             let at = self.used();
             let score = search.best_score;
+            prices.cap_stranded(score.stranded);
             let proven = score.stranded == least && score.cost == prices.bound();
             if at >= 1.0 || (proven && at >= 0.3) || search.idle() {
                 return proven;
@@ -293,7 +294,6 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             if self.clock.moves - began >= wide {
                 return narrow::cheaper(self.ways, prices, search, &mut self.rng, &mut self.clock);
             }
-            prices.cap_stranded(score.stranded);
             if self.is_large() && prices.improved() {
                 let guide = prices.guide().clone();
                 self.search_beside(search, &guide, heat([hot, COLD], gone), prices, score.cost);

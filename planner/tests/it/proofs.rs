@@ -63,4 +63,10 @@ proptest! {
         prop_assert_eq!((known.objective.stranded, known.objective.cost), best);
         prop_assert!(known.bound.stranded <= best.0 && known.bound.cost <= best.1, "{:?} is above {best:?}", known.bound);
     }
+
+    #[test]
+    fn whoever_cannot_be_saved_is_given_up(problem in any::doubtful()) {
+        let plan = plan(&problem, "optimise", 1, &mut Moves(MOVES)).expect("stations that may go dark can always be planned");
+        prop_assert!(plan.bound.stranded <= plan.objective.stranded);
+    }
 }
