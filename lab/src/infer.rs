@@ -22,6 +22,7 @@
 //!   score      each of them without a refit: expected size, uniqueness, what it is confused with
 //!     |
 //!   sketch     the promising ones refitted on coarser evidence
+//!     |          handover   another effect in the place of the best one
 //!     |
 //!   trial      the best of them refitted on all of it
 //!     |
@@ -45,6 +46,7 @@ mod descent;
 pub mod discover;
 pub mod evidence;
 pub mod frame;
+mod handover;
 pub mod judge;
 mod lens;
 pub mod noise;

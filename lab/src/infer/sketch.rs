@@ -8,6 +8,7 @@ use energy::EffectSpec;
 
 use super::candidate::{Candidate, Untested, candidates};
 use super::discover::ALIKE;
+use super::handover::handed_over;
 use super::judge::{ABSORBED, explained, threshold};
 use super::score::{Score, Scoring};
 use super::state::State;
@@ -25,6 +26,9 @@ const LIKE_THE_BEST: usize = 3;
 const SHARE: f64 = 0.1;
 /// Confounding from which on an effect looks like the best.
 const LOOKS_ALIKE: f64 = 0.9;
+
+/// Confounding with the best from which on an effect may do its work.
+const MAY_DO_THE_WORK: f64 = 0.4;
 
 /// Trials from whose end the base is refitted.
 const BEGUN_FROM: usize = 2;
@@ -75,6 +79,7 @@ impl Sketches {
         sketches.draw(&places);
         sketches.draw_what_looks_like_the_best();
         sketches.draw_what_is_taken_for_the_best();
+        sketches.draw_what_takes_over_from_the_best();
         sketches
     }
 
@@ -120,16 +125,43 @@ impl Sketches {
                 continue;
             }
             let Some(state) = self.base.with(other, &begin, known.map(|known| &self.drawn[known].state)) else { continue };
-            match known {
-                Some(known) if self.drawn[known].state.cost > state.cost => {
-                    self.drawn.remove(known);
-                    self.keep(place, state);
-                }
-                Some(_) => {}
-                None => self.keep(place, state),
-            }
+            self.keep_the_better(place, state);
         }
         self.drawn.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    }
+
+    /// So must what can take over the work of the best step by step: from the base, the way to the one was open and that to
+    /// the other may not have been.
+    fn draw_what_takes_over_from_the_best(&mut self) {
+        let Some(best) = self.best() else { return };
+        let (place_of_best, has) = (best.place, best.state.clone());
+        let spec = self.scored[place_of_best].0.spec;
+        for place in 0..self.scored.len() {
+            let score = &self.scored[place].0;
+            let known = self.drawn.iter().position(|one| one.place == place);
+            let behind = known.is_none_or(|known| self.drawn[known].state.cost > has.cost + ALIKE);
+            // What a refit of the base absorbs nearly whole looks like everything and nothing.
+            let may =
+                score.freedom > 0 && (score.uniqueness < ABSORBED || score.confounded(&self.scored[place_of_best].0) > MAY_DO_THE_WORK);
+            if place == place_of_best || !behind || !may {
+                continue;
+            }
+            let Some(state) = handed_over(&self.base, &has, spec, score.spec) else { continue };
+            self.keep_the_better(place, state);
+        }
+        self.drawn.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    }
+
+    /// Keeps a refit of an effect, unless a better one is known.
+    fn keep_the_better(&mut self, place: usize, state: State) {
+        match self.drawn.iter().position(|one| one.place == place) {
+            Some(known) if self.drawn[known].state.cost > state.cost => {
+                self.drawn.remove(known);
+                self.keep(place, state);
+            }
+            Some(_) => {}
+            None => self.keep(place, state),
+        }
     }
 
     /// Effects that a refit of the base absorbs nearly whole, where a first refit is promising.

@@ -267,8 +267,13 @@ impl State {
 
 impl Frame {
     /// Unknowns of this frame as another state has them; those that it lacks at an effect's usual size, or the model's own.
-    fn like(&self, other: &State, effect: Option<&EffectSpec>) -> Vec<f64> {
-        let (known, values) = (other.frame.model.parameters(), other.frame.values(&other.x));
+    pub(super) fn like(&self, other: &State, effect: Option<&EffectSpec>) -> Vec<f64> {
+        self.as_in(&other.frame, &other.x, effect)
+    }
+
+    /// The same of another frame at its unknowns.
+    pub(super) fn as_in(&self, other: &Frame, x: &[f64], effect: Option<&EffectSpec>) -> Vec<f64> {
+        let (known, values) = (other.model.parameters(), other.values(x));
         let value = |index: &usize| {
             let parameter = &self.model.parameters()[*index];
             let place = known.iter().position(|one| one.effect == parameter.effect && one.name == parameter.name);
@@ -276,7 +281,7 @@ impl Frame {
                 || effect.filter(|effect| parameter.effect == effect.id)?.parameters.iter().find(|own| own.name == parameter.name);
             place.map_or_else(|| of_effect().map_or(parameter.value, usual), |place| values[place])
         };
-        let rough = self.known.iter().map(|known| other.frame.error(&other.x, known.what));
+        let rough = self.known.iter().map(|known| other.error(x, known.what));
         self.free.iter().map(value).chain(rough).collect()
     }
 }
