@@ -1,9 +1,11 @@
 //! The ways worth trying: by cost, or by Lagrange prices, which count what a way costs its robot
 //! and everyone else.
 
+use rayon::prelude::*;
+
 use crate::draft::NONE;
 use crate::prices::Asked;
-use crate::way::Ways;
+use crate::way::{Choices, SHARED_MIN, Way, Ways};
 
 /// Longest list of a robot.
 const LISTED_MAX: usize = 48;
@@ -69,16 +71,29 @@ impl Guide {
         self.prices = Some(prices);
     }
 
-    /// Lists a robot's ways by price; reorders `priced`.
-    pub(crate) fn list(&mut self, robot: usize, priced: &mut Vec<(i64, u32)>) {
+    /// Lists all robots' ways by the price that `of` tells of each.
+    pub(crate) fn list(&mut self, ways: &Ways<'_>, of: impl Fn(&Choices, &Way) -> i64 + Sync) {
+        let list = |(robot, (listed, least)): (usize, (&mut Vec<u32>, &mut f32))| {
+            let choices = ways.of(robot);
+            let mut priced: Vec<(i64, u32)> = choices.ways.iter().map(|way| of(choices, way)).zip(0..).collect();
+            *least = Self::list_one(listed, &mut priced);
+        };
+        if self.listed.len() < SHARED_MIN {
+            self.listed.iter_mut().zip(&mut self.least).enumerate().for_each(list);
+        } else {
+            self.listed.par_iter_mut().zip(&mut self.least).enumerate().for_each(list);
+        }
+    }
+
+    /// Lists a robot's ways by price; reorders `priced`. What it pays at least.
+    fn list_one(listed: &mut Vec<u32>, priced: &mut Vec<(i64, u32)>) -> f32 {
         if priced.len() > LISTED_MAX {
             priced.select_nth_unstable(LISTED_MAX);
             priced.truncate(LISTED_MAX);
         }
         priced.sort_unstable();
-        self.least[robot] = priced.first().map_or(f32::MAX, |&(least, _)| Asked::in_cost(least));
-        let list = &mut self.listed[robot];
-        list.clear();
-        list.extend(priced.iter().map(|&(_, way)| way));
+        listed.clear();
+        listed.extend(priced.iter().map(|&(_, way)| way));
+        priced.first().map_or(f32::MAX, |&(least, _)| Asked::in_cost(least))
     }
 }

@@ -6,14 +6,17 @@
 //! (subgradient steps with memory). All arithmetic on the bound is in whole numbers, so that it
 //! is proven and not merely computed.
 
+mod crowd;
 mod reduced;
 mod table;
 
+use std::ops::Range;
+
 use crate::guide::Guide;
 use crate::problem::Problem;
-use crate::way::{Choices, Way, Ways};
+use crate::way::{Choices, SHARED_MIN, Way, Ways};
 pub(crate) use reduced::Reduced;
-use table::{Layout, Table};
+use table::{Layout, Table, Uses};
 
 /// Prices are whole numbers of this part of a unit of cost.
 const UNIT: i64 = 1 << 20;
@@ -273,19 +276,14 @@ impl<'w, 'p> Prices<'w, 'p> {
     /// Lets every robot take the best of all its ways at the prices of now, and lists them.
     fn look_at_all(&mut self, usage: &mut [f64]) -> Look {
         let mut guide = std::mem::take(&mut self.guide);
-        let (mut priced, problem) = (Vec::new(), self.ways.problem());
-        let look = self.look(&self.now, usage, |choices, robot, costs, price, unserved| {
-            priced.clear();
-            priced.extend(
-                choices.ways.iter().zip(0..).map(|(way, place)| (i64::from(way.cost) * costs + price.of(problem, choices, way), place)),
-            );
-            guide.list(robot, &mut priced);
-            priced.first().copied().filter(|&(least, _)| least < unserved)
-        });
+        let problem = self.ways.problem();
         let stranded = self.now.last().copied().unwrap_or(0.0) as f32;
-        guide.judge_by(Asked { table: Table::new(&self.layout, &self.now, UNIT), stranded });
+        let asked = Asked { table: Table::new(&self.layout, &self.now, UNIT), stranded };
+        let (costs, _) = self.level.weights();
+        guide.list(self.ways, |choices, way| i64::from(way.cost) * costs + asked.of(problem, choices, way));
+        guide.judge_by(asked);
         self.guide = guide;
-        look
+        self.look_at_listed(usage)
     }
 
     /// The same without lists, in the order of cost: no price is negative, so few need a look.
@@ -329,27 +327,38 @@ impl<'w, 'p> Prices<'w, 'p> {
         &self,
         prices: &[f64],
         usage: &mut [f64],
-        mut choose: impl FnMut(&Choices, usize, i64, &Asked, i64) -> Option<(i64, u32)>,
+        choose: impl Fn(&Choices, usize, i64, &Asked, i64) -> Option<(i64, u32)> + Sync,
     ) -> Look {
         let problem = self.ways.problem();
         let table = Table::new(&self.layout, prices, UNIT);
         let (costs, stranded_max) = self.level.weights();
         let last = prices.last().copied().unwrap_or(0.0);
         let stranded_price = if costs == 0 { UNIT } else { (last * UNIT as f64) as i64 };
-        let mut uses = table::Uses::new(&self.layout);
-        let (mut bound, mut stranded) = (0_i128, 0);
         let price = Asked { table, stranded: last as f32 };
-        for robot in 0..problem.robots.len() {
-            let choices = self.ways.of(robot);
-            let unserved = i64::from(choices.unserved_cost) * costs + if choices.strands { stranded_price } else { 0 };
-            if let Some((least, way)) = choose(choices, robot, costs, &price, unserved) {
-                bound += i128::from(least);
-                uses.add(problem, choices, &choices.ways[way as usize]);
-            } else {
-                bound += i128::from(unserved);
-                stranded += i64::from(choices.strands);
+        let part = |robots: Range<usize>| {
+            let mut uses = Uses::new(&self.layout);
+            let (mut bound, mut stranded) = (0_i128, 0);
+            for robot in robots {
+                let choices = self.ways.of(robot);
+                let unserved = i64::from(choices.unserved_cost) * costs + if choices.strands { stranded_price } else { 0 };
+                if let Some((least, way)) = choose(choices, robot, costs, &price, unserved) {
+                    bound += i128::from(least);
+                    uses.add(problem, choices, &choices.ways[way as usize]);
+                } else {
+                    bound += i128::from(unserved);
+                    stranded += i64::from(choices.strands);
+                }
             }
-        }
+            (bound, stranded, uses)
+        };
+        let robots = problem.robots.len();
+        let (mut bound, stranded, uses) = if robots < SHARED_MIN {
+            part(0..robots)
+        } else {
+            // Whole numbers are the same in whatever order they are added.
+            let (one, other) = rayon::join(|| part(0..robots / 2), || part(robots / 2..robots));
+            (one.0 + other.0, one.1 + other.1, one.2.and(&other.2))
+        };
         bound -= price.table.earned() + i128::from(stranded_price) * i128::from(stranded_max);
         uses.over(&self.layout, usage);
         Look { bound, stranded_price, stranded }

@@ -1,5 +1,6 @@
 //! Prices as running sums by tick, so that a stretch of ticks is priced by one subtraction.
 
+use super::crowd::Crowd;
 use crate::book::Book;
 use crate::problem::Problem;
 use crate::way::{Choices, Mode, Way};
@@ -11,6 +12,10 @@ const LIFT: usize = 1;
 const SLOT: usize = 2;
 const SPARE: usize = 3;
 const POWER: usize = 4;
+/// The row of those who draw most at a time, which has one entry per tick too but stands behind the others.
+const CROWD: usize = 5;
+/// Tables of places at a station.
+const PLACES: usize = 4;
 
 /// Which row stands where, and how much of everything there is.
 ///
@@ -29,6 +34,9 @@ pub(super) struct Layout {
     inverse: Vec<f64>,
     /// The greatest draw of a way, in units of the power rows' scale, at least 1.
     draw_max: f64,
+    /// Ticks on the lift before and after a charge, and for an exchange, at each station.
+    handling: Vec<[usize; 3]>,
+    crowds: Vec<Crowd>,
 }
 
 impl Layout {
@@ -39,7 +47,16 @@ impl Layout {
         let service = (problem.batteries.iter().map(|battery| battery.capacity).max().unwrap_or(1) as f64 * 0.7).max(1.0);
         let handling = problem.stations.iter().flat_map(|station| [station.load_draw, station.unload_draw, station.swap_draw]);
         let draw_max = (handling.max().unwrap_or(0) as f64 / draw).max(1.0);
-        let mut layout = Self { ticks, first: vec![0], before: Vec::new(), there: Vec::new(), inverse: Vec::new(), draw_max };
+        let mut layout = Self {
+            ticks,
+            first: vec![0],
+            before: Vec::new(),
+            there: Vec::new(),
+            inverse: Vec::new(),
+            draw_max,
+            handling: Vec::new(),
+            crowds: Vec::new(),
+        };
         for station in &problem.stations {
             let book = Book::new(problem, station);
             // What is overdrawn already is there for nobody, and no more than that.
@@ -48,10 +65,27 @@ impl Layout {
                 layout.inverse.extend(std::iter::repeat_n(if row == POWER { 1.0 / draw } else { 1.0 }, ticks));
             }
             layout.inverse.extend(book.limits().iter().map(|_| 1.0 / service));
+            let left = book.left();
+            let rows = |row: usize| &left[row * ticks..][..ticks];
+            let crowd = Crowd::new(problem, station, [BAY, SPARE, POWER].map(rows));
+            layout.there.extend(&crowd.there);
+            layout.inverse.extend(crowd.there.iter().map(|_| 1.0));
+            layout.crowds.push(crowd);
             layout.before.push(book.limits().iter().map(|limit| limit.before as usize).collect());
             layout.first.push(layout.there.len());
+            layout.handling.push([station.load_ticks, station.unload_ticks, station.swap_ticks].map(|ticks| ticks as usize));
         }
         layout
+    }
+
+    /// The first row of a station's crowd.
+    fn crowd(&self, station: usize) -> usize {
+        self.first[station + 1] - self.crowds[station].there.len()
+    }
+
+    /// From which draws on one is in each station's crowd.
+    fn crowded(&self) -> Vec<[i64; 2]> {
+        self.crowds.iter().map(|crowd| crowd.least).collect()
     }
 
     pub(super) fn rows(&self) -> usize {
@@ -67,18 +101,26 @@ impl Layout {
     /// of 64 bits. Prices of any height give a valid bound, so nothing is lost by the limit.
     pub(super) fn price_max(&self, unit: i64) -> f64 {
         let limits = self.before.iter().map(Vec::len).max().unwrap_or(0);
-        let counted = BY_TICK * (1 + limits) * self.ticks.max(1);
+        let counted = (BY_TICK + 1) * (1 + limits) * self.ticks.max(1);
         i64::MAX as f64 / (unit as f64 * counted as f64 * self.draw_max)
     }
 }
 
-/// Running sums of whole prices; entry `[row * (ticks + 1) + t]` is the sum over ticks before t.
+/// Whole prices, added up beforehand: a place at a station costs what its beginning costs and what its end costs,
+/// since how long it stands on the lift or in the slot is the same for all ways of a station.
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     width: usize,
-    sums: Vec<i64>,
-    /// The price of energy of each station where it is the same in all ticks.
-    flat: Vec<Option<i64>>,
+    /// For each station what it costs to begin a charge in each tick, to end one, to begin an exchange, and to
+    /// give its spare back.
+    places: Vec<i64>,
+    /// For each station the running sums of the price of power: at t over all ticks before it.
+    power: Vec<i64>,
+    /// For each station the tick until which power costs the same as in each tick.
+    same_until: Vec<u16>,
+    /// For each station the running sums of the price of being one of its crowd, and from which draws on one is.
+    crowd: Vec<i64>,
+    crowded: Vec<[i64; 2]>,
     earned: i128,
 }
 
@@ -86,46 +128,75 @@ impl Table {
     pub(super) fn new(layout: &Layout, prices: &[f64], unit: i64) -> Self {
         let (ticks, width) = (layout.ticks, layout.ticks + 1);
         let stations = layout.before.len();
-        let mut sums = vec![0; stations * BY_TICK * width];
-        let mut flat = vec![Some(0); stations];
-        let mut earned = 0;
+        let (places, power) = (Vec::with_capacity(stations * PLACES * width), Vec::with_capacity(stations * width));
+        let (same_until, crowd) = (Vec::with_capacity(stations * width), Vec::with_capacity(stations * width));
+        let mut table = Self { width, places, power, same_until, crowd, crowded: layout.crowded(), earned: 0 };
+        let mut sums = vec![0; BY_TICK * width];
         let whole = |row: usize| (prices[row] * layout.inverse[row] * unit as f64) as i64;
         for station in 0..stations {
             let first = layout.first[station];
-            let energy: Vec<i64> = (first + BY_TICK * ticks..layout.first[station + 1]).map(whole).collect();
+            let energy: Vec<i64> = (first + BY_TICK * ticks..layout.crowd(station)).map(whole).collect();
             for (place, &price) in energy.iter().enumerate() {
-                earned += i128::from(price) * i128::from(layout.there[first + BY_TICK * ticks + place]);
+                table.earned += i128::from(price) * i128::from(layout.there[first + BY_TICK * ticks + place]);
             }
             for row in 0..BY_TICK {
                 let mut later: i64 = energy.iter().sum();
                 let mut limits = layout.before[station].iter().zip(&energy).peekable();
                 let rows = first + row * ticks..first + (row + 1) * ticks;
-                // Most rows are asked for nothing: their sums stay zero.
+                let out = &mut sums[row * width..][..width];
+                // Most rows are asked for nothing.
                 if prices[rows].iter().all(|&price| price == 0.0) && (row != POWER || later == 0) {
+                    out.fill(0);
                     continue;
                 }
-                let out = &mut sums[(station * BY_TICK + row) * width..][..width];
                 for tick in 0..ticks {
                     let at = first + row * ticks + tick;
                     let mut price = whole(at);
-                    earned += i128::from(price) * i128::from(layout.there[at]);
+                    table.earned += i128::from(price) * i128::from(layout.there[at]);
                     if row == POWER {
                         // What is drawn in a tick also counts for every energy limit after it.
                         while let Some((_, passed)) = limits.next_if(|&(&before, _)| before <= tick) {
                             later -= passed;
                         }
                         price += later;
-                        if tick == 0 {
-                            flat[station] = Some(price);
-                        } else if flat[station] != Some(price) {
-                            flat[station] = None;
-                        }
                     }
                     out[tick + 1] = out[tick] + price;
                 }
             }
+            let crowd = layout.crowd(station)..layout.first[station + 1];
+            let mut sum = 0;
+            table.crowd.extend((0..width).map(|tick| {
+                let before = sum;
+                if let Some(at) = crowd.clone().nth(tick) {
+                    table.earned += i128::from(whole(at)) * i128::from(layout.there[at]);
+                    sum += whole(at);
+                }
+                before
+            }));
+            table.add_up(&sums, layout.handling[station]);
         }
-        Self { width, sums, flat, earned }
+        table
+    }
+
+    /// The places of a station, from the running sums of its rows.
+    fn add_up(&mut self, sums: &[i64], [load, unload, swap]: [usize; 3]) {
+        let (width, last) = (self.width, self.width - 1);
+        let row = |row: usize| &sums[row * width..][..width];
+        let (bay, lift, slot, spare) = (row(BAY), row(LIFT), row(SLOT), row(SPARE));
+        let until = |row: &[i64], from: usize, ticks: usize| row[(from + ticks).min(last)] - row[from];
+        self.places.extend((0..width).map(|start| until(lift, start, load) - bay[start]));
+        self.places.extend((0..width).map(|end| bay[end] + lift[end] - lift[end.saturating_sub(unload)]));
+        self.places.extend((0..width).map(|start| until(slot, start, swap) - spare[start]));
+        self.places.extend_from_slice(spare);
+        let power = row(POWER);
+        self.power.extend_from_slice(power);
+        let first = self.same_until.len();
+        self.same_until.resize(first + width, last as u16);
+        let same_until = &mut self.same_until[first..];
+        for tick in (0..last.saturating_sub(1)).rev() {
+            let same = power[tick + 1] - power[tick] == power[tick + 2] - power[tick + 1];
+            same_until[tick] = if same { same_until[tick + 1] } else { tick as u16 + 1 };
+        }
     }
 
     /// What the prices bring in for all that there is.
@@ -136,21 +207,34 @@ impl Table {
     /// What a way pays for what it takes.
     #[inline]
     pub(super) fn of(&self, problem: &Problem, choices: &Choices, way: &Way) -> i64 {
-        let width = self.width;
-        let sums = &self.sums[usize::from(way.station) * BY_TICK * width..][..BY_TICK * width];
-        let station = &problem.stations[usize::from(way.station)];
-        let stretch = |row: usize, from: usize, to: usize| sums[row * width + to] - sums[row * width + from];
-        let (start, end) = (usize::from(way.start), usize::from(way.end));
-        let mut paid = if let Mode::Charge(_) = way.mode {
-            let (load, unload) = (station.load_ticks as usize, station.unload_ticks as usize);
-            stretch(BAY, start, end) + stretch(LIFT, start, start + load) + stretch(LIFT, end - unload, end)
+        let (width, at) = (self.width, usize::from(way.station));
+        let places = &self.places[at * PLACES * width..][..PLACES * width];
+        let (kind, end) = if let Mode::Charge(_) = way.mode { (0, way.end) } else { (2 * width, way.ready) };
+        let (start, end) = (usize::from(way.start), usize::from(end).min(width - 1));
+        let place = places[kind + start] + places[kind + width + end];
+        // An exchange that gives no spare back draws until its end.
+        let to = if way.mode == Mode::Swap { usize::from(way.end) } else { end };
+        let (power, crowd) = (&self.power[at * width..][..width], &self.crowd[at * width..][..width]);
+        let drawn = if crowd[start] == crowd[to] && usize::from(self.same_until[at * width + start]) >= to {
+            (power[start + 1] - power[start]) * way.energy
         } else {
-            stretch(SLOT, start, end) + stretch(SPARE, start, usize::from(way.ready).min(width - 1))
+            self.drawn(problem, choices, way)
         };
-        match self.flat[usize::from(way.station)] {
-            Some(price) => paid += price * way.energy,
-            None => choices.draws(way, station, problem.horizon, |from, to, draw| paid += draw * stretch(POWER, from, to)),
-        }
+        place + drawn
+    }
+
+    /// What a way pays for power, where that is not the same in all ticks.
+    fn drawn(&self, problem: &Problem, choices: &Choices, way: &Way) -> i64 {
+        let at = usize::from(way.station);
+        let (power, crowd) = (&self.power[at * self.width..][..self.width], &self.crowd[at * self.width..][..self.width]);
+        let least = self.crowded[at][usize::from(!matches!(way.mode, Mode::Charge(_)))];
+        let mut paid = 0;
+        choices.draws(way, &problem.stations[at], problem.horizon, |from, to, draw| {
+            paid += draw * (power[to] - power[from]);
+            if draw >= least {
+                paid += crowd[to] - crowd[from];
+            }
+        });
         paid
     }
 }
@@ -159,17 +243,18 @@ impl Table {
 pub(super) struct Uses {
     width: usize,
     changes: Vec<i64>,
+    crowded: Vec<[i64; 2]>,
 }
 
 impl Uses {
     pub(super) fn new(layout: &Layout) -> Self {
         let width = layout.ticks + 1;
-        Self { width, changes: vec![0; layout.before.len() * BY_TICK * width] }
+        Self { width, changes: vec![0; layout.before.len() * (BY_TICK + 1) * width], crowded: layout.crowded() }
     }
 
     pub(super) fn add(&mut self, problem: &Problem, choices: &Choices, way: &Way) {
         let width = self.width;
-        let changes = &mut self.changes[usize::from(way.station) * BY_TICK * width..][..BY_TICK * width];
+        let changes = &mut self.changes[usize::from(way.station) * (BY_TICK + 1) * width..][..(BY_TICK + 1) * width];
         let station = &problem.stations[usize::from(way.station)];
         let mut stretch = |row: usize, from: usize, to: usize, by: i64| {
             changes[row * width + from] += by;
@@ -184,7 +269,19 @@ impl Uses {
             stretch(SLOT, start, end, 1);
             stretch(SPARE, start, usize::from(way.ready).min(width - 1), 1);
         }
-        choices.draws(way, station, problem.horizon, |from, to, draw| stretch(POWER, from, to, draw));
+        let least = self.crowded[usize::from(way.station)][usize::from(!matches!(way.mode, Mode::Charge(_)))];
+        choices.draws(way, station, problem.horizon, |from, to, draw| {
+            stretch(POWER, from, to, draw);
+            if draw >= least {
+                stretch(CROWD, from, to, 1);
+            }
+        });
+    }
+
+    /// What these and others ask for.
+    pub(super) fn and(mut self, others: &Self) -> Self {
+        self.changes.iter_mut().zip(&others.changes).for_each(|(change, other)| *change += other);
+        self
     }
 
     /// What is asked for beyond what there is, in units of the prices.
@@ -193,7 +290,7 @@ impl Uses {
             let first = layout.first[station];
             let mut drawn = vec![0; self.width];
             for row in 0..BY_TICK {
-                let changes = &self.changes[(station * BY_TICK + row) * self.width..][..self.width];
+                let changes = &self.changes[(station * (BY_TICK + 1) + row) * self.width..][..self.width];
                 let mut asked = 0;
                 for tick in 0..layout.ticks {
                     asked += changes[tick];
@@ -203,6 +300,12 @@ impl Uses {
                         drawn[tick + 1] = drawn[tick] + asked;
                     }
                 }
+            }
+            let changes = &self.changes[(station * (BY_TICK + 1) + CROWD) * self.width..][..self.width];
+            let mut asked = 0;
+            for (at, change) in (layout.crowd(station)..layout.first[station + 1]).zip(changes) {
+                asked += change;
+                over[at] = (asked - layout.there[at]) as f64;
             }
             for (place, &before) in layout.before[station].iter().enumerate() {
                 let at = first + BY_TICK * layout.ticks + place;
