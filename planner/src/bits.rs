@@ -35,26 +35,15 @@ impl Bits {
         self.0[word] = self.0[word] & !mask | flags & mask;
     }
 
+    /// The words of 64 flags each; there is always one after that of the last tick.
+    pub(crate) fn words(&self) -> &[u64] {
+        &self.0
+    }
+
     /// Whether a flag in `from..to` is set.
     #[inline(always)]
     pub(crate) fn any(&self, from: usize, to: usize) -> bool {
-        if from >= to {
-            return false;
-        }
-        if to - from > 64 {
-            return self.any_of_many(from, to);
-        }
-        // There is always a word after that of the last tick.
-        let (word, bit) = (from / 64, from % 64);
-        let flags = self.0[word] >> bit | self.0[word + 1] << 1 << (63 - bit);
-        flags << (64 - (to - from)) != 0
-    }
-
-    fn any_of_many(&self, from: usize, to: usize) -> bool {
-        let (first, last) = (from / 64, (to - 1) / 64);
-        let head = u64::MAX << (from % 64);
-        let tail = u64::MAX >> (63 - (to - 1) % 64);
-        self.0[first] & head != 0 || self.0[last] & tail != 0 || self.0[first + 1..last].iter().any(|&word| word != 0)
+        any(&self.0, from, to)
     }
 
     /// The first flag in `from..to` that is set.
@@ -71,6 +60,27 @@ impl Bits {
         }
         None
     }
+}
+
+/// Whether a flag in `from..to` of these words is set.
+#[inline(always)]
+pub(crate) fn any(words: &[u64], from: usize, to: usize) -> bool {
+    if from >= to {
+        return false;
+    }
+    if to - from > 64 {
+        return any_of_many(words, from, to);
+    }
+    let (word, bit) = (from / 64, from % 64);
+    let flags = words[word] >> bit | words[word + 1] << 1 << (63 - bit);
+    flags << (64 - (to - from)) != 0
+}
+
+fn any_of_many(words: &[u64], from: usize, to: usize) -> bool {
+    let (first, last) = (from / 64, (to - 1) / 64);
+    let head = u64::MAX << (from % 64);
+    let tail = u64::MAX >> (63 - (to - 1) % 64);
+    words[first] & head != 0 || words[last] & tail != 0 || words[first + 1..last].iter().any(|&word| word != 0)
 }
 
 #[cfg(test)]

@@ -5,13 +5,15 @@
 //! do not fit are refused by a look at one or two words.
 
 mod counters;
+mod gates;
 mod odds;
 
 use crate::bits::Bits;
 use crate::problem::{Problem, Station, Tick};
 use crate::supply::{self, Limit};
-use crate::way::{Choices, Mode, NEVER, Way};
+use crate::way::{At, Choices, Mode, NEVER, Starts, Way};
 use counters::Counters;
+use gates::{Gates, Kept};
 use odds::Odds;
 
 /// What a way asks for that is not there.
@@ -43,6 +45,10 @@ pub struct Book<'p> {
     slot: Counters,
     /// Spares that are charged and not handed out.
     spares: Counters,
+    /// The flags of all of these once more.
+    gates: Gates,
+    /// Whether nobody is to be given a place.
+    closed: bool,
     /// What may still be drawn in each tick.
     headroom: Vec<i64>,
     /// Ticks in which some way may ask for more than the headroom.
@@ -53,6 +59,8 @@ pub struct Book<'p> {
     odds: Option<Odds<'p>>,
     /// Robots with a way at this station.
     pub robots: Vec<u32>,
+    /// These ways, in the same order.
+    pub(crate) taken: Vec<Way>,
 }
 
 impl<'p> Book<'p> {
@@ -76,11 +84,14 @@ impl<'p> Book<'p> {
             lift: Counters::new(ticks, station.lift_slots, station.ongoing.len()),
             slot: Counters::new(ticks, station.swap_slots, station.ongoing.len()),
             spares,
+            gates: Gates::new(ticks, [station.load_ticks, station.unload_ticks].map(|ticks| ticks as usize), station.swap_ticks as usize),
+            closed: false,
             headroom: problem.base_load(station).iter().map(|draw| station.p_max - draw).collect(),
             tight: Bits::new(ticks, false),
             energy: supply::limits(station, horizon),
             odds: station.chance.as_ref().map(|chance| Odds::new(chance, station, horizon)),
             robots: Vec::new(),
+            taken: Vec::new(),
         };
         // Who comes into a bay after another takes it from when that one leaves.
         let mut held: Vec<usize> = vec![0; station.bays as usize];
@@ -108,7 +119,19 @@ impl<'p> Book<'p> {
             limit.energy -= begun + base[..limit.before as usize].iter().sum::<i64>();
         }
         book.tight.put(0, &book.headroom, |&room| room < draw_max);
+        book.renew_gates(0, ticks);
         book
+    }
+
+    /// Leaves no place for anybody.
+    pub(crate) fn close(&mut self) {
+        self.closed = true;
+        self.gates.shut();
+    }
+
+    /// Whether it was closed.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.closed
     }
 
     /// Whether there is room for a way.
@@ -117,13 +140,12 @@ impl<'p> Book<'p> {
     pub fn fits(&self, choices: &Choices, way: &Way) -> bool {
         let (start, end) = (usize::from(way.start), usize::from(way.end));
         let drawn_to = if let Mode::Charge(_) = way.mode {
-            let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
-            if self.bays.none().any(start, end) || self.lift.none().any(start, start + load) || self.lift.none().any(end - unload, end) {
+            if self.gates.refuse_charge(start, end) {
                 return false;
             }
             end
         } else {
-            if self.slot.none().any(start, end) || self.spares.none().any(start, self.spare_back(way)) {
+            if self.gates.refuse_exchange(start, end, self.spare_back(way)) {
                 return false;
             }
             if way.ready == NEVER { end } else { self.spare_back(way) }
@@ -135,6 +157,11 @@ impl<'p> Book<'p> {
         let plenty = self.energy.iter().all(|limit| Tick::from(way.start) >= limit.before || way.energy <= limit.energy);
         let calm = !self.tight.any(start, drawn_to.min(self.horizon as usize));
         if plenty && calm { self.odds_short(choices, way) <= 0 } else { self.feeds(choices, way) }
+    }
+
+    /// Tells those of a robot's ways of one kind here that have a place; power and energy are not asked for.
+    pub(crate) fn tell_places(&self, starts: &Starts, at: &At, limit: i64, tell: &mut impl FnMut(u32)) {
+        self.gates.tell(starts, at, limit, tell);
     }
 
     fn spare_back(&self, way: &Way) -> usize {
@@ -236,6 +263,7 @@ impl<'p> Book<'p> {
     /// Enters a robot's way; it must fit.
     pub fn take(&mut self, robot: usize, choices: &Choices, way: &Way) {
         self.robots.push(robot as u32);
+        self.taken.push(*way);
         self.change(choices, way, -1);
     }
 
@@ -243,13 +271,15 @@ impl<'p> Book<'p> {
     pub fn give_back(&mut self, robot: usize, choices: &Choices, way: &Way) {
         if let Some(place) = self.robots.iter().position(|&other| other == robot as u32) {
             self.robots.swap_remove(place);
+            self.taken.swap_remove(place);
         }
         self.change(choices, way, 1);
     }
 
     fn change(&mut self, choices: &Choices, way: &Way, sign: i32) {
         let (start, end) = (usize::from(way.start), usize::from(way.end));
-        if let Mode::Charge(_) = way.mode {
+        let charge = matches!(way.mode, Mode::Charge(_));
+        if charge {
             self.bays.change(start, end, sign);
             self.lift.change(start, start + self.station.load_ticks as usize, sign);
             self.lift.change(end - self.station.unload_ticks as usize, end, sign);
@@ -257,6 +287,7 @@ impl<'p> Book<'p> {
             self.slot.change(start, end, sign);
             self.spares.change(start, self.spare_back(way), sign);
         }
+        self.renew_gates(start, end.max(if charge { 0 } else { self.spare_back(way) }));
         for place in 0..self.energy.len() {
             let before = self.energy[place].before;
             self.energy[place].energy += i64::from(sign) * self.drawn(choices, way, before);
@@ -272,6 +303,12 @@ impl<'p> Book<'p> {
             last = to;
         });
         self.tight.put(start, &headroom[start..last], |&room| room < draw_max);
+    }
+
+    fn renew_gates(&mut self, from: usize, to: usize) {
+        let Self { bays, lift, slot, spares, .. } = self;
+        let kept = Kept { bays: bays.none(), lift: lift.none(), slot: slot.none(), spares: spares.none() };
+        self.gates.renew(&kept, from, to);
     }
 
     /// Energy that all ways in the book and the station itself draw before a tick.

@@ -20,7 +20,7 @@ pub struct Score {
 }
 
 /// A plan in the making.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Draft<'w, 'p> {
     /// What there is to choose from.
     pub ways: &'w Ways<'p>,
@@ -78,6 +78,17 @@ impl<'w, 'p> Draft<'w, 'p> {
         let all: i64 = (0..draft.chosen.len()).map(unserved).sum();
         let saved: i64 = services.map(|robot| draft.cost_of(robot) - i64::from(ways.of(robot).unserved_cost)).sum();
         draft.score.cost = all + saved;
+        draft
+    }
+
+    /// The same plan, but nothing can change at stations that are not open, and of the robots that run empty these
+    /// alone are looked for a place.
+    #[must_use]
+    pub(crate) fn with_open(&self, open: &[bool], robots: &[u32]) -> Self {
+        let mut draft = self.clone();
+        draft.lost = robots.iter().copied().filter(|&robot| self.is_stranded(robot as usize)).collect();
+        draft.lost.iter().zip(0..).for_each(|(&robot, place)| draft.lost_at[robot as usize] = place);
+        draft.books.iter_mut().zip(open).filter(|(_, open)| !**open).for_each(|(book, _)| book.close());
         draft
     }
 

@@ -10,6 +10,7 @@
 //!     |
 //!   policy/        one file per policy; optimise.rs is the default:
 //!     |              construct.rs at once, turns.rs and search.rs better, prices.rs bounds and guides,
+//!     |              halves.rs searches a large fleet on two threads,
 //!     |              narrow.rs goes through all that is left to a better plan of a small fleet
 //!     |            replan.rs mends a plan and moves little
 //!     |
@@ -41,6 +42,7 @@ pub mod construct;
 pub mod draft;
 pub mod explain;
 mod guide;
+mod halves;
 pub mod instance;
 mod narrow;
 pub mod optimise;

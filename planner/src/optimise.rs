@@ -9,6 +9,7 @@
 //!     |
 //!   miss little      search by missed work, at most as many stranded,            (search)
 //!     |  ^            led by prices, which are bettered in between               (prices, guide)
+//!     |  |           in large fleets in two halves of the stations at a time   (halves)
 //!     |  +---- prices bound the missed work from below
 //!     |              in small fleets then: all that a better plan could still be (narrow)
 //!   tidy up          ways of equal cost that take less energy
@@ -20,6 +21,7 @@ use rand_pcg::Pcg64Mcg;
 use crate::construct::{self, ORDERS, greedy, ranked};
 use crate::draft::{Draft, NONE, broken};
 use crate::guide::Guide;
+use crate::halves::Halves;
 use crate::narrow;
 use crate::plan::{Levels, Plan};
 use crate::prices::{Level, Prices};
@@ -49,8 +51,9 @@ impl<F: FnMut(u64) -> f64> Budget for F {
     }
 }
 
-/// Share of the budget after which the stranded are as few as they will be.
-const STRAND_SHARE: f64 = 0.4;
+/// Share of the budget after which the stranded are as few as they will be, in a small and in a large fleet: four of 1,000 robots
+/// ended with as many stranded by either share, and with less missed by the smaller one.
+const STRAND_SHARE: [f64; 2] = [0.4, 0.3];
 /// The largest fleet for which orders are searched: beyond that, turning one into a plan takes too long.
 const TURNS_MAX: u64 = 64;
 /// Share of the time for few stranded that goes to orders.
@@ -64,8 +67,8 @@ const WIDE_MOVES: u64 = 3000;
 const PRICES_SHARE: f64 = 0.25;
 /// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
 const HOT: [f64; 2] = [20.0, 64.0];
-/// Temperature at its end.
-const COLD: f64 = 0.3;
+/// The same at its end. So many more moves are made in a large fleet that below this nothing is accepted any more.
+const COLD: [f64; 2] = [0.3, 1.0];
 /// A search of a small fleet is over long before its time: it is heated again so often, from its best plan.
 const HEATS: f64 = 6.0;
 /// The largest fleet for which that pays.
@@ -78,8 +81,10 @@ const PROVEN_ROUNDS: u32 = 16;
 const PROVEN_ROBOTS_MAX: usize = 64;
 /// Rounds in which everybody may take a better place, when there is no time.
 const HASTY: u32 = 2;
-/// Moves of a robot in the time that prices take for a step of theirs.
-const MOVES_BESIDE: u64 = 4;
+/// Moves for each robot in a half of a large fleet, until it is halved otherwise.
+const MOVES_IN_HALF: u64 = 4;
+/// So often a large fleet is halved for each round of prices.
+const UNPRICED: u64 = 2;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
@@ -100,7 +105,7 @@ pub(crate) fn best<'w, 'p>(
     seed: u64,
     budget: &mut dyn Budget,
 ) -> (Draft<'w, 'p>, Levels) {
-    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), clock: Clock { budget, moves: 0 } };
+    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), clock: Clock { budget, moves: 0 }, halves: Halves::new(ways), rounds: 0 };
     let at_once = run.at_once();
     let mut search = Search::new(match known {
         Some(known) if (known.broken(), known.score) <= (at_once.broken(), at_once.score) => known,
@@ -179,6 +184,8 @@ struct Run<'w, 'p, 'b> {
     ways: &'w Ways<'p>,
     rng: Pcg64Mcg,
     clock: Clock<'b>,
+    halves: Halves,
+    rounds: u64,
 }
 
 impl<'w, 'p> Run<'w, 'p, '_> {
@@ -220,7 +227,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 few = draft;
             }
         }
-        let until = start + STRAND_SHARE * (1.0 - start);
+        let until = start + STRAND_SHARE[usize::from(self.is_large())] * (1.0 - start);
         let robots = self.ways.problem().robots.len() as u64;
         if robots <= TURNS_MAX {
             let first = start + TURNS_SHARE * (until - start);
@@ -258,7 +265,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             let heat = heat(THRIFTY_HEAT, (at - start) / (until - start));
             if self.is_large() {
                 prices.cap_stranded(search.best_score.stranded.min(found.best_score.stranded));
-                self.search_beside(&mut search, &guide, heat, prices, found.best_score.cost);
+                self.search_halves(&mut search, &guide, heat, prices, found.best_score.cost);
             } else {
                 self.search(&mut search, &guide, heat);
             }
@@ -278,6 +285,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let start = self.used();
         let robots = self.ways.problem().robots.len();
         let hot = (robots as f64 / 4.0).clamp(HOT[0], HOT[1]);
+        let cold = COLD[usize::from(self.is_large())];
         let heats = if robots <= REHEATED_MAX { HEATS } else { 1.0 };
         let mut heated = 0.0;
         let (began, wide) = (self.clock.moves, if self.is_small() { WIDE_MOVES * robots as u64 } else { u64::MAX });
@@ -296,7 +304,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             }
             if self.is_large() && prices.improved() {
                 let guide = prices.guide().clone();
-                self.search_beside(search, &guide, heat([hot, COLD], gone), prices, score.cost);
+                self.search_halves(search, &guide, heat([hot, cold], gone), prices, score.cost);
             } else if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
                 self.clock.moves += prices.improve(score.cost);
                 priced += self.used() - at;
@@ -306,7 +314,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                     heated = progress.floor();
                     search.return_to_best();
                 }
-                self.search(search, prices.guide(), heat([hot, COLD], progress - heated));
+                self.search(search, prices.guide(), heat([hot, cold], progress - heated));
                 searched += self.used() - at;
             }
         }
@@ -322,12 +330,15 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         self.ways.problem().robots.len() >= SHARED_MIN
     }
 
-    /// Searches on one thread while prices are bettered on another. How much each does does not depend on time.
-    fn search_beside(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64, prices: &mut Prices<'w, 'p>, aim: i64) {
-        let moves = self.ways.problem().robots.len() as u64 * MOVES_BESIDE;
-        let rng = &mut self.rng;
-        rayon::join(|| search.run(guide, rng, moves, heat), || prices.improve(aim));
-        self.clock.moves += moves;
+    /// Searches both halves of the stations, and betters prices now and then: their bound soon rises slowly.
+    fn search_halves(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64, prices: &mut Prices<'w, 'p>, aim: i64) {
+        let moves = self.ways.problem().robots.len() as u64 * MOVES_IN_HALF;
+        self.halves.run(search, guide, &mut self.rng, moves, heat);
+        self.rounds += 1;
+        if self.rounds.is_multiple_of(UNPRICED) {
+            prices.improve(aim);
+        }
+        self.clock.moves += 2 * moves;
     }
 
     fn search(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64) {

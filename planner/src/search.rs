@@ -42,6 +42,8 @@ pub struct Search<'w, 'p> {
     movable: Vec<u32>,
     /// Each robot's way when its regret was last asked for, and that regret.
     regrets: Vec<(u32, f32)>,
+    /// The ways of a robot that have a place, while one is looked for.
+    free: Vec<u32>,
 }
 
 impl<'w, 'p> Search<'w, 'p> {
@@ -57,7 +59,36 @@ impl<'w, 'p> Search<'w, 'p> {
     #[must_use]
     pub fn among(draft: Draft<'w, 'p>, movable: Vec<u32>) -> Self {
         let (best, best_score) = (draft.chosen.clone(), draft.score);
-        Self { draft, best, best_score, waiting: Vec::new(), movable, regrets: Vec::new() }
+        Self { draft, best, best_score, waiting: Vec::new(), movable, regrets: Vec::new(), free: Vec::new() }
+    }
+
+    /// Robots that moves begin with.
+    pub(crate) fn movable(&self) -> &[u32] {
+        &self.movable
+    }
+
+    /// Goes on from what became of two copies of the plan of now that changed nothing of the same.
+    pub(crate) fn join(&mut self, parts: [Self; 2]) {
+        let before = self.draft.score;
+        let (mut now, mut best, mut best_score) = (self.draft.chosen.clone(), self.draft.chosen.clone(), before);
+        for part in &parts {
+            for (robot, &was) in self.draft.chosen.iter().enumerate() {
+                if part.draft.chosen[robot] != was {
+                    now[robot] = part.draft.chosen[robot];
+                }
+                if part.best[robot] != was {
+                    best[robot] = part.best[robot];
+                }
+            }
+            best_score.stranded += part.best_score.stranded - before.stranded;
+            best_score.cost += part.best_score.cost - before.cost;
+            best_score.energy += part.best_score.energy - before.energy;
+        }
+        if best_score < self.best_score {
+            (self.best, self.best_score) = (best, best_score);
+        }
+        self.draft.become_choice(&now);
+        self.waiting = (0..now.len()).filter(|&robot| now[robot] != self.best[robot]).collect();
     }
 
     /// Whether there is nobody to move.
@@ -232,28 +263,50 @@ impl<'w, 'p> Search<'w, 'p> {
         }
         if rng.random_range(0..ANY_OF) == 0 {
             let way = rng.random_range(0..self.draft.ways.of(robot).ways.len()) as u32;
-            return (way != self.draft.chosen[robot]).then_some(way);
+            return self.may_have(robot, way).then_some(way);
         }
         // Mostly from the top of the list: the square of a uniform number is small more often.
         let place = rng.random::<f32>();
         let way = listed[((place * place * listed.len() as f32) as usize).min(listed.len() - 1)];
-        (way != self.draft.chosen[robot]).then_some(way)
+        self.may_have(robot, way).then_some(way)
+    }
+
+    /// Whether a robot does not have a way, and its station is open.
+    fn may_have(&self, robot: usize, way: u32) -> bool {
+        let station = self.draft.ways.of(robot).ways[way as usize].station;
+        way != self.draft.chosen[robot] && !self.draft.books[usize::from(station)].is_closed()
     }
 
     /// A free place: the cheapest for the robot, or the first by prices.
-    fn place(&self, guide: &Guide, rng: &mut impl Rng, robot: usize, limit: i64) -> Option<u32> {
+    fn place(&mut self, guide: &Guide, rng: &mut impl Rng, robot: usize, limit: i64) -> Option<u32> {
         let choices = self.draft.ways.of(robot);
         let limit = if choices.strands { limit } else { limit.min(i64::from(choices.unserved_cost) - 1) };
-        if rng.random_range(0..2) == 0 {
-            let fits = |way: &&u32| {
-                let way = &choices.ways[**way as usize];
-                i64::from(way.cost) <= limit && self.draft.books[usize::from(way.station)].fits(choices, way)
-            };
-            if let Some(&way) = guide.listed[robot].iter().find(fits) {
-                return Some(way);
-            }
+        let mut free = std::mem::take(&mut self.free);
+        free.clear();
+        let starts = choices.starts(self.draft.problem().horizon);
+        for at in starts.at(limit) {
+            self.draft.books[usize::from(at.station)].tell_places(starts, at, limit, &mut |way| free.push(way));
         }
-        self.draft.cheapest(robot, limit.saturating_add(1))
+        let fits = |way: u32| {
+            let way = &choices.ways[way as usize];
+            self.draft.books[usize::from(way.station)].fits(choices, way)
+        };
+        let mut listed = None;
+        if rng.random_range(0..2) == 0 && !free.is_empty() {
+            listed = guide.listed[robot].iter().copied().find(|&way| free.contains(&way) && fits(way));
+        }
+        // The cheapest of those that fit.
+        let found = listed.or_else(|| {
+            let mut least = NONE;
+            free.iter().for_each(|&way| {
+                if way < least && fits(way) {
+                    least = way;
+                }
+            });
+            (least != NONE).then_some(least)
+        });
+        self.free = free;
+        found
     }
 
     /// Releases robots until a way is free.
@@ -273,10 +326,9 @@ impl<'w, 'p> Search<'w, 'p> {
             let book = &self.draft.books[station];
             let mut victim = None;
             let mut seen = 0;
-            for &other in &book.robots {
+            for (&other, taken) in book.robots.iter().zip(&book.taken) {
                 let other = other as usize;
-                let ways = &self.draft.ways.of(other).ways;
-                if book.takes_part(clash, &ways[self.draft.chosen[other] as usize]) && !settled.contains(&other) {
+                if book.takes_part(clash, taken) && !settled.contains(&other) {
                     seen += 1;
                     if rng.random_range(0..seen) == 0 {
                         victim = Some(other);

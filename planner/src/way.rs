@@ -3,11 +3,13 @@
 //! nothing but a choice of at most one way for each robot.
 
 mod charge;
+mod starts;
 
 use std::sync::{Arc, OnceLock};
 
 pub use charge::charge_need;
 use charge::{From, Runs, taken};
+pub(crate) use starts::{At, Starts};
 
 use rayon::prelude::*;
 
@@ -69,6 +71,8 @@ pub struct Choices {
     pub held: bool,
     /// Whether ways that it has were left out, because it keeps the one that it was promised.
     keeps: bool,
+    /// The ways once more, sorted otherwise when first asked for.
+    starts: OnceLock<Starts>,
 }
 
 /// The ways of all robots, made when first asked for: a change of one robot touches few others.
@@ -179,7 +183,7 @@ impl<'p> Ways<'p> {
                 ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
                 ways.sort_unstable_by_key(|way| (way.cost, way.energy, way.start, way.station, way.mode));
             }
-            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), unserved_cost: 0, ..*all })
+            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), unserved_cost: 0, starts: OnceLock::new(), ..*all })
         });
         Self { problem: self.problem, choices: choices.collect() }
     }
@@ -192,7 +196,7 @@ impl<'p> Ways<'p> {
             let mut kept = kept(robot);
             kept.sort_unstable();
             let ways = kept.into_iter().map(|way| all.ways[way as usize]).collect();
-            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), ..*all })
+            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), starts: OnceLock::new(), ..*all })
         });
         Self { problem: self.problem, choices: choices.collect() }
     }
@@ -227,6 +231,11 @@ impl Choices {
         if let Mode::Charge(_) = way.mode {
             each((end - station.unload_ticks) as usize, end as usize, station.unload_draw);
         }
+    }
+
+    /// The ways by how long they hold their place.
+    pub(crate) fn starts(&self, horizon: Tick) -> &Starts {
+        self.starts.get_or_init(|| Starts::new(&self.ways, horizon))
     }
 
     /// The place of the way with this station, start and mode.
@@ -280,7 +289,15 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     let unserved = robot.missed_unserved(battery.floor);
     let keeps = matches!(only, Some(Only::This(_)));
     let mut runs = Runs::default();
-    let mut made = Choices { ways: Vec::new(), runs: Arc::default(), strands, unserved_cost: unserved as i32, held: robot.held, keeps };
+    let mut made = Choices {
+        ways: Vec::new(),
+        runs: Arc::default(),
+        strands,
+        unserved_cost: unserved as i32,
+        held: robot.held,
+        keeps,
+        starts: OnceLock::new(),
+    };
     if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
         return made;
     }
