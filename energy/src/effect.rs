@@ -140,6 +140,11 @@ pub trait Physics: Send + Sync {
         false
     }
 
+    /// Effects of which it is the sum: a model has these or it.
+    fn lumps(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Calculates what depends on parameters and the length of a step only, such as
     /// `exp(-dt / tau)`. Called when one of these changes, not at every step.
     fn prepare<S: Real>(&self, _facts: &Facts, _dt_s: f64, _parameters: &[S], _prepared: &mut [S]) {}
@@ -183,6 +188,8 @@ pub trait Effect: Steps<f64> + Steps<Dual> {
     fn prepared_len(&self) -> usize;
     /// [`Physics::reads_curve`].
     fn reads_curve(&self) -> bool;
+    /// [`Physics::lumps`].
+    fn lumps(&self) -> &'static [&'static str];
 }
 
 impl<T: Physics> Effect for T {
@@ -194,6 +201,9 @@ impl<T: Physics> Effect for T {
     }
     fn reads_curve(&self) -> bool {
         Physics::reads_curve(self)
+    }
+    fn lumps(&self) -> &'static [&'static str] {
+        Physics::lumps(self)
     }
 }
 

@@ -34,11 +34,16 @@ pub fn drawn_w<S: Real>(force_n: S, speed_mps: S) -> S {
 /// Adds a force along the direction of travel (N, positive when the motors must give it), and
 /// the power that it makes the wheels draw.
 pub(crate) fn push<S: Real>(channels: &mut Channels<S>, force_n: S) {
+    let share_w = pushed_w(channels, force_n);
+    channels.add(Channel::PowerW, share_w);
+}
+
+/// Adds such a force, and gives the power that it makes the wheels draw, W.
+pub(crate) fn pushed_w<S: Real>(channels: &mut Channels<S>, force_n: S) -> S {
     let speed_mps = channels[Channel::SpeedMps];
     let before_w = drawn_w(channels[Channel::TractionN], speed_mps);
     channels.add(Channel::TractionN, force_n);
-    let after_w = drawn_w(channels[Channel::TractionN], speed_mps);
-    channels.add(Channel::PowerW, after_w - before_w);
+    drawn_w(channels[Channel::TractionN], speed_mps) - before_w
 }
 
 /// Adds a force that resists motion in either direction, N >= 0; nothing at a standstill.

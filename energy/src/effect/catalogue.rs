@@ -30,6 +30,7 @@ catalogue! {
         resistance_growth::ResistanceGrowth,
         calendar_resistance::CalendarResistance,
         arrhenius::Arrhenius,
+        super_arrhenius::SuperArrhenius,
         butler_volmer::ButlerVolmer,
         rc::FIRST,
         rc2::SECOND,

@@ -11,6 +11,7 @@ use super::discover::{Outcome, Search, Step};
 use super::judge::{Refusal, explained};
 use super::state::State;
 use super::trial::Trial;
+use crate::compare::WITHIN;
 
 /// One word for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -128,7 +129,7 @@ impl Discovery {
         let (first, last) = (&search.steps[0], search.last.told());
         let selected: Vec<&'static str> = found.iter().map(|step| step.trials[0].spec.id).collect();
         let (equivalent, experiment) = equivalents(&found);
-        let complete = explained(last) || beyond(last) < MOSTLY * beyond(first.base.told());
+        let complete = explained(last) || within(last) && beyond(last) < MOSTLY * beyond(first.base.told());
         let verdict = match () {
             () if !complete => Verdict::Unknown,
             () if !equivalent.is_empty() => Verdict::Ambiguous,
@@ -154,6 +155,11 @@ impl Discovery {
 /// Share of the squared error beyond the floor that may be left when what was found is called the
 /// answer: physics of another form than the catalogue's leaves some.
 const MOSTLY: f64 = 0.15;
+
+/// Whether the error is what `lab compare` counts as the sensors' floor.
+fn within(state: &State) -> bool {
+    state.rms().iter().all(|&(channel, rms)| rms <= WITHIN * state.frame.evidence.floor(channel))
+}
 
 /// Mean square beyond the floor, in floors.
 fn beyond(state: &State) -> f64 {

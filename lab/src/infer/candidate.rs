@@ -36,7 +36,15 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
     let base = Model::clone(&frame.model).with_values(&frame.values(x));
     let has = |id: &str| base.effects().any(|effect| effect.spec().id == id);
     let (mut able, mut unable) = (Vec::new(), Vec::new());
-    for spec in catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == base.system && !has(spec.id)) {
+    for effect in catalogue().iter().filter(|effect| effect.spec().system == base.system && !has(effect.spec().id)) {
+        let spec = effect.spec();
+        if let Some(part) = effect.lumps().iter().find(|part| has(part)) {
+            unable.push(Untested {
+                effect: spec.id,
+                reason: format!("it is the sum of several effects, and the model has {part} by itself"),
+            });
+            continue;
+        }
         let model = match base.with(spec.id) {
             Ok(model) => model,
             Err(reason) => {

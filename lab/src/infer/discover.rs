@@ -88,9 +88,22 @@ impl Step {
                 accepted = judge(&sketches, wave, &mut judged);
             }
         }
+        // Another one may be the best on all of the evidence: what does its work must be heard as well.
+        let best = judged.iter().filter(|(_, refusals)| refusals.is_empty()).max_by(|(a, _), (b, _)| a.delta_bic.total_cmp(&b.delta_bic));
+        if let Some((best, _)) = best
+            && let Some(place) = sketches.scored.iter().position(|(score, _)| score.spec.id == best.spec.id)
+        {
+            let as_good = judged.iter().filter(|(trial, _)| trial.delta_bic > best.delta_bic - ALIKE);
+            let as_good: Vec<&str> = as_good.map(|(trial, _)| trial.spec.id).collect();
+            sketches.draw_what_takes_over_from(place, &best.state.coarse(), &as_good);
+            if let Some(wave) = sketches.next_wave() {
+                judge(&sketches, wave, &mut judged);
+            }
+        }
         // The accepted ones come first, and of those that do as well the simplest.
         judged.sort_by(|(a, _), (b, _)| b.delta_bic.total_cmp(&a.delta_bic));
         judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
+        only_once(&mut judged);
         let accepted = judged.iter().take_while(|(_, refusals)| refusals.is_empty()).count();
         if let Some(simplest) = simplest(&judged[..accepted], holdout) {
             judged[..=simplest].rotate_right(1);
@@ -106,6 +119,16 @@ impl Step {
     }
 }
 
+/// Keeps of every effect the first.
+fn only_once(judged: &mut Vec<(Trial, Vec<Refusal>)>) {
+    let mut seen: Vec<&str> = Vec::new();
+    judged.retain(|(trial, _)| {
+        let new = !seen.contains(&trial.spec.id);
+        seen.push(trial.spec.id);
+        new
+    });
+}
+
 /// Places of the accepted trials that the logs cannot tell from the first.
 fn alternatives(trials: &[Trial], accepted: usize) -> Vec<usize> {
     let first = &trials[0];
@@ -116,8 +139,8 @@ fn alternatives(trials: &[Trial], accepted: usize) -> Vec<usize> {
         let ahead = other.delta_bic - first.delta_bic;
         let same = hardly_moves(&first.state, &other.state);
         let richer = other.state.freedom > first.state.freedom;
-        // With a number at the end of its range it has become the simpler one.
-        let degenerate = same && richer && other.is_at_an_end();
+        // With a number that does nothing it has become the simpler one.
+        let degenerate = same && richer && other.has_a_number_to_spare();
         let likely = ahead.abs() < ALIKE && !degenerate || same && !richer;
         likely && !first.is_also(other) && !other.is_also(first)
     };

@@ -61,6 +61,8 @@ pub(super) struct Sketches {
     base: State,
     /// Those that were not yet taken, best first.
     drawn: Vec<Sketch>,
+    /// Places of effects whose work was handed over.
+    handed_over: Vec<usize>,
     /// Places of all that were drawn.
     seen: Vec<usize>,
 }
@@ -74,7 +76,8 @@ impl Sketches {
         let mut scored: Vec<(Score, Candidate)> = able.into_iter().filter_map(|one| Some((scoring.score(&one)?, one))).collect();
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         let worth = worth_a_refit(base, &scored, tried);
-        let mut sketches = Sketches { scored, untested, tried, base: base.coarse(), drawn: Vec::new(), seen: Vec::new() };
+        let mut sketches =
+            Sketches { scored, untested, tried, base: base.coarse(), drawn: Vec::new(), handed_over: Vec::new(), seen: Vec::new() };
         let places: Vec<usize> = (0..sketches.scored.len()).filter(|place| worth.contains(place)).collect();
         sketches.draw(&places);
         sketches.draw_what_looks_like_the_best();
@@ -133,8 +136,18 @@ impl Sketches {
     /// So must what can take over the work of the best step by step: from the base, the way to the one was open and that to
     /// the other may not have been.
     fn draw_what_takes_over_from_the_best(&mut self) {
-        let Some(best) = self.best() else { return };
-        let (place_of_best, has) = (best.place, best.state.clone());
+        if let Some((place, state)) = self.best().map(|best| (best.place, best.state.clone())) {
+            self.draw_what_takes_over_from(place, &state, &[]);
+        }
+    }
+
+    /// Draws what takes over the work of an effect that is at its best on coarser evidence, but for what is known to do as
+    /// well; once for each effect.
+    pub(super) fn draw_what_takes_over_from(&mut self, place_of_best: usize, has: &State, as_good: &[&str]) {
+        if self.handed_over.contains(&place_of_best) {
+            return;
+        }
+        self.handed_over.push(place_of_best);
         let spec = self.scored[place_of_best].0.spec;
         for place in 0..self.scored.len() {
             let score = &self.scored[place].0;
@@ -143,10 +156,10 @@ impl Sketches {
             // What a refit of the base absorbs nearly whole looks like everything and nothing.
             let may =
                 score.freedom > 0 && (score.uniqueness < ABSORBED || score.confounded(&self.scored[place_of_best].0) > MAY_DO_THE_WORK);
-            if place == place_of_best || !behind || !may {
+            if place == place_of_best || !behind || !may || as_good.contains(&score.spec.id) {
                 continue;
             }
-            let Some(state) = handed_over(&self.base, &has, spec, score.spec) else { continue };
+            let Some(state) = handed_over(&self.base, has, spec, score.spec) else { continue };
             self.keep_the_better(place, state);
         }
         self.drawn.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));

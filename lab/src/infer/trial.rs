@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model, Parameter};
+use energy::{Channel, EffectSpec, Model, Parameter, ParameterSpec};
 
 use super::candidate::{Candidate, usual};
 use super::descent::{Asked, descend};
@@ -45,12 +45,17 @@ impl Trial {
         Trial::of(base, state.with_what_is_open_as_before(), score.spec, score.uniqueness, holdout)
     }
 
-    /// Whether a number of the effect's own rests at an end of its range.
+    /// Whether the effect could do with fewer numbers: one of its own rests at an end of its range, or is less than a
+    /// deviation from where it does nothing or, where it only shapes the effect, from zero.
     #[must_use]
-    pub fn is_at_an_end(&self) -> bool {
-        let frame = &self.state.frame;
-        let own = |&place: &usize| frame.free.get(place).is_some_and(|&index| frame.model.parameters()[index].effect == self.spec.id);
-        self.state.held().iter().any(own)
+    pub fn has_a_number_to_spare(&self) -> bool {
+        let (frame, held, sigmas) = (&self.state.frame, self.state.held(), self.state.sigmas());
+        (0..frame.free.len()).any(|place| {
+            let parameter = &frame.model.parameters()[frame.free[place]];
+            let spec = self.spec.parameters.iter().find(|spec| parameter.effect == self.spec.id && spec.name == parameter.name);
+            let idle = |spec: &ParameterSpec| (self.state.x[place] - spec.null.unwrap_or(0.0)).abs() < sigmas[place];
+            spec.is_some_and(|spec| held.contains(&place) || idle(spec))
+        })
     }
 
     /// Whether the other effect is this one under another name, or this one with more freedom: with the

@@ -7,6 +7,7 @@ const UNITS: &[(&str, &str)] = &[
     ("_j_per_k", "J/K"),
     ("_j_per_m", "J/m"),
     ("_j_per_mol", "J/mol"),
+    ("_kj_per_mol_k", "kJ/(mol K)"),
     ("_kj_per_mol", "kJ/mol"),
     ("_v_per_k", "V/K"),
     ("_v_per_n", "V/N"),

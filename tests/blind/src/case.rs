@@ -171,6 +171,8 @@ pub enum Right {
     },
     /// That it is nothing of the catalogue.
     Unknown {
+        /// Effects that are no mistake beside saying so: what the catalogue does know of it.
+        may: Vec<&'static str>,
         /// What of it a refit leaves.
         leaves: Leaves,
     },
@@ -209,7 +211,7 @@ impl Truth {
     pub fn leaves(&self) -> Leaves {
         match &self.right {
             Right::Complete => Leaves::nothing(),
-            Right::AnyOf { leaves, .. } | Right::Unknown { leaves } | Right::Set { leaves, .. } => leaves.clone(),
+            Right::AnyOf { leaves, .. } | Right::Unknown { leaves, .. } | Right::Set { leaves, .. } => leaves.clone(),
             Right::Effects(hidden) => {
                 let least = hidden.iter().min_by(|a, b| a.leaves.strength.total_cmp(&b.leaves.strength));
                 least.map_or_else(Leaves::nothing, |hidden| hidden.leaves.clone())

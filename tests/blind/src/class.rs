@@ -34,6 +34,12 @@ pub const CLASSES: &[Class] = &[
     },
     Class {
         system: System::Battery,
+        name: "series resistance over temperature",
+        members: &["arrhenius", "super_arrhenius"],
+        reason: "one law, as a line over 1/T and with its bend",
+    },
+    Class {
+        system: System::Battery,
         name: "leak past the gauge",
         members: &["current_offset", "parasitic_load"],
         reason: "the same constant current, seen from two sides of the ammeter",

@@ -104,7 +104,7 @@ fn foreign(entry: &Entry, seed: u64, stranger: &Stranger) -> Case {
     let courses = courses(&world(size), &setting.scripts);
     let leaves = leaves(&setting.truth, &courses, ROUNDS);
     let right = if stranger.any.is_empty() {
-        Right::Unknown { leaves }
+        Right::Unknown { may: stranger.may.to_vec(), leaves }
     } else {
         Right::AnyOf { any: stranger.any.to_vec(), may: stranger.may.to_vec(), leaves }
     };

@@ -128,7 +128,8 @@ pub const COLLINEAR: &[Ambiguity] = &[
         system: System::Battery,
         hidden: &["arrhenius", "resistance_growth", "calendar_resistance"],
         must: &["arrhenius", "resistance_growth", "calendar_resistance", "contact_resistance"],
-        may: &["ohmic_soc", "weak_cell"],
+        // Charge transfer far below its exchange current and a relaxation faster than the rows are resistances, too.
+        may: &["super_arrhenius", "ohmic_soc", "weak_cell", "butler_volmer", "rc1"],
         base: &["ohmic"],
         all_known: true,
         poor: Poor { one_age: true, one_temperature: true, ..NO_POOR },

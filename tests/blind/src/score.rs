@@ -116,14 +116,20 @@ fn is_set(case: &Case, answer: &Answer, must: &[&str], may: &[&str]) -> bool {
 fn wrong_names(case: &Case, answer: &Answer) -> Vec<String> {
     let system = case.system;
     let accepted = |named: &str| match &case.truth.right {
-        Right::Complete | Right::Unknown { .. } => false,
+        Right::Complete => false,
+        Right::Unknown { may, .. } => may.contains(&named),
         Right::Effects(hidden) => hidden.iter().any(|h| same_class(system, h.id, named) || excused(system, h.id, named)),
         Right::AnyOf { any, may, .. } => any.iter().any(|id| same_class(system, id, named)) || may.contains(&named),
         Right::Set { must, may, .. } => must.contains(&named) || may.contains(&named),
     };
-    let mut wrong: Vec<String> = answer.selected.iter().filter(|named| !accepted(named)).cloned().collect();
+    let open = answer.verdict == "ambiguous" && !answer.equivalent.is_empty();
+    let holds_the_truth = open && answer.equivalent.iter().any(|id| accepted(id));
+    // One of a set stands for it in `selected`: the answer does not say that it is this one.
+    let stands_for_the_truth = |named: &String| holds_the_truth && answer.equivalent.contains(named);
+    let named = answer.selected.iter().filter(|named| !accepted(named) && !stands_for_the_truth(named));
+    let mut wrong: Vec<String> = named.cloned().collect();
     // A set without the truth in it misleads as one wrong name does.
-    if answer.verdict == "ambiguous" && !answer.equivalent.is_empty() && !answer.equivalent.iter().any(|id| accepted(id)) {
+    if open && !holds_the_truth {
         wrong.push(answer.equivalent.iter().cloned().collect::<Vec<_>>().join("|"));
     }
     wrong

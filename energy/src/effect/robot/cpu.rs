@@ -4,10 +4,13 @@
 //! added). C N: effective switched capacitance, nF; f: clock, MHz (channel `cpu_mhz`); u:
 //! utilisation 0..1; s: share of the switching that goes on while it idles; I_leak: A. The core
 //! voltage V follows the clock by the PXA270's nominal states (Kottas, Table 4.1), linearly
-//! between them: 1.00 V at 104 and 156 MHz, 1.05 at 208, 1.10 at 312, 1.35 at 416.
+//! between them: 1.00 V at 104 and 156 MHz, 1.05 at 208, 1.10 at 312, 1.35 at 416. Another processor's
+//! may follow it more steeply: `V(f) = V_table(f) (f / 416 MHz)^b` within the table's clocks, b = 0 for the PXA270;
+//! with b = 0.8 the voltage is about in proportion to the clock and the power to its cube.
 //!
 //! Absence: the power residual steps with clock and utilisation, more than in proportion to the clock.
 
+use crate::real::exp;
 use crate::units::S_PER_NF_MHZ;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -16,8 +19,16 @@ pub(crate) struct Cpu;
 /// Clock, MHz, and core voltage, V (Kottas, Table 4.1, nominal, slow system bus).
 const STATES: [(f64, f64); 5] = [(104.0, 1.00), (156.0, 1.00), (208.0, 1.05), (312.0, 1.10), (416.0, 1.35)];
 
-/// Core voltage at a clock, V; the first and last state's beyond the table.
-fn core_v<S: Real>(mhz: S) -> S {
+/// Core voltage at a clock, V, of a processor whose voltage follows the clock by this power more steeply; the first and
+/// last state's beyond the table.
+fn core_v<S: Real>(mhz: S, steepness: S) -> S {
+    let (low_mhz, high_mhz) = (STATES[0].0, STATES[STATES.len() - 1].0);
+    let share = (mhz.re().clamp(low_mhz, high_mhz) / high_mhz).ln();
+    table_v(mhz) * exp(steepness * share)
+}
+
+/// Core voltage of the PXA270 at a clock, V.
+fn table_v<S: Real>(mhz: S) -> S {
     if mhz.re() <= STATES[0].0 {
         return S::from(STATES[0].1);
     }
@@ -37,7 +48,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Load,
     channel: Channel::PowerW,
     needs: &[Channel::CpuMhz, Channel::CpuUtil],
-    equation: "P += C N V(f)^2 f (s + (1 - s) u) + I_leak V(f)",
+    equation: "P += C N V(f)^2 f (s + (1 - s) u) + I_leak V(f), V(f) = V_table(f) (f / 416 MHz)^b",
     source: "Kottas, Eq. 4.10 and Table 4.1",
     validity: "PXA270 at nominal core voltage with the slow system bus; one temperature",
     signature: "missing power that goes with clock and utilisation",
@@ -71,6 +82,15 @@ static SPEC: EffectSpec = EffectSpec {
             max: 1.0,
             source: "0.19 W idle at 416 MHz, as the maker quotes the PXA270 (not checked against the original)",
         },
+        ParameterSpec {
+            name: "voltage_steepness",
+            meaning: "b: power of the clock by which the core voltage follows it more steeply than the PXA270's",
+            default: 0.0,
+            null: None,
+            min: 0.0,
+            max: 1.0,
+            source: "theory: 0.8 makes the voltage follow the clock in proportion, as scaling of voltage and clock together aims at",
+        },
     ],
     states: &[],
 };
@@ -82,9 +102,9 @@ impl Physics for Cpu {
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let [capacitance_nf, leakage_a, idle_share] = [own.parameters[0], own.parameters[1], own.parameters[2]];
+        let [capacitance_nf, leakage_a, idle_share, steepness] = [own.parameters[0], own.parameters[1], own.parameters[2], own.parameters[3]];
         let mhz = channels[Channel::CpuMhz];
-        let volts = core_v(mhz);
+        let volts = core_v(mhz, steepness);
         let working = idle_share + (-idle_share + 1.0) * channels[Channel::CpuUtil];
         let switching_w = capacitance_nf * mhz * S_PER_NF_MHZ * volts * volts * working;
         channels.add(Channel::PowerW, switching_w + leakage_a * volts);
@@ -97,6 +117,11 @@ mod tests {
     use crate::effect::step_once;
 
     fn power_w(parameters: [f64; 3], mhz: f64, util: f64) -> f64 {
+        steep_w(parameters, 0.0, mhz, util)
+    }
+
+    fn steep_w([capacitance_nf, leakage_a, idle_share]: [f64; 3], steepness: f64, mhz: f64, util: f64) -> f64 {
+        let parameters = [capacitance_nf, leakage_a, idle_share, steepness];
         let mut channels = Channels::filled(0.0_f64);
         (channels[Channel::CpuMhz], channels[Channel::CpuUtil]) = (mhz, util);
         step_once(&Cpu, &Facts::robot(), 1.0, &parameters, &mut [], &mut channels);
@@ -122,9 +147,17 @@ mod tests {
     #[test]
     fn the_voltage_is_tabled_and_interpolated() {
         for (mhz, volts) in STATES {
-            assert!((core_v(mhz) - volts).abs() < 1e-12);
+            assert!((core_v(mhz, 0.0) - volts).abs() < 1e-12);
         }
-        assert!((core_v(364.0_f64) - 1.225).abs() < 1e-12);
-        assert_eq!([core_v(13.0_f64), core_v(520.0)], [1.00, 1.35]);
+        assert!((core_v(364.0_f64, 0.0) - 1.225).abs() < 1e-12);
+        assert_eq!([core_v(13.0_f64, 0.0), core_v(520.0, 0.0)], [1.00, 1.35]);
+    }
+
+    /// 208 and 416 MHz, b = 1: half the voltage of the table at half the clock, (1.05 / 2 / 1.35)^2 / 2 of the power.
+    #[test]
+    fn a_steeper_voltage_saves_more_at_half_the_clock() {
+        let [slow_w, fast_w] = [208.0, 416.0].map(|mhz| steep_w([0.72, 0.0, 0.0], 1.0, mhz, 1.0));
+        assert!((slow_w / fast_w - (1.05_f64 / 2.0 / 1.35).powi(2) / 2.0).abs() < 1e-12);
+        assert_eq!(core_v(0.0_f64, 1.0), core_v(104.0, 1.0), "a stopped clock has a voltage");
     }
 }

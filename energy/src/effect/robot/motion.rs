@@ -1,13 +1,14 @@
 //! Motion: rolling, slope and acceleration, through the drive train.
 //!
-//! `F = m g (c_rr cos(pitch) + sin(pitch)) + m a`, `P += F v / eta` when positive; braking
-//! returns nothing to the battery. m in kg (own mass plus payload), v in m/s, pitch in rad.
+//! `F = m g (c_rr cos(pitch) + sin(pitch)) + m a`, `P = F v / eta` in sum with the forces of other effects,
+//! never below zero: braking returns nothing to the battery. m in kg (own mass plus payload), v in m/s, pitch in rad.
 //!
 //! It lumps `rolling`, `slope`, `acceleration`, `payload` and `gear_loss`, each of which is an effect
 //! of its own, and gives its force to those that follow the force (`motor_copper`, `slip`).
 //!
 //! Absence: the power residual grows with speed and with uphill pitch.
 
+use crate::drive::traction;
 use crate::units::GRAVITY_MPS2;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -63,6 +64,10 @@ impl Physics for Motion {
         &SPEC
     }
 
+    fn lumps(&self) -> &'static [&'static str] {
+        &["rolling", "slope", "acceleration", "payload", "gear_loss"]
+    }
+
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let own_kg = own.parameters[1];
@@ -71,12 +76,8 @@ impl Physics for Motion {
         let pitch_rad = channels[Channel::PitchRad];
         let weight_n = mass_kg * GRAVITY_MPS2;
         let force_n = weight_n * (own.parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
-        channels.add(Channel::TractionN, force_n);
-        let drawn_w = force_n * channels[Channel::SpeedMps] / own.parameters[2];
-        // At zero the derivatives count.
-        if drawn_w.re() >= 0.0 {
-            channels.add(Channel::PowerW, drawn_w);
-        }
+        let drawn_w = traction::pushed_w(channels, force_n);
+        channels.add(Channel::PowerW, drawn_w / own.parameters[2]);
     }
 }
 
@@ -93,6 +94,16 @@ mod tests {
         channels[Channel::PitchRad] = 0.1;
         step_once(&Motion, &Facts::robot(), 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - 9.806_65 * 0.1_f64.sin() * 0.5).abs() < 1e-12);
+    }
+
+    /// Newton: what rolls downhill by its own weight has that much less to overcome.
+    #[test]
+    fn its_weight_downhill_pays_for_what_others_resist_with() {
+        let mut channels = Channels::filled(0.0_f64);
+        (channels[Channel::SpeedMps], channels[Channel::PitchRad]) = (0.5, -0.1);
+        traction::push(&mut channels, 2.0);
+        step_once(&Motion, &Facts::robot(), 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
+        assert!((channels[Channel::PowerW] - (2.0 - 9.806_65 * 0.1_f64.sin()) * 0.5).abs() < 1e-12);
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub fn headline(found: &Discovery, reach: Reach) -> String {
             format!("missing: {selected}. With {with} the model explains {}.", explained(found))
         }
         (Verdict::Ambiguous, ..) => {
-            let others: Vec<&str> = found.selected.iter().copied().filter(|id| !found.equivalent.contains(id)).collect();
+            let others = told(found);
             let others = if others.is_empty() { String::new() } else { format!("missing: {}, and ", effects(&others)) };
             format!(
                 "{others}cannot tell between {{{}}}: the logs show that one of them is missing, and not which.",
@@ -32,9 +32,24 @@ pub fn headline(found: &Discovery, reach: Reach) -> String {
             format!("none of these. Something is missing, and no effect of the catalogue explains it: {PROPOSE}.")
         }
         (Verdict::Unknown, _, false) => {
-            format!("missing: {selected}. Something is left beyond that, and no further effect of the catalogue explains it: {PROPOSE}.")
+            format!(
+                "missing: {}. Something is left beyond that, and no further effect of the catalogue explains it: {PROPOSE}.",
+                named(found)
+            )
         }
     }
+}
+
+/// Effects of which the logs tell which it is.
+fn told(found: &Discovery) -> Vec<&'static str> {
+    found.selected.iter().copied().filter(|id| !found.equivalent.contains(id)).collect()
+}
+
+/// All that was found, with what the logs cannot tell as one of several.
+fn named(found: &Discovery) -> String {
+    let open = format!("one of {{{}}}", found.equivalent.join(", "));
+    let open = (!found.equivalent.is_empty()).then_some(open.as_str());
+    effects(&told(found).into_iter().chain(open).collect::<Vec<_>>())
 }
 
 /// What to do when no effect explains what is left.

@@ -49,7 +49,8 @@ pub const OUTSIDE: &[Stranger] = &[
         system: System::Battery,
         story: "a load beside the gauge that switches on and off with a period",
         any: &[],
-        may: &[],
+        // Its mean is a leak past the gauge, and the catalogue knows such; that it switches, it does not.
+        may: &["parasitic_load", "current_offset"],
         base: &["ohmic"],
         make: |random| {
             let switch = periodic(random, 240.0, 900.0);

@@ -135,6 +135,29 @@ fn a_lab_that_names_the_truth_and_one_more_names_wrongly() {
     assert_eq!(share(&lines, "false alarms on nulls"), 1.0);
 }
 
+/// One of a set stands for it in `selected`: that says no more than the set, unless the verdict says so.
+#[test]
+fn a_lab_that_lets_another_stand_for_the_truth_in_a_set_names_nothing_wrongly() {
+    let with = |verdict: &'static str| {
+        tally(&marks(|case| {
+            let mut answer = oracle(case);
+            let Right::Effects(_) = &case.truth.right else { return answer };
+            answer["equivalent"] = answer["selected"].clone();
+            let other = match case.system {
+                energy::System::Battery => "temperature_bias",
+                energy::System::Robot => "regeneration",
+                energy::System::Station => "selector_switch",
+            };
+            answer["equivalent"].as_array_mut().expect("a list").push(json!(other));
+            answer["selected"] = json!([other]);
+            answer["verdict"] = json!(verdict);
+            answer
+        }))
+    };
+    assert_eq!(share(&with("ambiguous"), "wrong names"), 0.0);
+    assert!(share(&with("missing"), "wrong names") > 0.5);
+}
+
 #[test]
 fn no_answer_is_no_hit_anywhere() {
     let lines = tally(&marks(|_| json!({ "verdict": "error" })));
