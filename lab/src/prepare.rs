@@ -5,7 +5,7 @@ mod plausible;
 pub use plausible::odd_current;
 
 use energy::document::hint;
-use energy::{Channel, Facts, Model, Start};
+use energy::{Channel, Facts, Model, Start, System};
 
 use crate::measurement::{History, Log};
 
@@ -178,22 +178,34 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
 /// # Errors
 /// As [`prepare`]; further names what could have been compared.
 pub fn prepare_to_judge(model: &Model, log: &Log, only: &[Channel]) -> Result<Prepared, PrepareError> {
-    let mut prepared = prepare(model, log)?;
     let wanted = |channel: Channel| only.is_empty() || only.contains(&channel);
+    let predicted: Vec<Channel> = predicted_channels(model).into_iter().filter(|&channel| wanted(channel)).collect();
+    let no_target = || {
+        let near = predicted.iter().map(|channel| hint(channel.name(), log.columns())).find(|hint| hint.contains('?'));
+        PrepareError::NoTarget {
+            file: log.file.clone(),
+            system: model.system.name(),
+            predicted: predicted.iter().map(|channel| channel.name()).collect::<Vec<_>>().join(", "),
+            hint: near.or_else(|| of_another_system(model.system, log)).unwrap_or_else(|| ".".to_owned()),
+            columns: log.columns().collect::<Vec<_>>().join(", "),
+        }
+    };
+    // What the model could not be judged by is told before what it lacks to predict it.
+    if !predicted.iter().any(|channel| log.channels.contains_key(channel)) {
+        return Err(no_target());
+    }
+    let mut prepared = prepare(model, log)?;
     prepared.targets.retain(|target| wanted(target.channel));
     prepared.only = only.to_vec();
-    if !prepared.targets.is_empty() {
-        return Ok(prepared);
-    }
-    let predicted: Vec<&str> = predicted_channels(model).iter().filter(|channel| wanted(**channel)).map(|channel| channel.name()).collect();
-    let near = predicted.iter().map(|name| hint(name, log.columns())).find(|hint| !hint.is_empty());
-    Err(PrepareError::NoTarget {
-        file: log.file.clone(),
-        system: model.system.name(),
-        predicted: predicted.join(", "),
-        hint: near.unwrap_or_else(|| ".".to_owned()),
-        columns: log.columns().collect::<Vec<_>>().join(", "),
-    })
+    if prepared.targets.is_empty() { Err(no_target()) } else { Ok(prepared) }
+}
+
+/// Says whose log it may be, when it holds what models of another system predict.
+fn of_another_system(system: System, log: &Log) -> Option<String> {
+    let others = [System::Battery, System::Robot, System::Station].into_iter().filter(|other| *other != system);
+    let has = |other: System| other.targets().iter().find(|channel| log.channels.contains_key(channel)).map(|channel| (other, channel));
+    let (other, channel) = others.filter_map(has).next()?;
+    Some(format!("; this looks like the log of a {}, whose models predict {}.", other.name(), channel.name()))
 }
 
 fn needed_inputs(model: &Model, computed: impl Fn(Channel) -> bool) -> Vec<(Channel, String)> {

@@ -109,7 +109,11 @@ impl LogArgs {
         }
         for log in &mut logs {
             let told = log.notes.len();
-            log.notes.extend(odd_current(model, log));
+            if let Some(odd) = odd_current(model, log) {
+                // Whatever is learned from it would be the wrong sign by another name.
+                ensure!(role.is_none(), "{odd}. Nothing is learned from such a log; `lab compare` shows it as it is");
+                log.notes.push(odd);
+            }
             thin(log, model, self.rows.thinning());
             say(&log.notes[told..]);
         }

@@ -121,3 +121,29 @@ fn no_answer_is_written_over_a_log_or_its_facts() {
         assert_eq!(fs::read_to_string(folder.path().join(format!("{name}.toml"))).unwrap(), facts);
     }
 }
+
+/// Whatever were learned from a current of the wrong sign would be that sign under another name.
+#[test]
+fn nothing_is_learned_from_a_current_of_the_wrong_sign() {
+    let folder = tempfile::tempdir().unwrap();
+    let row = |second: i32| format!("{},-2,{:.4}\n", 10 * second, 4.1 - 1e-3 * f64::from(second));
+    write(folder.path(), "run.csv", &(0..500).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row));
+    let given = |verb: &[&str]| {
+        let rest = ["--model", "enertech-lco-2280mah", "--soc-initial", "0.95", "--log", "run.csv"];
+        lab_in(folder.path(), &[verb, &rest].concat())
+    };
+    for verb in [&["diagnose"][..], &["discover"], &["fit", "--free", "ohmic"], &["add", "rc1"]] {
+        refuses(&given(verb), "Nothing is learned from such a log");
+    }
+    let shown = given(&["compare"]);
+    assert_eq!(shown.code, 1, "{}", shown.stderr);
+    assert!(shown.stderr.contains("positive while discharging"), "{}", shown.stderr);
+}
+
+#[test]
+fn the_log_of_another_system_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "run.csv", RUN);
+    let outcome = lab_in(folder.path(), &["compare", "--model", "explorer-robot", "--log", "run.csv"]);
+    refuses(&outcome, "this looks like the log of a battery, whose models predict voltage_v");
+}
