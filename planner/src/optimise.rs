@@ -81,9 +81,10 @@ const PROVEN_ROUNDS: u32 = 16;
 const PROVEN_ROBOTS_MAX: usize = 64;
 /// Rounds in which everybody may take a better place, when there is no time.
 const HASTY: u32 = 2;
-/// Moves for each robot in a half of a large fleet, until it is halved otherwise.
+/// Moves for each robot in a half of a large fleet, until it is halved otherwise. One, two and four led to the same gap; with four
+/// threads wait for each other least often.
 const MOVES_IN_HALF: u64 = 4;
-/// So often a large fleet is halved for each round of prices.
+/// So often a large fleet is halved for each round of prices: within seconds these are as good as they will be.
 const UNPRICED: u64 = 2;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
