@@ -6,8 +6,8 @@ use energy::{Channel, Model};
 
 use super::candidate::Untested;
 use super::evidence::Evidence;
-use super::judge::{Refusal, explained, hardly_moves, refusals, squares};
-use super::prune::shorter;
+use super::judge::{Refusal, STRONG, explained, falls, hardly_moves, refusals, squares, threshold};
+use super::prune::{shorter, taken};
 use super::score::Score;
 use super::sketch::{Sketch, Sketches};
 use super::state::State;
@@ -119,6 +119,20 @@ impl Step {
     }
 }
 
+impl Step {
+    /// Two effects, where one alone is kept from being accepted by nothing but the other: what both are missing from hides in the
+    /// held-out logs what either is worth there.
+    fn jointly(&self, holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
+        let held = holdout?;
+        let least = STRONG * threshold(self.scores.len());
+        let hidden = |place: &usize| self.refusals[*place] == [Refusal::Holdout] && self.trials[*place].delta_bic > least;
+        let one = &self.trials[(0..self.trials.len()).find(hidden)?];
+        let other = Step::look(one.state.clone(), holdout);
+        let both = matches!(other.outcome, Outcome::Missing(_)) && falls(held, &self.base_holdout, &other.trials[0].holdout);
+        both.then(|| [taken(self.clone(), one.clone()), other])
+    }
+}
+
 /// Keeps of every effect the first.
 fn only_once(judged: &mut Vec<(Trial, Vec<Refusal>)>) {
     let mut seen: Vec<&str> = Vec::new();
@@ -183,13 +197,18 @@ pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<E
     let mut steps = Vec::new();
     for look in 0.. {
         let step = Step::look(state, holdout);
-        let go_on = matches!(step.outcome, Outcome::Missing(_)) && look < EFFECTS_MAX;
-        let last = if go_on { step.trials[0].state.clone() } else { step.base.clone() };
-        steps.push(step);
-        if !go_on {
+        let found = match step.outcome {
+            Outcome::Missing(_) if look < EFFECTS_MAX => Some(vec![step.clone()]),
+            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(holdout).map(Vec::from),
+            _ => None,
+        };
+        let Some(found) = found else {
+            let last = step.base.clone();
+            steps.push(step);
             return Search { steps, last };
-        }
-        state = last;
+        };
+        steps.extend(found);
+        state = steps[steps.len() - 1].trials[0].state.clone();
         while let Some(way) = shorter(&steps, holdout) {
             steps = way;
             state = steps[steps.len() - 1].trials[0].state.clone();

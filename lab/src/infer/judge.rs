@@ -29,7 +29,7 @@ const DELTA_BIC: f64 = 10.0;
 /// [`STRONG`] times as much: what it does beyond that is small and of no simple form, and a table
 /// that errs between its points does the like.
 pub(super) const ABSORBED: f64 = 0.1;
-const STRONG: f64 = 3.0;
+pub(super) const STRONG: f64 = 3.0;
 /// Share of the squared error beyond the floor that an effect must take away: 5 % of the RMS.
 const FALL: f64 = 0.1;
 /// RMS over floor up to which a channel is explained.
@@ -121,7 +121,7 @@ fn at_floor(evidence: &Evidence, rms: &[(Channel, f64)]) -> bool {
 }
 
 /// Whether the squared error, in floors, falls by a share of what lies beyond the floors.
-fn falls(evidence: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]) -> bool {
+pub(super) fn falls(evidence: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]) -> bool {
     let floor: f64 = before.iter().map(|&(channel, _)| rows(evidence, channel)).sum();
     let (before, after) = (squares(evidence, before), squares(evidence, after));
     before - after > (FALL * (before - floor)).max(0.0)

@@ -47,7 +47,7 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
 }
 
 /// A look whose best is this trial.
-fn taken(mut step: Step, trial: Trial) -> Step {
+pub(super) fn taken(mut step: Step, trial: Trial) -> Step {
     let others = step.trials.iter().position(|known| known.spec.id == trial.spec.id);
     if let Some(place) = others {
         step.trials.remove(place);
