@@ -102,7 +102,8 @@ impl Physics for Cpu {
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let [capacitance_nf, leakage_a, idle_share, steepness] = [own.parameters[0], own.parameters[1], own.parameters[2], own.parameters[3]];
+        let [capacitance_nf, leakage_a, idle_share, steepness] =
+            [own.parameters[0], own.parameters[1], own.parameters[2], own.parameters[3]];
         let mhz = channels[Channel::CpuMhz];
         let volts = core_v(mhz, steepness);
         let working = idle_share + (-idle_share + 1.0) * channels[Channel::CpuUtil];
