@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, Model};
+use energy::{Channel, Model, catalogue};
 
 use super::candidate::Untested;
 use super::evidence::Evidence;
@@ -108,6 +108,9 @@ impl Step {
         if let Some(simplest) = simplest(&judged[..accepted], holdout) {
             judged[..=simplest].rotate_right(1);
         }
+        if let Some(first) = first_of_a_tie(&judged[..accepted]) {
+            judged[..=first].rotate_right(1);
+        }
         let (trials, refusals): (Vec<Trial>, Vec<Vec<Refusal>>) = judged.into_iter().unzip();
         let outcome = match accepted {
             0 if explained(&base) => Outcome::Complete,
@@ -176,6 +179,21 @@ fn simplest(judged: &[(Trial, Vec<Refusal>)], holdout: Option<&Arc<Evidence>>) -
         near && held(trial) <= (1.0 + AS_WELL) * held(first) && trial.spec.parameters.len() < first.spec.parameters.len()
     };
     (1..judged.len()).filter(does_as_well).min_by_key(|&place| judged[place].0.spec.parameters.len())
+}
+
+/// Difference of the criterion that rounding can make.
+const TIE: f64 = 0.1;
+
+/// Of those that do as well as the first but for rounding, the one with the fewest numbers, then the first of the catalogue: which
+/// name stands for a set must not hang on the last digits.
+fn first_of_a_tie(judged: &[(Trial, Vec<Refusal>)]) -> Option<usize> {
+    let (first, _) = judged.first()?;
+    let order = |trial: &Trial| {
+        let place = catalogue().iter().position(|effect| std::ptr::eq(effect.spec(), trial.spec));
+        (trial.spec.parameters.len(), place)
+    };
+    let tied = |&place: &usize| (judged[place].0.delta_bic - first.delta_bic).abs() < TIE;
+    (0..judged.len()).filter(tied).min_by_key(|&place| order(&judged[place].0))
 }
 
 /// The whole search.
