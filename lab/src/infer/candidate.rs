@@ -97,7 +97,8 @@ pub fn usual(parameter: &ParameterSpec) -> f64 {
     }
 }
 
-fn onset(parameter: &ParameterSpec) -> f64 {
+/// A value of a parameter just off where the effect does nothing.
+pub(super) fn onset(parameter: &ParameterSpec) -> f64 {
     parameter.null.map_or(parameter.default, |null| null + ONSET * (usual(parameter) - null))
 }
 

@@ -1,9 +1,10 @@
 //! How a model walks a log: as few steps as show all that is judged.
 //!
 //! Rows that go into one mean, and over which every input holds within its sensor's noise, become
-//! one step with the means of the inputs, two or more for a mean. What a model shows within such a
-//! step is taken from the straight line between its ends, since means are short beside the time
-//! since an input jumped; but for the open-circuit voltage, which bends where its table does.
+//! one step with the means of the inputs, two or more for a mean. What a model shows within two such
+//! steps is taken from the parabola through their ends (Simpson's rule), within a single one from the
+//! straight line, since means are short beside the time since an input jumped; but for the open-circuit
+//! voltage, which bends where its table does.
 
 use energy::{Channel, Sensor};
 
@@ -30,12 +31,10 @@ pub(super) struct Show {
     pub(super) segment: usize,
     /// The judged row among all.
     pub(super) row: usize,
-    /// Weight of what is shown at the end of the step.
-    pub(super) now: f64,
-    /// Weight of what was shown at its beginning.
-    pub(super) before: f64,
-    /// Rows of the log in the step.
-    pub(super) rows: usize,
+    /// Weights of what is shown at the end of the step, at its beginning, and at the beginning of the step before.
+    pub(super) weights: [f64; 3],
+    /// Rows of the log in the step, and in the one before where both count together.
+    pub(super) rows: [usize; 2],
     /// Weight of each of them.
     pub(super) each: f64,
 }
@@ -46,7 +45,7 @@ pub(super) const HOLDS: f64 = 4.0;
 impl Course {
     /// Every row is a step.
     pub(super) fn row_by_row(index: usize, log: &Prepared, segments: &[Segment]) -> Course {
-        Course::of(index, log, segments, &(0..log.time_s.len()).collect::<Vec<_>>())
+        Course::of(index, log, segments, &(0..log.time_s.len()).map(|row| End { row, goes_on: false }).collect::<Vec<_>>())
     }
 
     /// Rows that hold and go into one mean are a step.
@@ -63,12 +62,8 @@ impl Course {
             })
             .collect();
         let mut first = 0;
-        let goes_on = |row: usize, first: usize| {
-            // A part of a mean at most.
-            let fits = |segment: &Segment, block: usize| grain.steps * (row - first) < segment.counts[block] as usize;
-            let together = |(segment, block): &(&Segment, Vec<Option<usize>>)| {
-                block[row] == block[row - 1] && block[row].is_some_and(|block| fits(segment, block))
-            };
+        let alike = |row: usize, first: usize| {
+            let together = |(_, block): &(&Segment, Vec<Option<usize>>)| block[row] == block[row - 1] && block[row].is_some();
             let holds = |((_, values), &(reach, dead)): (&(Channel, Vec<f64>), &(f64, bool))| {
                 let wakes = dead && (values[row] == 0.0) != (values[first] == 0.0);
                 (values[row] - values[first]).abs() <= reach && !wakes
@@ -77,23 +72,33 @@ impl Course {
             let even = row > 1 && (step_s(log, row) - step_s(log, row - 1)).abs() <= 1e-6 * step_s(log, row);
             first > 0 && even && !blocks.is_empty() && blocks.iter().all(together) && log.inputs.iter().zip(&reach).all(holds)
         };
-        let mut ends: Vec<usize> = Vec::new();
+        // A step is a part of a mean at most.
+        let fits = |row: usize, first: usize| {
+            let fits = |(segment, block): &(&Segment, Vec<Option<usize>>)| {
+                block[row].is_some_and(|block| grain.steps * (row - first) < segment.counts[block] as usize)
+            };
+            blocks.iter().all(fits)
+        };
+        let mut ends: Vec<End> = Vec::new();
         for row in 0..rows {
-            if row > 0 && goes_on(row, first) {
-                ends.pop();
+            let alike = row > 0 && alike(row, first);
+            if alike && fits(row, first) {
+                ends.last_mut().expect("a step has begun").row = row;
             } else {
+                // Two and two.
+                let goes_on = alike && ends.last().is_some_and(|before| !before.goes_on);
                 first = row;
+                ends.push(End { row, goes_on });
             }
-            ends.push(row);
         }
         Course::of(index, log, segments, &ends)
     }
 
     /// Steps that end at these rows of the log.
-    fn of(index: usize, log: &Prepared, segments: &[Segment], ends: &[usize]) -> Course {
-        let begins = |step: usize| if step == 0 { 0 } else { ends[step - 1] + 1 };
+    fn of(index: usize, log: &Prepared, segments: &[Segment], ends: &[End]) -> Course {
+        let begins = |step: usize| if step == 0 { 0 } else { ends[step - 1].row + 1 };
         let mean = |values: &[f64], step: usize| {
-            let rows = &values[begins(step)..=ends[step]];
+            let rows = &values[begins(step)..=ends[step].row];
             rows.iter().sum::<f64>() / rows.len() as f64
         };
         let inputs = log.inputs.iter().map(|(channel, values)| (*channel, (0..ends.len()).map(|step| mean(values, step)).collect()));
@@ -104,18 +109,24 @@ impl Course {
             .map(|(place, segment)| (place, block_of(segment, log.time_s.len())))
             .collect();
         let (mut shows, mut first) = (Vec::new(), vec![0]);
-        for (step, &end) in ends.iter().enumerate() {
+        for (step, end) in ends.iter().enumerate() {
+            let parts = |step: usize| ends[step].row + 1 - begins(step);
             for (place, blocks) in &own {
-                let Some(block) = blocks[end] else { continue };
+                let Some(block) = blocks[end.row] else { continue };
                 let segment = &segments[*place];
-                let (rows, each) = (end + 1 - begins(step), segment.counts[block].recip());
-                // The mean over the rows of a step of what runs straight from its beginning to its end.
-                let now = (rows as f64 + 1.0) / 2.0 * each;
-                shows.push(Show { segment: *place, row: segment.begin + block, now, before: rows as f64 * each - now, rows, each });
+                let (row, each) = (segment.begin + block, segment.counts[block].recip());
+                let show =
+                    |rows, weights: [f64; 3]| Show { segment: *place, row, weights: weights.map(|weight| weight * each), rows, each };
+                match ends.get(step + 1) {
+                    // The next one shows it.
+                    Some(next) if next.goes_on => {}
+                    _ if end.goes_on => shows.push(show([parts(step), parts(step - 1)], parabola(parts(step - 1), parts(step)))),
+                    _ => shows.push(show([parts(step), 0], line(parts(step)))),
+                }
             }
             first.push(shows.len());
         }
-        Course { time_s: ends.iter().map(|&end| log.time_s[end]).collect(), inputs: inputs.collect(), shows, first }
+        Course { time_s: ends.iter().map(|end| log.time_s[end.row]).collect(), inputs: inputs.collect(), shows, first }
     }
 
     /// What a step shows.
@@ -123,6 +134,34 @@ impl Course {
     pub(super) fn shows(&self, step: usize) -> &[Show] {
         &self.shows[self.first[step]..self.first[step + 1]]
     }
+}
+
+/// Where a step ends.
+struct End {
+    /// The last row of the step.
+    row: usize,
+    /// Whether it is alike the step before, but that both would be too long a step.
+    goes_on: bool,
+}
+
+/// The sum over the rows of a step of what runs straight from its beginning to its end: weights of end and beginning.
+fn line(rows: usize) -> [f64; 3] {
+    let now = (rows as f64 + 1.0) / 2.0;
+    [now, rows as f64 - now, 0.0]
+}
+
+/// The sum over the rows of two steps of what runs on a parabola (Lagrange's polynomials): weights of the second's end, of where they
+/// meet, and of the first's beginning.
+fn parabola(first: usize, second: usize) -> [f64; 3] {
+    let (meet, end) = (first as f64, (first + second) as f64);
+    // Sums of 1, j and j² over the rows.
+    let (one, linear) = (end, end * (end + 1.0) / 2.0);
+    let square = linear * (2.0 * end + 1.0) / 3.0;
+    [
+        (square - meet * linear) / (end * (end - meet)),
+        (square - end * linear) / (meet * (meet - end)),
+        (square - (meet + end) * linear + meet * end * one) / (meet * end),
+    ]
 }
 
 fn step_s(log: &Prepared, row: usize) -> f64 {

@@ -94,9 +94,9 @@ const FINE: Grain = Grain { since: 4, most: 12, steps: 2 };
 /// Judged rows up to which there is nothing to be saved, and means of more rows would leave too few to see by.
 const FEW: usize = 500;
 /// What shows the way: as many rows as have passed since the jump, which is as long as a decay goes on about as it
-/// began. Steps are as short as those of what is judged: with longer ones, straight lines between their ends make the right
-/// effect look worse than one that bends where they do not.
-const COARSE: Grain = Grain { since: 1, most: 48, steps: 8 };
+/// began, and two steps, on a parabola. On straight lines between the ends of steps the right effect looks worse than one that bends
+/// where they do not.
+const COARSE: Grain = Grain { since: 1, most: 48, steps: 2 };
 /// Change of an input, as a share of its range, after which means begin small again.
 const JUMP: f64 = 0.02;
 

@@ -2,21 +2,28 @@
 //!
 //! What imitates an effect (a gain of the ammeter, a fade of capacity) may lie in a valley that no way from the base
 //! leads into: the base has bent itself to do without either, and the way to the one was open by chance. From where the
-//! one is at its best, with both in the model, the way to the other is: the one is held to less and less of its size,
-//! and all else follows.
+//! one is at its best, with the other at its onset, the way to the other is: the one is held to less and less of its size,
+//! and all else follows. Derivatives there tell beforehand of most others that they will not do.
 
 use std::sync::Arc;
 
 use energy::EffectSpec;
+use nalgebra::{DMatrix, DVector};
 
-use super::descent::{Asked, descend};
+use super::candidate::onset;
+use super::descent::{Asked, Place, descend};
 use super::frame::Frame;
-use super::state::State;
+use super::lens::Lens;
+use super::state::{State, all};
 
 /// Shares of its size that an effect keeps on the way.
 const SHARES: [f64; 2] = [0.5, 0.0];
 /// Rise of the cost that says that the other does not take the work: three times what makes effects unlike.
 const NOT_TAKEN_OVER: f64 = 30.0;
+/// Share of what the effect is worth of which the same is said.
+const HARDLY_LESS: f64 = 0.5;
+/// Times that rise which derivatives may be wrong by.
+const BY_DERIVATIVES: f64 = 4.0;
 
 /// The base with another effect than the one that `has` has at its best, refitted from where that led; none where the
 /// other does not take its work.
@@ -30,13 +37,21 @@ pub(super) fn handed_over(base: &State, has: &State, effect: &EffectSpec, other:
     };
     let sizes: Vec<(usize, f64)> = (0..both.unknowns()).filter_map(|unknown| Some((unknown, own(unknown)?.null?))).collect();
     let others: Vec<usize> = (0..both.unknowns()).filter(|&unknown| own(unknown).is_none()).collect();
-    let whole = both.like(has, None);
-    let most = has.lens(&has.noise).cost + NOT_TAKEN_OVER;
+    let whole = both.as_in(&has.frame, &has.x, Some((other, onset)));
+    let at_best = has.lens(&has.noise).cost;
+    let rise = NOT_TAKEN_OVER.min(HARDLY_LESS * (base.cost - has.cost));
+    let kept = |share: f64| -> Vec<(usize, f64)> {
+        sizes.iter().map(|&(unknown, null)| (unknown, (1.0 - share) * (null - whole[unknown]))).collect()
+    };
+    let place = Place::at(&both, whole.clone(), has.noise.clone(), &all(&both));
+    if expected(&place.lens, &kept(SHARES[0]), &others) > at_best + BY_DERIVATIVES * rise {
+        return None;
+    }
     let (mut x, mut noise) = (whole.clone(), has.noise.clone());
     for share in SHARES {
-        sizes.iter().for_each(|&(unknown, null)| x[unknown] = null + share * (whole[unknown] - null));
+        kept(share).into_iter().for_each(|(unknown, change)| x[unknown] = whole[unknown] + change);
         let place = descend(&both, &x, &noise, &others, Asked::Always);
-        if place.lens.cost > most {
+        if place.lens.cost > at_best + rise {
             return None;
         }
         (x, noise) = (place.x, place.noise);
@@ -45,3 +60,21 @@ pub(super) fn handed_over(base: &State, has: &State, effect: &EffectSpec, other:
     let start = alone.as_in(&both, &x, None);
     Some(State::fit(Arc::new(alone), &start, &noise))
 }
+
+/// The cost that derivatives by all unknowns expect where some of them change by so much and the others follow.
+fn expected(lens: &Lens, changes: &[(usize, f64)], others: &[usize]) -> f64 {
+    let mut change = DVector::zeros(lens.pull.len());
+    changes.iter().for_each(|&(unknown, by)| change[unknown] = by);
+    let answer = &lens.normal * &change;
+    let alone = lens.cost + change.dot(&answer) - 2.0 * change.dot(&lens.pull);
+    // In units of what each unknown says by itself; what says nothing stays.
+    let scale = |unknown: usize| lens.normal[(unknown, unknown)].sqrt().max(f64::MIN_POSITIVE);
+    let mut normal =
+        DMatrix::from_fn(others.len(), others.len(), |i, j| lens.normal[(others[i], others[j])] / (scale(others[i]) * scale(others[j])));
+    (0..others.len()).for_each(|index| normal[(index, index)] += NEGLIGIBLE);
+    let pull = DVector::from_iterator(others.len(), others.iter().map(|&unknown| (lens.pull[unknown] - answer[unknown]) / scale(unknown)));
+    normal.cholesky().map_or(alone, |factor| alone - pull.dot(&factor.solve(&pull)))
+}
+
+/// Share of an unknown's information that is added so that what others say as well can be solved for.
+const NEGLIGIBLE: f64 = 1e-9;

@@ -98,7 +98,7 @@ impl Sketches {
 
     fn keep(&mut self, place: usize, state: State) {
         self.seen.push(place);
-        self.drawn.push(Sketch { place, delta_bic: self.base.bic() - state.bic(), state });
+        self.drawn.push(Sketch { place, delta_bic: state.delta_bic(&self.base), state });
     }
 
     fn best(&self) -> Option<&Sketch> {

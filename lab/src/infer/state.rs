@@ -10,7 +10,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use energy::{Channel, EffectSpec, Model};
+use energy::{Channel, EffectSpec, Model, ParameterSpec};
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate::usual;
@@ -263,23 +263,35 @@ impl State {
     pub fn bic(&self) -> f64 {
         self.cost + self.freedom as f64 * (self.frame.evidence.rows() as f64).ln()
     }
+
+    /// Fall of the criterion from a base that lacks some of this model's effects. What takes the meaning from numbers that
+    /// the base has is no simpler for it.
+    pub(super) fn delta_bic(&self, base: &State) -> f64 {
+        let simpler = base.freedom.saturating_sub(self.freedom) as f64;
+        base.bic() - self.bic() - simpler * (self.frame.evidence.rows() as f64).ln()
+    }
 }
+
+/// Where a number of an effect begins that nothing is known of.
+pub(super) type Beginning = fn(&ParameterSpec) -> f64;
 
 impl Frame {
     /// Unknowns of this frame as another state has them; those that it lacks at an effect's usual size, or the model's own.
     pub(super) fn like(&self, other: &State, effect: Option<&EffectSpec>) -> Vec<f64> {
-        self.as_in(&other.frame, &other.x, effect)
+        self.as_in(&other.frame, &other.x, effect.map(|effect| (effect, usual as Beginning)))
     }
 
-    /// The same of another frame at its unknowns.
-    pub(super) fn as_in(&self, other: &Frame, x: &[f64], effect: Option<&EffectSpec>) -> Vec<f64> {
+    /// The same of another frame at its unknowns, with a beginning for the numbers of an effect that it lacks.
+    pub(super) fn as_in(&self, other: &Frame, x: &[f64], effect: Option<(&EffectSpec, Beginning)>) -> Vec<f64> {
         let (known, values) = (other.model.parameters(), other.values(x));
         let value = |index: &usize| {
             let parameter = &self.model.parameters()[*index];
             let place = known.iter().position(|one| one.effect == parameter.effect && one.name == parameter.name);
-            let of_effect =
-                || effect.filter(|effect| parameter.effect == effect.id)?.parameters.iter().find(|own| own.name == parameter.name);
-            place.map_or_else(|| of_effect().map_or(parameter.value, usual), |place| values[place])
+            let own = || {
+                let (effect, begins) = effect.filter(|(effect, _)| parameter.effect == effect.id)?;
+                effect.parameters.iter().find(|own| own.name == parameter.name).map(begins)
+            };
+            place.map_or_else(|| own().unwrap_or(parameter.value), |place| values[place])
         };
         let rough = self.known.iter().map(|known| other.error(x, known.what));
         self.free.iter().map(value).chain(rough).collect()

@@ -102,7 +102,7 @@ impl Trial {
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
         let change = state.frame.change(&state.x, spec.channel, &nulls);
         let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(state.told(), evidence));
-        Trial { spec, delta_bic: base.bic() - state.bic(), uniqueness, change, holdout, state }
+        Trial { spec, delta_bic: state.delta_bic(base), uniqueness, change, holdout, state }
     }
 }
 

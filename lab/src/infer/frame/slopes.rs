@@ -8,6 +8,7 @@ use energy::{Channel, Channels, Facts, Model};
 use nalgebra::DMatrix;
 
 use super::{Frame, Steps};
+use crate::infer::course::Show;
 use crate::infer::rough::{Rough, weights};
 use crate::infer::state::observed;
 
@@ -199,29 +200,25 @@ impl Frame {
                 gain: self.error(x, Rough::Gain(segment.channel)),
             })
             .collect();
-        // What each segment showed before and shows now, with the state of charge then.
-        let none = (S::from(0.0), 0.0);
-        let mut shown = vec![(none, none); own.len()];
+        // What each segment shows at the end of a step, at its beginning and that of the step before, with the state of charge then.
+        let mut shown = vec![[(S::from(0.0), 0.0); 3]; own.len()];
         let (course, segments) = (self.course(log), &self.evidence.segments);
         self.walk_log(log, Steps::Course, x, parameters, model, error, |step, now: &Channels<S>| {
             let soc = now[Channel::Soc];
-            let show = |seen: &Seen| now[seen.source] * (1.0 + seen.gain) + seen.offset;
             for (shown, seen) in shown.iter_mut().zip(&own) {
-                shown.0 = shown.1;
-                shown.1 = (show(seen), soc.re());
+                *shown = [(now[seen.source] * (1.0 + seen.gain) + seen.offset, soc.re()), shown[0], shown[1]];
             }
-            let now_soc = soc;
             for share in course.shows(step) {
                 let index = own.iter().position(|seen| seen.place == share.segment).unwrap_or(0);
-                let (before, (now, soc)) = shown[index];
-                if share.before > 0.0 {
-                    let bent = bend(model, segments[share.segment].channel, before.1, soc, share.rows);
-                    let (volts, slope) = (bent.0 * cells * share.each / share.now, bent.1 * cells * share.each / share.now);
-                    let now = now + now_soc.chain(volts, slope);
-                    at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
-                    at(&Share { segment: share.segment, row: share.row, shown: before.0, soc: before.1, weight: share.before });
-                } else {
-                    at(&Share { segment: share.segment, row: share.row, shown: now, soc, weight: share.now });
+                let mut nodes = shown[index];
+                if share.weights[1] > 0.0 && segments[share.segment].channel == Channel::VoltageV {
+                    let (volts, slope) = bend(model, share, nodes.map(|(_, soc)| soc));
+                    nodes[0].0 += soc.chain(volts, slope) * (cells / share.weights[0]);
+                }
+                for ((shown, soc), weight) in nodes.into_iter().zip(share.weights) {
+                    if weight != 0.0 {
+                        at(&Share { segment: share.segment, row: share.row, shown, soc, weight });
+                    }
                 }
             }
         });
@@ -262,26 +259,27 @@ impl Frame {
     }
 }
 
-/// How far the open-circuit voltages of a step's rows, summed up, lie from the straight line
-/// between its ends, V per cell, and how that changes with the state of charge of all of them.
-fn bend(model: &Model, channel: Channel, begin: f64, end: f64, rows: usize) -> (f64, f64) {
+/// How far the mean of the open-circuit voltages of the rows of a step or two lies from what their ends say of it, V per
+/// cell, and how that changes with the state of charge of all of them. `soc` is that at the end, where the step begins, and where
+/// the one before does.
+fn bend(model: &Model, show: &Show, soc: [f64; 3]) -> (f64, f64) {
     let Facts::Battery(facts) = &model.facts else { return (0.0, 0.0) };
-    if channel != Channel::VoltageV || rows < 2 {
-        return (0.0, 0.0);
-    }
     let at = |soc: f64| facts.ocv.line_v(soc);
-    let (first, last) = (at(begin), at(end));
+    let [rows, before] = show.rows;
+    let (first, last) = (at(if before > 0 { soc[2] } else { soc[1] }), at(soc[0]));
     if first.1.to_bits() == last.1.to_bits() {
         // One and the same line of the table.
         return (0.0, 0.0);
     }
     let (mut volts, mut slope) = (0.0, 0.0);
-    for row in 1..rows {
-        let share = row as f64 / rows as f64;
-        let here = at(begin + share * (end - begin));
-        volts += here.0 - first.0 - share * (last.0 - first.0);
-        slope += here.1 - first.1 - share * (last.1 - first.1);
+    let mut add = |weight: f64, (here, steep): (f64, f64)| {
+        volts += weight * here;
+        slope += weight * steep;
+    };
+    for (rows, begin, end) in [(before, soc[2], soc[1]), (rows, soc[1], soc[0])] {
+        (1..=rows).for_each(|row| add(show.each, at(begin + (end - begin) * (row as f64 / rows as f64))));
     }
+    soc.into_iter().zip(show.weights).filter(|(_, weight)| *weight != 0.0).for_each(|(soc, weight)| add(-weight, at(soc)));
     (volts, slope)
 }
 
