@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use blind::plan::{DEVELOPMENT_SEED, PUBLISHED_SEED};
 use blind::score::deviations;
-use blind::{Choice, Kind, Outcome, ask, run, table, tally};
+use blind::{Choice, Kind, Outcome, ask, run, table, tally, with_formulas};
 use clap::Parser;
 use energy::System;
 
@@ -67,6 +67,7 @@ fn main() {
         kind: arguments.kind,
         system: arguments.system,
         only: arguments.only.clone(),
+        formulas: true,
         parallel: arguments.parallel || std::env::var_os("BLIND_PARALLEL").is_some(),
     };
     let each = |outcome: &Outcome| {
@@ -77,8 +78,11 @@ fn main() {
             dump(folder, outcome).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
         }
     };
-    let marks: Vec<_> = run(&choice, &ask, &worked_s, &each).into_iter().map(|outcome| outcome.mark).collect();
-    let lines = tally(&marks);
+    let outcomes = run(&choice, &ask, &worked_s, &each);
+    let formulas: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.formula).collect();
+    let marks: Vec<_> = outcomes.into_iter().map(|outcome| outcome.mark).collect();
+    let mut lines = tally(&marks);
+    lines.extend(with_formulas(&formulas));
     if arguments.json {
         println!("{:#}", table::json(&lines));
     } else {
@@ -99,7 +103,7 @@ fn worked_s() -> f64 {
     worked_ns.map_or_else(|| begin.elapsed().as_secs_f64(), |ns| ns * 1e-9)
 }
 
-fn tell(Outcome { case, answer, mark }: &Outcome) {
+fn tell(Outcome { case, answer, mark, formula }: &Outcome) {
     let verdict = if mark.right { "right" } else { "not right" };
     println!("{} (seed {}): {verdict}", case.name, case.seed);
     println!("  truth: {}", case.truth.story);
@@ -110,6 +114,9 @@ fn tell(Outcome { case, answer, mark }: &Outcome) {
     );
     for (effect, parameter, truth, value, deviations) in deviations(case, answer) {
         println!("  {effect}.{parameter} is {truth:.4e}, said to be {value:.4e}: {deviations:+.2} sigma");
+    }
+    if let Some(formula) = formula {
+        println!("  formula: held out {:.3} -> {:.3} x floor", formula.before, formula.after);
     }
     if !mark.wrong.is_empty() {
         println!("  wrong names: {:?}", mark.wrong);

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use energy::Model;
+use energy::{Channel, Model};
 use lab::infer::answer::Discovery;
 use lab::infer::discover::search;
 use lab::infer::evidence::Evidence;
+use lab::infer::propose::propose;
 use lab::measurement::Log;
 use lab::prepare::{Prepared, prepare};
 use serde_json::{Value, json};
@@ -37,6 +38,11 @@ impl Question {
         let read = |logs: &[crate::CaseLog]| logs.iter().map(crate::CaseLog::log).collect();
         Self { model_toml: case.base_model_toml.clone(), model: Arc::new(model), train: read(&case.train), holdout: read(&case.holdout) }
     }
+
+    fn evidence(&self, logs: &[Log]) -> Result<Arc<Evidence>, String> {
+        let prepared = logs.iter().map(|log| prepare(&self.model, log)).collect::<Result<Vec<Prepared>, _>>();
+        Ok(Arc::new(Evidence::new(&self.model, prepared.map_err(|error| error.to_string())?)))
+    }
 }
 
 /// Anything that answers questions: the lab, or a stand-in that tests the scorer.
@@ -49,11 +55,26 @@ pub fn ask(question: &Question) -> Value {
 }
 
 fn discover(question: &Question) -> Result<Value, String> {
-    let evidence = |logs: &[Log]| -> Result<Arc<Evidence>, String> {
-        let prepared = logs.iter().map(|log| prepare(&question.model, log)).collect::<Result<Vec<Prepared>, _>>();
-        Ok(Arc::new(Evidence::new(&question.model, prepared.map_err(|error| error.to_string())?)))
-    };
-    let (train, holdout) = (evidence(&question.train)?, evidence(&question.holdout)?);
+    let (train, holdout) = (question.evidence(&question.train)?, question.evidence(&question.holdout)?);
     let search = search(Arc::clone(&question.model), train, Some(&holdout));
     serde_json::to_value(Discovery::of(&search)).map_err(|error| error.to_string())
+}
+
+/// Held-out RMS over the sensor floor of the channel that a system is judged by, as `lab propose` tells it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Formula {
+    /// With the base model, refitted.
+    pub before: f64,
+    /// With the formula that is proposed; the same where none is.
+    pub after: f64,
+}
+
+/// Asks the lab for a formula for what its catalogue does not explain; none where it cannot read the case.
+#[must_use]
+pub fn formula(question: &Question) -> Option<Formula> {
+    let (train, holdout) = (question.evidence(&question.train).ok()?, question.evidence(&question.holdout).ok()?);
+    let found = propose(Arc::clone(&question.model), train, &holdout);
+    let channel = question.model.system.targets()[0];
+    let over_floor = |rms: &[(Channel, f64)]| Some(rms.iter().find(|(of, _)| *of == channel)?.1 / holdout.floor(channel));
+    Some(Formula { before: over_floor(&found.base_holdout)?, after: over_floor(&found.holdout)? })
 }

@@ -52,4 +52,4 @@ pub use make::make;
 pub use plan::{Entry, plan};
 pub use run::{Choice, Outcome, run};
 pub use score::{Mark, judge};
-pub use tally::tally;
+pub use tally::{tally, with_formulas};

@@ -4,7 +4,7 @@ use energy::System;
 use rayon::prelude::*;
 
 use crate::answer::Answer;
-use crate::ask::{Ask, Question};
+use crate::ask::{Ask, Formula, Question, formula};
 use crate::case::{Case, Kind};
 use crate::make::make;
 use crate::plan::{Entry, plan};
@@ -24,6 +24,8 @@ pub struct Choice {
     pub system: Option<System>,
     /// Only cases whose name contains this.
     pub only: Option<String>,
+    /// Where something outside the catalogue is hidden, asks for a formula as well.
+    pub formulas: bool,
     /// Many at a time: answers stay the same, times mean nothing.
     pub parallel: bool,
 }
@@ -37,6 +39,8 @@ pub struct Outcome {
     pub answer: Answer,
     /// What it is worth.
     pub mark: Mark,
+    /// What a formula makes of it, where one was asked for.
+    pub formula: Option<Formula>,
 }
 
 /// The chosen places of the plan with their seeds.
@@ -74,7 +78,8 @@ pub fn run(choice: &Choice, ask: &Ask<'_>, clock: &(dyn Fn() -> f64 + Sync), eac
         let cpu_s = clock() - begun_s;
         let answer = Answer::read(&json);
         let mark = judge(&case, &answer, cpu_s);
-        let outcome = Outcome { case, answer, mark };
+        let formula = if choice.formulas && case.kind == Kind::Outside { formula(&question) } else { None };
+        let outcome = Outcome { case, answer, mark, formula };
         each(&outcome);
         outcome
     };

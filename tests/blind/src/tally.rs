@@ -2,6 +2,7 @@
 
 use energy::System;
 
+use crate::ask::Formula;
 use crate::case::{Bin, Kind};
 use crate::score::Mark;
 
@@ -89,6 +90,17 @@ pub fn tally(marks: &[Mark]) -> Vec<Line> {
         Figure::Spread { of, .. } => of > 0,
     });
     lines
+}
+
+/// What is published of formulas for what lies outside the catalogue.
+#[must_use]
+pub fn with_formulas(formulas: &[Formula]) -> Vec<Line> {
+    let (before, after) = (formulas.iter().map(|one| one.before), formulas.iter().map(|one| one.after));
+    let lines = [
+        spread("held-out RMS over floor: outside, base model".to_owned(), "", before, "x"),
+        spread("held-out RMS over floor: outside, with the formula that is proposed".to_owned(), "<= 2", after, "x"),
+    ];
+    if formulas.is_empty() { Vec::new() } else { lines.into() }
 }
 
 fn rate<'a>(name: &str, target: &'static str, marks: impl Iterator<Item = &'a Mark>, holds: impl Fn(&Mark) -> bool) -> Line {
