@@ -91,6 +91,14 @@ pub struct EffectSpec {
     pub states: &'static [&'static str],
 }
 
+impl EffectSpec {
+    /// Whether its last state is the clock of formulas, `time_s`.
+    #[must_use]
+    pub fn tells_time(&self) -> bool {
+        self.states.last() == Some(&expression::TIME)
+    }
+}
+
 /// What is known of a parameter before anybody measured it.
 #[derive(Debug)]
 pub struct ParameterSpec {

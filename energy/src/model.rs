@@ -109,6 +109,9 @@ pub struct Uncertainty {
     pub resistance_relative_sigma: f64,
     /// Standard deviation of bay currents, as a share of them.
     pub bay_current_relative_sigma: f64,
+    /// Standard deviation of what the clock of formulas (`time_s`) shows at the start of a log, s: of a periodic load every
+    /// log sees another phase. 0 when every log finds it at the same.
+    pub clock_sigma_s: f64,
 }
 
 impl Default for Uncertainty {
@@ -120,6 +123,7 @@ impl Default for Uncertainty {
             capacity_relative_sigma: 0.0,
             resistance_relative_sigma: 0.02,
             bay_current_relative_sigma: 0.0,
+            clock_sigma_s: 0.0,
         }
     }
 }

@@ -24,13 +24,15 @@ pub struct Start<S = f64> {
     /// How the battery came to this charge: 1 by discharge, -1 by charge, between them after both
     /// or when it is not known.
     pub history: f64,
+    /// What the clock of formulas (`time_s`) shows then, s.
+    pub clock_s: f64,
 }
 
 impl Start<f64> {
     /// A new battery at this state of charge and the reference temperature.
     #[must_use]
     pub fn at_soc(soc: f64) -> Self {
-        Self { soc, temperature_degc: REFERENCE_DEGC, cycle_count: 0.0, age_days: 0.0, history: 0.0 }
+        Self { soc, temperature_degc: REFERENCE_DEGC, cycle_count: 0.0, age_days: 0.0, history: 0.0, clock_s: 0.0 }
     }
 
     /// The same start, as plain or dual numbers.
@@ -42,6 +44,7 @@ impl Start<f64> {
             cycle_count: self.cycle_count,
             age_days: self.age_days,
             history: self.history,
+            clock_s: self.clock_s,
         }
     }
 }
@@ -208,7 +211,13 @@ pub(crate) fn begin<S: Lane>(model: &Model, parameters: &[S], states: &mut [S], 
         }
     }
     for placed in model.placed() {
-        S::of(placed).start(&model.facts, &parameters[placed.parameters.clone()], &mut states[placed.states.clone()], channels);
+        let own = &mut states[placed.states.clone()];
+        S::of(placed).start(&model.facts, &parameters[placed.parameters.clone()], own, channels);
+        if placed.effect.spec().tells_time()
+            && let Some(clock) = own.last_mut()
+        {
+            *clock = S::from(start.clock_s);
+        }
     }
 }
 

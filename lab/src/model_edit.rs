@@ -5,7 +5,7 @@ mod append;
 mod facts;
 
 pub use append::append;
-pub use facts::{set_number, set_ocv};
+pub use facts::{put_number, set_number, set_ocv};
 
 use energy::effect::expression;
 use energy::{Model, OcvTable};

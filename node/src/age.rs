@@ -32,6 +32,6 @@ impl Age {
     /// Where such a pack starts.
     #[must_use]
     pub fn start(&self, soc: f64, temperature_degc: f64) -> Start {
-        Start { soc, temperature_degc, cycle_count: self.cycle_count, age_days: self.days, history: 0.0 }
+        Start { soc, temperature_degc, cycle_count: self.cycle_count, age_days: self.days, history: 0.0, clock_s: 0.0 }
     }
 }

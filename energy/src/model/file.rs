@@ -109,8 +109,14 @@ impl Model {
         }
         let uncertainty = raw.uncertainty.map_or(Ok(Uncertainty::default()), |given| {
             let u = *given.get_ref();
-            let numbers =
-                [u.ocv_sigma_v, u.soc_initial_sigma, u.capacity_relative_sigma, u.resistance_relative_sigma, u.bay_current_relative_sigma];
+            let numbers = [
+                u.ocv_sigma_v,
+                u.soc_initial_sigma,
+                u.capacity_relative_sigma,
+                u.resistance_relative_sigma,
+                u.bay_current_relative_sigma,
+                u.clock_sigma_s,
+            ];
             if !numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
                 return Err(document.error_at(given.span(), "uncertainty: every number must be finite and >= 0"));
             }

@@ -9,7 +9,7 @@ use lab::ModelSource;
 use lab::infer::evidence::Evidence;
 use lab::infer::propose::{Proposal, propose};
 use lab::measurement::Log;
-use lab::model_edit::{edit, ocv_of_file};
+use lab::model_edit::{edit, ocv_of_file, put_number};
 use lab::model_source::parse_beside;
 use lab::output::write_whole;
 use lab::report::proposal::{ProposalReport, Status};
@@ -66,6 +66,11 @@ fn split(mut train: Vec<Log>, mut holdout: Vec<Log>) -> anyhow::Result<(Vec<Log>
 fn write(source: &ModelSource, path: &Path, report: &ProposalReport, proposal: &Proposal, origin: &str) -> anyhow::Result<()> {
     let inline = if stays_beside(source, path) { None } else { ocv_of_file(&source.model, &source.text) };
     let mut text = edit(&source.text, &report.changes(proposal, origin), inline)?;
+    let clock_sigma_s = proposal.state.frame.model.uncertainty.clock_sigma_s;
+    if clock_sigma_s > source.model.uncertainty.clock_sigma_s {
+        let comment = "A log may find what has a period at any phase.";
+        text = put_number(&text, "uncertainty", "clock_sigma_s", clock_sigma_s, comment)?;
+    }
     text += &report.entries(proposal, origin);
     let _: Model =
         parse_beside(path, &text).with_context(|| format!("the proposal would not load, so {} was not written", path.display()))?;

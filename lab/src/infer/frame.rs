@@ -189,7 +189,7 @@ impl Frame {
             Some(Rough::Offset(channel) | Rough::Gain(channel)) => self.drives_model(channel, log),
             Some(Rough::SocInitial(own)) => own == log,
             // Of the model, but dear in every lane: taken by differences.
-            Some(Rough::Capacity | Rough::TemperatureInitial(_)) => false,
+            Some(Rough::Capacity | Rough::TemperatureInitial(_) | Rough::Clock(_)) => false,
             Some(Rough::Lag(_) | Rough::Ocv(_)) => false,
         }
     }
@@ -244,6 +244,7 @@ impl Frame {
         let mut start: Start<S> = prepared.start.lifted();
         start.soc += lifted(Rough::SocInitial(log)).unwrap_or(zero);
         start.temperature_degc += self.error(x, Rough::TemperatureInitial(log));
+        start.clock_s += self.error(x, Rough::Clock(log));
         let (time_s, inputs) = match steps {
             Steps::Rows => (&prepared.time_s, &prepared.inputs),
             Steps::Course => (&course.time_s, &course.inputs),

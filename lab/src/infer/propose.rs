@@ -8,14 +8,15 @@
 //! logs that the fit has not seen falls.
 
 pub mod dictionary;
+mod periodic;
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use energy::{Channel, Model};
 use nalgebra::{DMatrix, DVector};
 
-use self::dictionary::{COEFFICIENTS, Term, dictionary};
+use self::dictionary::{COEFFICIENTS, Term, dictionary, rhythm};
+use self::periodic::{CLOCK, at_one_phase, set_clocks};
 use super::evidence::Evidence;
 use super::frame::Frame;
 use super::judge::explained;
@@ -34,6 +35,9 @@ const DELTA_BIC: f64 = 10.0;
 /// Share by which a proposal must lower the held-out error, and by which each further term must.
 pub const HOLDOUT_FALL: f64 = 0.05;
 const FURTHER_FALL: f64 = 0.02;
+/// The same for something periodic, of which every held-out log is asked for its phase: half of the squares. What
+/// comes and goes without a period has one by chance, and that explains less.
+const PERIODIC_FALL: f64 = 0.3;
 
 /// One term of a proposal.
 #[derive(Debug, Clone)]
@@ -97,11 +101,17 @@ pub fn propose(model: Arc<Model>, evidence: Arc<Evidence>, holdout: &Arc<Evidenc
         }
         let name = next_name(&found.state.frame.model);
         let after = held_out(&state, holdout);
-        let wanted = if found.terms.is_empty() { HOLDOUT_FALL } else { FURTHER_FALL };
+        let wanted = match () {
+            () if term.period_s.is_some() => PERIODIC_FALL,
+            () if found.terms.is_empty() => HOLDOUT_FALL,
+            () => FURTHER_FALL,
+        };
         if error(holdout, &after) > (1.0 - wanted) * error(holdout, &found.holdout) {
             break;
         }
-        found.terms.push(Proposed { name, words: term.words.clone(), slow: term.slow.clone(), delta_bic });
+        let (state, after) = at_one_phase(&found.state, &state, term, &name, holdout).unwrap_or((state, after));
+        let words = term.words.clone() + &rhythm(|wanted| Some(state.x[unknown(&state.frame, &name, wanted)?]));
+        found.terms.push(Proposed { name, words, slow: term.slow.clone(), delta_bic });
         (found.state, found.holdout) = (state, after);
     }
     found
@@ -129,53 +139,23 @@ struct Look<'a> {
     state: &'a State,
     lens: Lens,
     base: Absorber,
+    /// The same through the slow noise that is left: in which what jumps stands out of what drifts.
+    slow: Lens,
 }
 
 impl<'a> Look<'a> {
     fn new(state: &'a State) -> Look<'a> {
         let lens = state.lens(&State::white(&state.frame));
-        Look { state, base: Absorber::new(&lens, state.held()), lens }
-    }
-
-    /// The period at which the residual has most power, if it has several times the usual one:
-    /// at least three periods long, over all logs with one phase since their start.
-    fn period(&self) -> Option<f64> {
-        let evidence = &self.state.frame.evidence;
-        let rows = self.base.left.as_slice();
-        let longest = evidence.segments.iter().max_by(|a, b| span_s(&a.time_s).total_cmp(&span_s(&b.time_s)))?;
-        let (span_s, count) = (span_s(&longest.time_s), longest.time_s.len());
-        let step_s = span_s / count.max(2) as f64;
-        let highest = ((span_s / (4.0 * step_s)) * 4.0).min(1600.0) as usize;
-        let power = |quarters: f64| {
-            let frequency = 0.25 * quarters / span_s;
-            let (mut sine, mut cosine) = (0.0, 0.0);
-            for segment in &evidence.segments {
-                let start_s = evidence.logs[segment.log].time_s[0];
-                for (&time_s, &value) in segment.time_s.iter().zip(&rows[segment.range()]) {
-                    let (s, c) = (TAU * frequency * (time_s - start_s)).sin_cos();
-                    (sine, cosine) = (sine + s * value, cosine + c * value);
-                }
-            }
-            sine * sine + cosine * cosine
-        };
-        let powers: Vec<f64> = (12..highest).map(|quarters| power(quarters as f64)).collect();
-        let peak = (0..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]))?;
-        let mut sorted = powers.clone();
-        sorted.sort_by(f64::total_cmp);
-        if powers[peak] <= 10.0 * sorted[sorted.len() / 2] {
-            return None;
-        }
-        // Between the frequencies that were tried: an edge must be met to a row or two.
-        let fine = |share: i32| (peak + 12) as f64 + 0.05 * f64::from(share);
-        let best = (-20..=20).max_by(|&a, &b| power(fine(a)).total_cmp(&power(fine(b))))?;
-        Some(span_s / (0.25 * fine(best)))
+        Look { state, base: Absorber::new(&lens, state.held()), lens, slow: state.lens(&state.noise) }
     }
 
     /// The term that leaves the best model, refitted; none when no term says anything.
     fn best<'t>(&self, terms: &'t [Term]) -> Option<(State, &'t Term)> {
-        let mut scored: Vec<(f64, Vec<f64>, Left, &Term)> = Vec::new();
+        let mut scored: Vec<(Seen, &Term)> = Vec::new();
+        let (periodic, others): (Vec<&Term>, Vec<&Term>) = terms.iter().partition(|term| term.period_s.is_some());
+        scored.extend(periodic.into_iter().filter_map(|term| Some((self.at_its_phases(term)?, term))));
         // As many in one walk as one dual number has derivatives to spare.
-        for chunk in terms.chunks(4) {
+        for chunk in others.chunks(4) {
             let names: Vec<String> = (0..chunk.len()).map(|index| format!("term_{index}")).collect();
             let mut model = fitted(self.state);
             for (term, name) in chunk.iter().zip(&names) {
@@ -185,30 +165,29 @@ impl<'a> Look<'a> {
             for (term, name) in chunk.iter().zip(&names) {
                 let by: Vec<usize> = COEFFICIENTS[..term.parts.len()].iter().filter_map(|k| unknown(&frame, name, k)).collect();
                 let (_, columns) = frame.linearise(&x, &by);
-                if let Some((gain, sizes, left)) = self.gain(columns) {
-                    scored.push((gain, sizes, left, term));
-                }
+                scored.extend(self.gain(columns).map(|seen| (seen, *term)));
             }
         }
-        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         // Of one form at several shapes only the best goes on.
-        let mut forms: Vec<&[String]> = Vec::new();
-        scored.retain(|(.., term)| {
-            let new = !forms.contains(&term.parts.as_slice());
-            forms.push(&term.parts);
+        let mut forms: Vec<(Channel, &[String])> = Vec::new();
+        scored.retain(|(_, term)| {
+            let new = !forms.contains(&(term.channel, term.parts.as_slice()));
+            forms.push((term.channel, &term.parts));
             new
         });
         scored.truncate(WEIGHED);
         let rows = self.state.frame.evidence.rows() as f64;
         let weigh = |left: &Left, term: &Term| self.cost(left) + rows.ln() * term.parts.len() as f64;
-        let mut weighed: Vec<(f64, Vec<f64>, &Term)> =
-            scored.into_iter().map(|(_, sizes, left, term)| (weigh(&left, term), sizes, term)).collect();
+        let mut weighed: Vec<(f64, Seen, &Term)> = scored.into_iter().map(|(seen, term)| (weigh(&seen.left, term), seen, term)).collect();
         weighed.sort_by(|a, b| a.0.total_cmp(&b.0));
         weighed.truncate(REFITTED);
         let name = next_name(&self.state.frame.model);
-        let refitted = weighed.into_iter().filter_map(|(_, sizes, term)| {
-            let (frame, x) = extended(self.state, fitted(self.state).with_expression(&term.definition(name.clone(), &sizes)).ok()?);
-            Some((State::search(Arc::new(frame), &x, f64::NEG_INFINITY), term))
+        let refitted = weighed.into_iter().filter_map(|(_, Seen { sizes, clocks_s, .. }, term)| {
+            let (frame, mut x) = extended(self.state, with_term(self.state, term, name.clone(), &sizes)?);
+            set_clocks(&frame, &mut x, &clocks_s);
+            let state = State::search(Arc::new(frame), &x, f64::NEG_INFINITY);
+            Some((if term.period_s.is_some() { state.or_with_other_starts() } else { state }, term))
         });
         refitted
             .filter(|(state, _)| state.bic().is_finite() && !loose(state).contains(&name))
@@ -217,7 +196,7 @@ impl<'a> Look<'a> {
 
     /// Fall of the squared residual by these rows of derivatives, their sizes, and what they leave
     /// with the change of the base's unknowns beside them.
-    fn gain(&self, slopes: DMatrix<f64>) -> Option<(f64, Vec<f64>, Left)> {
+    fn gain(&self, slopes: DMatrix<f64>) -> Option<Seen> {
         if slopes.iter().any(|value| !value.is_finite()) {
             return None;
         }
@@ -234,13 +213,25 @@ impl<'a> Look<'a> {
         let sizes = unique.cholesky()?.solve(&right);
         let change = &base.change - base.solve(&cross * &sizes);
         let left = &lens.whitened - seen.tr_mul(&sizes) - lens.design.tr_mul(&change);
-        Some((right.dot(&sizes), sizes.as_slice().to_vec(), Left { rows: left, change }))
+        let left = Left { rows: left, change };
+        Some(Seen { gain: right.dot(&sizes), sizes: sizes.as_slice().to_vec(), left, clocks_s: Vec::new() })
     }
 
     /// Twice the negative log-likelihood of what is left, with the most likely slow noise beside it.
     fn cost(&self, left: &Left) -> f64 {
         left_cost(self.state, &left.rows, &left.change)
     }
+}
+
+/// What a linear refit with a term says of it.
+struct Seen {
+    /// Fall of the squared residual, in units of the sensors' noise.
+    gain: f64,
+    /// Its coefficients.
+    sizes: Vec<f64>,
+    left: Left,
+    /// What the clock of each log shows at its start, s; none where the term does not ask.
+    clocks_s: Vec<f64>,
 }
 
 /// What a linear refit leaves.
@@ -278,16 +269,20 @@ fn fitted(state: &State) -> Model {
     Model::clone(&state.frame.model).with_values(&values)
 }
 
+/// The fitted model with a term of these sizes.
+fn with_term(state: &State, term: &Term, name: String, sizes: &[f64]) -> Option<Model> {
+    let mut model = fitted(state).with_expression(&term.definition(name, sizes)).ok()?;
+    if let Some(period_s) = term.period_s {
+        model.uncertainty.clock_sigma_s = model.uncertainty.clock_sigma_s.max(CLOCK * period_s);
+    }
+    Some(model)
+}
+
 /// A model with more or less in it on the same logs, and where its unknowns begin.
 fn extended(state: &State, model: Model) -> (Frame, Vec<f64>) {
     let frame = Frame::new(Arc::new(model), Arc::clone(&state.frame.evidence));
-    let mut x = frame.start();
-    x[frame.free.len()..].copy_from_slice(&state.x[state.frame.free.len()..]);
+    let x = frame.as_in(&state.frame, &state.x, None);
     (frame, x)
-}
-
-fn span_s(time_s: &[f64]) -> f64 {
-    time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first)
 }
 
 /// Place among the unknowns of a parameter.

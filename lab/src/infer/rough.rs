@@ -22,6 +22,8 @@ pub enum Rough {
     SocInitial(usize),
     /// The temperature at the first row of a log, beyond what its sensor showed, K.
     TemperatureInitial(usize),
+    /// What the clock of formulas shows at the first row of a log, s.
+    Clock(usize),
 }
 
 /// A rough number and its standard deviation.
@@ -38,7 +40,7 @@ impl Known {
     #[must_use]
     pub fn log(&self) -> Option<usize> {
         match self.what {
-            Rough::SocInitial(log) | Rough::TemperatureInitial(log) => Some(log),
+            Rough::SocInitial(log) | Rough::TemperatureInitial(log) | Rough::Clock(log) => Some(log),
             _ => None,
         }
     }
@@ -78,6 +80,9 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
     } else {
         // A square has twice the relative error of its root.
         know(Rough::Gain(Channel::BaySquaredCurrentA2), 2.0 * model.uncertainty.bay_current_relative_sigma);
+    }
+    if model.effects().any(|effect| effect.spec().tells_time()) {
+        (0..logs.len()).for_each(|log| know(Rough::Clock(log), model.uncertainty.clock_sigma_s));
     }
     all
 }

@@ -10,8 +10,9 @@ use super::evidence::Evidence;
 use super::frame::Frame;
 use super::judge::ABSORBED;
 use super::noise::Noise;
+use super::rough::Rough;
 use super::score::Score;
-use super::state::{State, residual, rms};
+use super::state::{State, filters, likelihood_of_log, look_for, residual, rms};
 
 /// A refitted candidate.
 #[derive(Debug, Clone)]
@@ -149,6 +150,43 @@ const REST_MAX: usize = 3;
 /// Share of the gain that the linear theory expects with which a refit is content.
 const CONTENT: f64 = 0.9;
 
+/// Clocks that are looked at, each way, and how many of them make a deviation.
+const LOOKS: i32 = 8;
+const LOOKS_PER_SIGMA: f64 = 4.0;
+
+fn is_clock(what: Rough) -> bool {
+    matches!(what, Rough::Clock(_))
+}
+
+/// What belongs to logs alone where each is explained best, whatever its clock shows at its start: at every time that it may show,
+/// all else follows.
+fn with_clocks(frame: &Frame, x: &[f64], noise: &[(Channel, Noise)], own: &[usize]) -> Vec<f64> {
+    let filters = filters(frame, noise);
+    let belongs = |place: usize| frame.known[place - frame.free.len()];
+    let rest: Vec<usize> = own.iter().copied().filter(|&place| !is_clock(belongs(place).what)).collect();
+    let mut best: Vec<(f64, Vec<f64>)> = vec![(f64::INFINITY, x.to_vec()); frame.evidence.logs.len()];
+    for look in -LOOKS..=LOOKS {
+        let mut tried = x.to_vec();
+        let clocks = own.iter().copied().filter(|&place| is_clock(belongs(place).what));
+        clocks.for_each(|place| tried[place] = belongs(place).sigma * f64::from(look) / LOOKS_PER_SIGMA);
+        let there = descend(frame, &tried, noise, &rest, Asked::Never);
+        for (log, best) in best.iter_mut().enumerate() {
+            let cost = likelihood_of_log(frame, &there.residual, &filters, log);
+            if cost < best.0 {
+                *best = (cost, there.x.clone());
+            }
+        }
+    }
+    let mut x = x.to_vec();
+    own.iter().for_each(|&place| {
+        if let Some(log) = belongs(place).log() {
+            x[place] = best[log].1[place];
+        }
+    });
+    look_for(frame, &mut x, is_clock);
+    descend(frame, &x, noise, own, Asked::Never).x
+}
+
 /// Unknowns at which a refit begins: the base model's, and the candidate's own.
 fn start(frame: &Frame, base: &State, x: &[f64], candidate: &Candidate, own: &[f64]) -> Vec<f64> {
     let mut values = base.frame.values(x);
@@ -180,7 +218,10 @@ pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
     let weights = state.weights();
     let of = |wanted| weights.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
     let noise: Vec<_> = evidence.floors.iter().map(|&(channel, floor)| (channel, of(channel).unwrap_or(Noise::white(floor)))).collect();
-    let x = descend(&frame, &x, &noise, &own, Asked::Never).x;
+    let mut x = descend(&frame, &x, &noise, &own, Asked::Never).x;
+    if frame.known.iter().any(|known| is_clock(known.what)) {
+        x = with_clocks(&frame, &x, &noise, &own);
+    }
     let whole = evidence.whole.as_ref().unwrap_or(evidence);
     residual(&Frame::new(Arc::clone(&frame.model), Arc::clone(whole)), &x)
 }

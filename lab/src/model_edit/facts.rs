@@ -50,6 +50,26 @@ pub fn set_number(text: &str, table: &str, key: &str, value: f64, digits: usize,
     Ok(document.to_string())
 }
 
+/// The text with a number under `table.key`, whether or not it was there, and a comment before it.
+///
+/// # Errors
+/// When the text is no TOML, or has something else in the table's place.
+pub fn put_number(text: &str, table: &str, key: &str, value: f64, comment: &str) -> Result<String, EditError> {
+    let mut document: DocumentMut = text.parse()?;
+    let owner = document.entry(table).or_insert_with(toml_edit::table).as_table_like_mut();
+    let owner = owner.ok_or_else(|| EditError::NoKey(table.to_owned()))?;
+    let shown = number(&with_point(shortest(value, 3)));
+    match owner.contains_key(key) {
+        true => set(owner, key, shown),
+        false => drop(owner.insert(key, Item::Value(shown))),
+    }
+    // An inline table has no room for a comment.
+    if let Some(mut key) = document.get_mut(table).and_then(Item::as_table_mut).and_then(|owner| owner.key_mut(key)) {
+        key.leaf_decor_mut().set_prefix(format!("# {comment}\n"));
+    }
+    Ok(document.to_string())
+}
+
 /// Writes the points of a table in the place of the name of its file.
 pub(super) fn inline(document: &mut DocumentMut, table: &OcvTable, moved: Option<&str>) {
     let Some(battery) = document.get_mut("battery").and_then(Item::as_table_like_mut) else { return };

@@ -200,9 +200,11 @@ impl ProposalReport {
             for (parameter, value, sigma) in numbers.iter().filter(|(parameter, ..)| parameter.effect == term.name) {
                 let null = spec.parameters.iter().find(|known| known.name == parameter.name).and_then(|known| known.null);
                 let null = null.map_or_else(String::new, |null| format!(", null = {null:?}"));
+                // `lab fit` takes time_s at its word, and would pull what has a period away from logs that find it at other phases.
+                let free = if spec.tells_time() && model.uncertainty.clock_sigma_s > 0.0 { "" } else { "free = true, " };
                 let _ = writeln!(
                     whole,
-                    "{} = {{ value = {value:?}, sigma = {sigma:?}, source = \"{source}\", free = true, min = {:?}, max = {:?}{null} }}",
+                    "{} = {{ value = {value:?}, sigma = {sigma:?}, source = \"{source}\", {free}min = {:?}, max = {:?}{null} }}",
                     parameter.name, parameter.min, parameter.max
                 );
             }

@@ -12,6 +12,7 @@ use lab::prepare::{Prepared, prepare};
 use serde_json::{Value, json};
 
 use crate::case::Case;
+use crate::foreign::AT_RANDOM;
 
 /// All that the lab gets to see of a case, read as its command reads it.
 #[derive(Debug)]
@@ -67,14 +68,17 @@ pub struct Formula {
     pub before: f64,
     /// With the formula that is proposed; the same where none is.
     pub after: f64,
+    /// Whether what is hidden comes at random, so that no formula can say when.
+    pub at_random: bool,
 }
 
 /// Asks the lab for a formula for what its catalogue does not explain; none where it cannot read the case.
 #[must_use]
-pub fn formula(question: &Question) -> Option<Formula> {
+pub fn formula(case: &Case, question: &Question) -> Option<Formula> {
     let (train, holdout) = (question.evidence(&question.train).ok()?, question.evidence(&question.holdout).ok()?);
     let found = propose(Arc::clone(&question.model), train, &holdout);
     let channel = question.model.system.targets()[0];
     let over_floor = |rms: &[(Channel, f64)]| Some(rms.iter().find(|(of, _)| *of == channel)?.1 / holdout.floor(channel));
-    Some(Formula { before: over_floor(&found.base_holdout)?, after: over_floor(&found.holdout)? })
+    let at_random = AT_RANDOM.iter().any(|name| case.name.ends_with(name));
+    Some(Formula { before: over_floor(&found.base_holdout)?, after: over_floor(&found.holdout)?, at_random })
 }

@@ -63,7 +63,7 @@ impl Cell {
         let course = |(&(name, text), (soc, ambient_degc)): (&(&str, &str), (f64, f64))| {
             let [time_s, current_a, voltage_v, temperature_degc] = columns(text);
             let history = if soc > 0.6 { -1.0 } else { 1.0 };
-            let start = Start { soc, temperature_degc: ambient_degc, cycle_count: 0.0, age_days: 0.0, history };
+            let start = Start { soc, temperature_degc: ambient_degc, cycle_count: 0.0, age_days: 0.0, history, clock_s: 0.0 };
             let all = |value: f64| vec![value; time_s.len()];
             let columns = vec![
                 (Channel::AmbientDegc, all(ambient_degc)),

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use energy::System;
 
 pub use other_form::OTHER_FORMS;
-pub use outside::OUTSIDE;
+pub use outside::{AT_RANDOM, OUTSIDE};
 
 use crate::random::Stream;
 use crate::world::{Adds, Foreign, MakeForeign, Moment};

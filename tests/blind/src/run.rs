@@ -78,7 +78,7 @@ pub fn run(choice: &Choice, ask: &Ask<'_>, clock: &(dyn Fn() -> f64 + Sync), eac
         let cpu_s = clock() - begun_s;
         let answer = Answer::read(&json);
         let mark = judge(&case, &answer, cpu_s);
-        let formula = if choice.formulas && case.kind == Kind::Outside { formula(&question) } else { None };
+        let formula = if choice.formulas && case.kind == Kind::Outside { formula(&case, &question) } else { None };
         let outcome = Outcome { case, answer, mark, formula };
         each(&outcome);
         outcome

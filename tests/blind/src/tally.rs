@@ -95,12 +95,18 @@ pub fn tally(marks: &[Mark]) -> Vec<Line> {
 /// What is published of formulas for what lies outside the catalogue.
 #[must_use]
 pub fn with_formulas(formulas: &[Formula]) -> Vec<Line> {
-    let (before, after) = (formulas.iter().map(|one| one.before), formulas.iter().map(|one| one.after));
-    let lines = [
-        spread("held-out RMS over floor: outside, base model".to_owned(), "", before, "x"),
-        spread("held-out RMS over floor: outside, with the formula that is proposed".to_owned(), "<= 2", after, "x"),
+    let line = |what: &str, target, at_random: bool, value: fn(&Formula) -> f64| {
+        let own = formulas.iter().filter(|one| one.at_random == at_random).map(value);
+        spread(format!("held-out RMS over floor: {what}"), target, own, "x")
+    };
+    let mut lines = vec![
+        line("outside, with a period, base model", "", false, |one| one.before),
+        line("outside, with a period, with the formula that is proposed", "<= 2", false, |one| one.after),
+        line("outside, at random times, base model", "", true, |one| one.before),
+        line("outside, at random times, with the formula that is proposed, if one is", "<= 2", true, |one| one.after),
     ];
-    if formulas.is_empty() { Vec::new() } else { lines.into() }
+    lines.retain(|line| !matches!(line.figure, Figure::Spread { of: 0, .. }));
+    lines
 }
 
 fn rate<'a>(name: &str, target: &'static str, marks: impl Iterator<Item = &'a Mark>, holds: impl Fn(&Mark) -> bool) -> Line {

@@ -20,6 +20,8 @@ const OCV_STEP_V: f64 = 1e-5;
 const APART: usize = 8;
 /// Step over which the derivative by a temperature is taken, K.
 const TEMPERATURE_STEP_K: f64 = 1e-3;
+/// Step over which the derivative by a clock is taken, s.
+const CLOCK_STEP_S: f64 = 1e-2;
 
 /// A share in a judged row.
 struct Share<S> {
@@ -122,6 +124,7 @@ impl Frame {
             let (step, logs) = match self.what(unknown) {
                 Some(Rough::Capacity) => (CAPACITY_STEP, 0..self.evidence.logs.len()),
                 Some(Rough::TemperatureInitial(log)) => (TEMPERATURE_STEP_K, log..log + 1),
+                Some(Rough::Clock(log)) => (CLOCK_STEP_S, log..log + 1),
                 _ => continue,
             };
             let mut beside = x.to_vec();

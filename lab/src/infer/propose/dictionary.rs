@@ -1,5 +1,7 @@
 //! Terms that a proposed formula may be made of.
 
+use std::f64::consts::PI;
+
 use energy::effect::expression::{Definition, Lag, OwnParameter, TIME, readable};
 use energy::{Channel, Facts, Model, System};
 
@@ -18,22 +20,38 @@ pub struct Term {
     shapes: Vec<(&'static str, f64, f64, f64)>,
     /// The input of its low-passed copy, if it has one.
     pub slow: Option<String>,
+    /// Its period, s, if it has one: then every log may find it at another phase.
+    pub period_s: Option<f64>,
 }
 
 /// Names of the coefficients of a term.
 pub const COEFFICIENTS: [&str; 2] = ["k", "k2"];
+
+/// Names of the parameters of something periodic: its period, s, and the level above which a cosine switches it on.
+pub const PERIOD: &str = "period_s";
+const LEVEL: &str = "level";
 
 /// Name of the parameter that says how soft the edges of a switch are.
 pub const EDGE: &str = "edge";
 
 impl Term {
     fn new(channel: Channel, words: String, part: String) -> Term {
-        Term { channel, words, parts: vec![part], shapes: Vec::new(), slow: None }
+        Term { channel, words, parts: vec![part], shapes: Vec::new(), slow: None, period_s: None }
     }
 
     fn shaped(mut self, name: &'static str, value: f64, reach: f64) -> Term {
         self.shapes.push((name, value, value / reach, value * reach));
         self
+    }
+
+    /// The same at one phase in all logs: it begins anew at this time and every period after it.
+    #[must_use]
+    pub fn at_one_phase(&self, phase_s: f64) -> Term {
+        let mut term = Term { period_s: None, ..self.clone() };
+        term.parts.iter_mut().for_each(|part| *part = part.replace(TIME, &format!("({TIME} - phase_s)")));
+        let reach_s = self.period_s.unwrap_or(0.0);
+        term.shapes.push(("phase_s", phase_s, phase_s - reach_s, phase_s + reach_s));
+        term
     }
 
     /// The effect, with these coefficients.
@@ -65,6 +83,14 @@ impl Term {
     }
 }
 
+/// What is to be said of something periodic with these parameters beyond its words; nothing of what has no period.
+#[must_use]
+pub fn rhythm(value: impl Fn(&str) -> Option<f64>) -> String {
+    let share = |level: f64| format!(", on for {:.0} % of it", 100.0 * level.clamp(-1.0, 1.0).acos() / PI);
+    let Some(period_s) = value(PERIOD) else { return String::new() };
+    format!(" with a period of {period_s:.0} s{}", value(LEVEL).map(share).unwrap_or_default())
+}
+
 /// Every term for the frame's model and logs; `period_s` is that of the residual, if it has one.
 #[must_use]
 pub fn dictionary(frame: &Frame, period_s: Option<f64>) -> Vec<Term> {
@@ -73,34 +99,34 @@ pub fn dictionary(frame: &Frame, period_s: Option<f64>) -> Vec<Term> {
         System::Robot => loads(frame, Channel::PowerW),
         System::Station => loads(frame, Channel::PackPowerW),
     };
-    let channel = all[0].channel;
     if let Some(period_s) = period_s {
-        let angle = format!("2 * pi * {TIME} / period_s");
-        let words = format!("an unmeasured load of period {period_s:.0} s");
-        let sine = Term {
-            channel,
-            words: words.clone(),
-            parts: vec![format!("sin({angle})"), format!("cos({angle})")],
-            shapes: vec![("period_s", period_s, 0.9 * period_s, 1.1 * period_s)],
-            slow: None,
+        let periodic = |channel: Channel, words: String, part: &str, shapes: &[(&'static str, f64, f64, f64)]| Term {
+            shapes: [&[(PERIOD, period_s, 0.9 * period_s, 1.1 * period_s)], shapes].concat(),
+            period_s: Some(period_s),
+            ..Term::new(channel, words, part.to_owned())
         };
-        // On for a share of the period about `phase_s`; the edges begin soft, so that a fit can move
-        // them, and sharpen with it.
-        for step in 0..12 {
-            for (share, level) in [(0.25, 0.707), (0.35, 0.454), (0.5, 0.0), (0.65, -0.454), (0.75, -0.707)] {
-                let phase_s = period_s * f64::from(step) / 12.0;
-                let part = format!("(1 + tanh((cos(2 * pi * ({TIME} - phase_s) / period_s) - level) / {EDGE})) / 2");
-                let mut square = Term::new(channel, format!("{words} that is on for about {:.0} % of it", 100.0 * share), part);
-                square.shapes.push(("period_s", period_s, 0.9 * period_s, 1.1 * period_s));
-                square.shapes.push(("phase_s", phase_s, -0.5 * period_s, 1.5 * period_s));
-                square.shapes.push(("level", level, -0.98, 0.98));
-                square.shapes.push((EDGE, 0.4, 0.02, 1.0));
-                all.push(square);
+        let angle = format!("2 * pi * {TIME} / period_s");
+        for &channel in beside(frame.model.system) {
+            let words = || format!("something unmeasured on {}", channel.name());
+            // On for a share of the period; the edges begin soft, so that a fit can move them, and sharpen with it.
+            let part = format!("(1 + tanh((cos({angle}) - level) / {EDGE})) / 2");
+            for share in [0.25, 0.35, 0.5, 0.65, 0.75] {
+                let level = (PI * share).cos();
+                all.push(periodic(channel, words(), &part, &[(LEVEL, level, -0.98, 0.98), (EDGE, 0.4, 0.02, 1.0)]));
             }
+            all.push(periodic(channel, words(), &format!("sin({angle})"), &[]));
         }
-        all.push(sine);
     }
     all
+}
+
+/// Channels on which something periodic may act.
+fn beside(system: System) -> &'static [Channel] {
+    match system {
+        System::Battery => &[Channel::OverpotentialV, Channel::CellCurrentA],
+        System::Robot => &[Channel::PowerW],
+        System::Station => &[Channel::PackPowerW],
+    }
 }
 
 /// Time constants that are tried, s.

@@ -42,6 +42,9 @@ fn hiccups(random: &mut Stream) -> MakeForeign {
     })
 }
 
+/// Of these no formula over channels and time can say when they come: they do at random.
+pub const AT_RANDOM: &[&str] = &["intermittent-contact", "voltage-glitches", "dragging-wheel", "updates", "hiccuping-charger"];
+
 /// Everything outside the catalogue.
 pub const OUTSIDE: &[Stranger] = &[
     Stranger {

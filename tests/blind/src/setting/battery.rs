@@ -177,7 +177,7 @@ fn script(index: usize, (ambient_degc, cycle_count, age_days): Conditions, soc: 
     let name = if holdout { format!("holdout-{}", index - 3) } else { format!("train-{}", index + 1) };
     // A nearly empty pack got there by discharge, a nearly full one by charge.
     let history = if soc > 0.6 { -1.0 } else { 1.0 };
-    let start = Start { soc, temperature_degc: ambient_degc, cycle_count, age_days, history };
+    let start = Start { soc, temperature_degc: ambient_degc, cycle_count, age_days, history, clock_s: 0.0 };
     Script { name, holdout, start, dt_s: DT_S, bath: false, stretches, inputs: Vec::new() }
 }
 

@@ -1,0 +1,130 @@
+//! Formulas with a period: at a phase of its own in every log, unless all of them share one.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use energy::Channel;
+
+use super::dictionary::{COEFFICIENTS, Term};
+use super::{Look, Seen, error, extended, unknown, with_term};
+use crate::infer::evidence::{Evidence, Segment};
+use crate::infer::frame::Frame;
+use crate::infer::lens::whiten_all;
+use crate::infer::rough::Rough;
+use crate::infer::state::State;
+use crate::infer::trial::held_out;
+
+/// Phases that are looked at, and what of a period the deviation of a clock is: three of them reach every phase.
+const PHASES: usize = 16;
+pub(super) const CLOCK: f64 = 0.25;
+/// Share of the period by which logs may differ that find it at one phase.
+const ONE_PHASE: f64 = 0.03;
+/// Share by which the held-out error may be higher with one phase for all logs.
+const AS_GOOD: f64 = 0.05;
+
+impl Look<'_> {
+    /// The period at which the residual has most power, if it has several times the usual one:
+    /// at least three periods long, at a phase of its own in every log.
+    pub(super) fn period(&self) -> Option<f64> {
+        let evidence = &self.state.frame.evidence;
+        let rows = self.base.left.as_slice();
+        let longest = evidence.segments.iter().max_by(|a, b| span_s(&a.time_s).total_cmp(&span_s(&b.time_s)))?;
+        let (span_s, count) = (span_s(&longest.time_s), longest.time_s.len());
+        let step_s = span_s / count.max(2) as f64;
+        let highest = ((span_s / (4.0 * step_s)) * 4.0).min(1600.0) as usize;
+        let power = |quarters: f64| {
+            let frequency = 0.25 * quarters / span_s;
+            let of_segment = |segment: &Segment| {
+                let rows = segment.time_s.iter().zip(&rows[segment.range()]);
+                let (sine, cosine) = rows.fold((0.0, 0.0), |(sine, cosine), (&time_s, &value)| {
+                    let (s, c) = (TAU * frequency * time_s).sin_cos();
+                    (sine + s * value, cosine + c * value)
+                });
+                sine * sine + cosine * cosine
+            };
+            evidence.segments.iter().map(of_segment).sum::<f64>()
+        };
+        let powers: Vec<f64> = (12..highest).map(|quarters| power(quarters as f64)).collect();
+        let peak = (0..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]))?;
+        let mut sorted = powers.clone();
+        sorted.sort_by(f64::total_cmp);
+        if powers[peak] <= 10.0 * sorted[sorted.len() / 2] {
+            return None;
+        }
+        // Between the frequencies that were tried: an edge must be met to a row or two.
+        let fine = |share: i32| (peak + 12) as f64 + 0.05 * f64::from(share);
+        let best = (-20..=20).max_by(|&a, &b| power(fine(a)).total_cmp(&power(fine(b))))?;
+        Some(span_s / (0.25 * fine(best)))
+    }
+
+    /// A periodic term where every log finds it at the phase at which it explains the log best.
+    pub(super) fn at_its_phases(&self, term: &Term) -> Option<Seen> {
+        let (logs, period_s) = (self.state.frame.evidence.logs.len(), term.period_s?);
+        let (frame, mut x) = extended(self.state, with_term(self.state, term, "term_0".to_owned(), &[0.0])?);
+        let by = [unknown(&frame, "term_0", COEFFICIENTS[0])?];
+        // How far each log speaks for the term at each phase; less than nothing where it speaks for its opposite.
+        let mut speaks = vec![vec![0.0; PHASES]; logs];
+        let clocks: Vec<f64> = (0..PHASES).map(|phase| (phase as f64 / PHASES as f64 - 0.5) * period_s).collect();
+        for (phase, &clock_s) in clocks.iter().enumerate() {
+            set_clocks(&frame, &mut x, &vec![clock_s; logs]);
+            let slopes = whiten_all(&frame, &self.slow.filters, frame.linearise(&x, &by).1);
+            for segment in &frame.evidence.segments {
+                let range = segment.range();
+                let (slopes, left) = (&slopes.as_slice()[range.clone()], &self.slow.whitened.as_slice()[range]);
+                let mean = slopes.iter().sum::<f64>() / slopes.len().max(1) as f64;
+                speaks[segment.log][phase] += slopes.iter().zip(left).map(|(slope, left)| (slope - mean) * left).sum::<f64>();
+            }
+        }
+        let at_best = |sign: f64| -> (f64, Vec<f64>) {
+            let best = |of_log: &Vec<f64>| (0..PHASES).max_by(|&a, &b| (sign * of_log[a]).total_cmp(&(sign * of_log[b]))).unwrap_or(0);
+            let phases: Vec<usize> = speaks.iter().map(best).collect();
+            let sum = phases.iter().zip(&speaks).map(|(&phase, of_log)| sign * of_log[phase]).sum();
+            (sum, phases.into_iter().map(|phase| clocks[phase]).collect())
+        };
+        let (_, clocks_s) = [at_best(1.0), at_best(-1.0)].into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        set_clocks(&frame, &mut x, &clocks_s);
+        Some(Seen { clocks_s, ..self.gain(frame.linearise(&x, &by).1)? })
+    }
+}
+
+/// Sets the clocks of the logs.
+pub(super) fn set_clocks(frame: &Frame, x: &mut [f64], clocks_s: &[f64]) {
+    for (place, known) in frame.known.iter().enumerate() {
+        if let (Rough::Clock(_), Some(&clock_s)) = (known.what, known.log().and_then(|log| clocks_s.get(log))) {
+            x[frame.free.len() + place] = clock_s;
+        }
+    }
+}
+
+/// The same where all logs, the held-out ones too, find it at one phase: then the formula says which, and a file holds all of it.
+/// `with` is the base with the term of that name, each log at a phase of its own.
+pub(super) fn at_one_phase(
+    base: &State,
+    with: &State,
+    term: &Term,
+    name: &str,
+    holdout: &Arc<Evidence>,
+) -> Option<(State, Vec<(Channel, f64)>)> {
+    let period_s = with.x[unknown(&with.frame, name, super::dictionary::PERIOD)?];
+    let clocks = with.frame.known.iter().enumerate().filter(|(_, known)| matches!(known.what, Rough::Clock(_)));
+    let clocks_s: Vec<f64> = clocks.map(|(place, _)| with.x[with.frame.free.len() + place]).collect();
+    let first_s = clocks_s.first()?;
+    let apart_s = |clock_s: &f64| {
+        let apart_s = clock_s - first_s;
+        apart_s - period_s * (apart_s / period_s).round()
+    };
+    if clocks_s.iter().any(|clock_s| apart_s(clock_s).abs() > ONE_PHASE * period_s) {
+        return None;
+    }
+    let mean_s = first_s + clocks_s.iter().map(apart_s).sum::<f64>() / clocks_s.len() as f64;
+    let sizes = [with.x[unknown(&with.frame, name, COEFFICIENTS[0])?]];
+    let (frame, _) = extended(base, with_term(base, &term.at_one_phase(-mean_s), name.to_owned(), &sizes)?);
+    let start = frame.like(with, None);
+    let state = State::search(Arc::new(frame), &start, f64::NEG_INFINITY);
+    let (own, one) = (held_out(with, holdout), held_out(&state, holdout));
+    (error(holdout, &one) < (1.0 + AS_GOOD) * error(holdout, &own)).then_some((state, one))
+}
+
+fn span_s(time_s: &[f64]) -> f64 {
+    time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first)
+}
