@@ -71,7 +71,7 @@ proptest! {
     ) {
         let model = everything();
         let parameters = model.parameters().iter().zip(shares.iter().cycle()).map(|(p, share)| p.min + share * (p.max - p.min)).collect();
-        let mut run = Run::with_parameters(model, parameters, Start { soc, temperature_degc: 20.0, cycle_count: cycles, age_days: 400.0, history: 0.0 });
+        let mut run = Run::with_parameters(model, parameters, Start { soc, temperature_degc: 20.0, cycle_count: cycles, age_days: 400.0, history: 0.0, clock_s: 0.0 });
         for current_a in currents_a {
             run.channels[Channel::CurrentA] = current_a;
             run.step(dt_s);
@@ -101,7 +101,7 @@ fn dual_numbers_give_the_derivatives_of_a_whole_run() {
         let mut run = Run::with_parameters(
             Arc::clone(&model),
             values,
-            Start { soc: 0.8, temperature_degc: 25.0, cycle_count: 700.0, age_days: 400.0, history: 0.0 },
+            Start { soc: 0.8, temperature_degc: 25.0, cycle_count: 700.0, age_days: 400.0, history: 0.0, clock_s: 0.0 },
         );
         for step in 0..50 {
             run.channels[Channel::CurrentA] = if step % 10 < 5 { 3.0 } else { -1.0 };
@@ -113,7 +113,7 @@ fn dual_numbers_give_the_derivatives_of_a_whole_run() {
         let lanes = first..(first + LANES).min(values.len());
         let duals =
             (0..values.len()).map(|i| if lanes.contains(&i) { variable(values[i], i - first) } else { Dual::from(values[i]) }).collect();
-        let start = Start { soc: Dual::from(0.8), temperature_degc: 25.0, cycle_count: 700.0, age_days: 400.0, history: 0.0 };
+        let start = Start { soc: Dual::from(0.8), temperature_degc: 25.0, cycle_count: 700.0, age_days: 400.0, history: 0.0, clock_s: 0.0 };
         let mut run = Run::with_parameters(Arc::clone(&model), duals, start);
         for step in 0..50 {
             run.channels[Channel::CurrentA] = Dual::from(if step % 10 < 5 { 3.0 } else { -1.0 });

@@ -32,7 +32,7 @@ fn like_cells_stepped_one_by_one_do_what_one_lumped_run_does() {
     // What a rate does to capacity counts the current at the terminals in a lumped run, and with
     // what the terminals do not see in a cell; everything else is the same.
     let model = Arc::new(everything().without(|id| id == "parasitic_load"));
-    let start = Start { soc: 0.8, temperature_degc: 15.0, cycle_count: 100.0, age_days: 200.0, history: 0.0 };
+    let start = Start { soc: 0.8, temperature_degc: 15.0, cycle_count: 100.0, age_days: 200.0, history: 0.0, clock_s: 0.0 };
     let mut lumped = Run::new(Arc::clone(&model), start);
     let (mut single, mut pack) = (Pack::cell_by_cell(Arc::clone(&model), start), Pack::new(model, start));
     for step in 0..400 {
@@ -225,7 +225,7 @@ proptest! {
         }
         extra += "[battery.balancing]\nbypass_a_max = 0.1\nstart_v = 3.0\ndifference_v = 0.01\nat_rest = true\n";
         let model = everything_with(&extra);
-        let start = Start { soc, temperature_degc: 20.0, cycle_count: 10.0, age_days: 30.0, history: 0.0 };
+        let start = Start { soc, temperature_degc: 20.0, cycle_count: 10.0, age_days: 30.0, history: 0.0, clock_s: 0.0 };
         let (mut pack, mut lumped) = (Pack::new(Arc::clone(&model), start), Run::new(model, start));
         for current_a in currents_a {
             pack.step_current(current_a, dt_s);

@@ -191,7 +191,7 @@ proptest! {
             // below zero (a table beyond R0 may hold such): a pack is no source of power in itself.
             .map(|(p, share)| if shares[0] < 0.5 { p.value } else { p.min.max(0.0) + share.powi(3) * (p.max - p.min.max(0.0)) })
             .collect();
-        let start = Start { soc, temperature_degc: 20.0, cycle_count: 300.0, age_days: 400.0, history: 0.0 };
+        let start = Start { soc, temperature_degc: 20.0, cycle_count: 300.0, age_days: 400.0, history: 0.0, clock_s: 0.0 };
         let mut run = Run::with_parameters(Arc::clone(&model), parameters.clone(), start);
         let mut pack = Pack::with_parameters(model, parameters, start);
         for current_a in history_a {

@@ -55,7 +55,7 @@ fn packs() -> Vec<Log> {
     ];
     let mut random = Pcg64Mcg::seed_from_u64(20);
     let log = |(index, &(ambient_degc, later_degc, cycle_count, age_days, soc)): (usize, &(f64, f64, f64, f64, f64))| {
-        let start = Start { soc, temperature_degc: ambient_degc, cycle_count, age_days, history: 0.0 };
+        let start = Start { soc, temperature_degc: ambient_degc, cycle_count, age_days, history: 0.0, clock_s: 0.0 };
         let mut rows = Vec::new();
         let mut hold = |seconds: f64, dt_s: f64, rate: f64, ambient_degc: f64| {
             for _ in 0..(seconds / dt_s).round() as usize {
