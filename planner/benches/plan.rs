@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p planner -- FILE.json SECONDS ...` plans pairs of file and time, or number of moves
 //! (`FILE.json 2000m`); without arguments it plans the small instances of the tests, rolls fifty robots through two hundred
-//! services, and mends the plan of a thousand.
+//! services, and mends the plan of a thousand. `PLAN_SEED` names another seed than 1.
 
 #![allow(clippy::disallowed_methods, reason = "a bench measures time")]
 
@@ -64,7 +64,8 @@ fn show(problem: &Problem, budget_s: f64, policy: &str) {
 
 fn planned(problem: &Problem, policy: &str, budget: &mut dyn Budget) {
     let (begin, start) = (Instant::now(), cpu_s());
-    let plan = plan(problem, policy, 1, budget).expect("a plan");
+    let seed = std::env::var("PLAN_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(1);
+    let plan = plan(problem, policy, seed, budget).expect("a plan");
     let (levels, robots) = (plan.objective, problem.robots.len());
     println!(
         "{:<26} {robots:>8} {policy:>18} {:>9.4} {:>9.4} {:>9} {:>9} {:>10} {:>8.2}",

@@ -119,7 +119,7 @@ impl<'p> Book<'p> {
             limit.energy -= begun + base[..limit.before as usize].iter().sum::<i64>();
         }
         book.tight.put(0, &book.headroom, |&room| room < draw_max);
-        book.renew_gates(0, ticks);
+        [true, false].into_iter().for_each(|charge| book.renew_gates(charge, 0, ticks));
         book
     }
 
@@ -150,9 +150,22 @@ impl<'p> Book<'p> {
             }
             if way.ready == NEVER { end } else { self.spare_back(way) }
         };
+        self.feeds_until(choices, way, drawn_to)
+    }
+
+    /// Whether power and energy are there for a way that has a place, as [`Self::tell_places`] tells them.
+    #[inline]
+    pub(crate) fn feeds_in_place(&self, choices: &Choices, way: &Way) -> bool {
+        self.feeds_until(choices, way, if way.ready == NEVER { usize::from(way.end) } else { self.spare_back(way) })
+    }
+
+    /// The same for a way that draws until this tick.
+    #[inline]
+    fn feeds_until(&self, choices: &Choices, way: &Way, drawn_to: usize) -> bool {
         if !self.may_feed(way) {
             return false;
         }
+        let start = usize::from(way.start);
         // Limits rise with time, so a way that all packs can pay may still come too early.
         let plenty = self.energy.iter().all(|limit| Tick::from(way.start) >= limit.before || way.energy <= limit.energy);
         let calm = !self.tight.any(start, drawn_to.min(self.horizon as usize));
@@ -287,28 +300,39 @@ impl<'p> Book<'p> {
             self.slot.change(start, end, sign);
             self.spares.change(start, self.spare_back(way), sign);
         }
-        self.renew_gates(start, end.max(if charge { 0 } else { self.spare_back(way) }));
-        for place in 0..self.energy.len() {
-            let before = self.energy[place].before;
-            self.energy[place].energy += i64::from(sign) * self.drawn(choices, way, before);
-        }
+        self.renew_gates(charge, start, end.max(if charge { 0 } else { self.spare_back(way) }));
         if let Some(odds) = &mut self.odds {
             odds.change(choices, way, sign);
         }
         let (headroom, draw_max) = (&mut self.headroom, self.draw_max);
+        // The last limit is that of the horizon: all that a way takes counts for it.
+        let (whole, parts): (&mut [Limit], &mut [Limit]) = match self.energy.split_last_mut() {
+            Some((last, parts)) if last.before >= self.horizon => (std::slice::from_mut(last), parts),
+            _ => (&mut [], &mut self.energy),
+        };
+        whole.iter_mut().for_each(|limit| limit.energy += i64::from(sign) * way.energy);
+        let first = parts.partition_point(|limit| limit.before as usize <= start);
+        let parts = &mut parts[first..];
         let mut last = start;
         choices.draws(way, self.station, self.horizon, |from, to, draw| {
             let draw = i64::from(sign) * draw;
             headroom[from..to].iter_mut().for_each(|room| *room += draw);
+            for limit in &mut *parts {
+                limit.energy += to.min(limit.before as usize).saturating_sub(from) as i64 * draw;
+            }
             last = to;
         });
         self.tight.put(start, &headroom[start..last], |&room| room < draw_max);
     }
 
-    fn renew_gates(&mut self, from: usize, to: usize) {
+    fn renew_gates(&mut self, charge: bool, from: usize, to: usize) {
         let Self { bays, lift, slot, spares, .. } = self;
         let kept = Kept { bays: bays.none(), lift: lift.none(), slot: slot.none(), spares: spares.none() };
-        self.gates.renew(&kept, from, to);
+        if charge {
+            self.gates.renew_charges(&kept, from, to);
+        } else {
+            self.gates.renew_exchanges(&kept, from, to);
+        }
     }
 
     /// Energy that all ways in the book and the station itself draw before a tick.

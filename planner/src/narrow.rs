@@ -4,24 +4,40 @@
 //! ```text
 //!   prices, best plan known       what each way costs beyond the bound    (prices::Reduced)
 //!     |
-//!   beam    plans tick by tick among the ways that leave room for a better plan, wider and wider
+//!   sweep   each of the ways that leave room for a better plan is tried once        (search)
 //!     |  ^
 //!     v  |  every better plan leaves fewer
+//!   stations   robots are sent elsewhere, and the two stations planned anew
+//!     |  ^
+//!     v  |
+//!   beam    plans tick by tick among these ways, wider and wider
+//!     |  ^
+//!     v  |
 //!   search  the same moves as elsewhere, among these ways alone
+//!     |  ^
+//!     v  |
+//!   merge   the best plan that is made of ways of good plans
 //! ```
 //!
 //! Where the beam had room for everything, the plan is proven best.
 
 mod beam;
+mod merge;
+mod stations;
+
+use std::collections::BTreeSet;
 
 use rand::Rng;
 
-use crate::draft::{Draft, broken};
+use crate::draft::{Draft, Score, broken};
 use crate::optimise::{Clock, heat};
-use crate::prices::{Level, Prices};
+use crate::prices::{Level, Prices, Reduced};
 use crate::search::{SETTLED_MAX, Search};
 use crate::way::Ways;
 use beam::beam;
+pub(crate) use merge::Seen;
+use merge::merge;
+use stations::Stations;
 
 /// The largest fleet that is looked at so: beyond that too many ways are left.
 pub(crate) const ROBOTS_MAX: usize = 32;
@@ -48,6 +64,8 @@ const MOVES_MIN: u64 = 400;
 const HOT: f64 = 0.5;
 /// Temperature at its end, in units of cost.
 const COLD: f64 = 0.3;
+/// Moves between two looks at the time while all ways are tried.
+const LOOK: u64 = 64;
 /// Slices in which it cools.
 const SLICES: u64 = 16;
 
@@ -61,6 +79,8 @@ pub(crate) fn cheaper<'w, 'p>(
     clock: &mut Clock<'_>,
 ) -> bool {
     let mut width = WIDTH;
+    let (mut swept, mut tried) = (Score::default(), BTreeSet::new());
+    while merge(ways, prices, search, clock) {}
     loop {
         let known = search.best_score;
         prices.cap_stranded(known.stranded);
@@ -71,6 +91,15 @@ pub(crate) fn cheaper<'w, 'p>(
         if reduced.room < 0 {
             return true;
         }
+        if known != swept {
+            sweep(&reduced, prices, search, rng, clock);
+            swept = search.best_score;
+        }
+        if (swept.stranded, swept.cost) < (known.stranded, known.cost)
+            || (is_certain(ways) && send_elsewhere(ways, &reduced, search, &mut tried, clock))
+        {
+            continue;
+        }
         let mut seen = 0;
         if width <= WIDTH_MAX {
             let began = clock.moves;
@@ -78,9 +107,7 @@ pub(crate) fn cheaper<'w, 'p>(
             seen = found.seen;
             clock.moves = began + seen / TO_A_MOVE;
             match found.chosen {
-                Some(chosen) if broken(ways.problem(), &chosen) <= broken(ways.problem(), &search.best) => {
-                    search.go_on_from(&chosen);
-                    search.settle(SETTLED_MAX);
+                Some(chosen) if go_on_from(search, &chosen) => {
                     if found.complete && search.best_score.stranded == known.stranded && is_certain(ways) {
                         return true;
                     }
@@ -93,10 +120,46 @@ pub(crate) fn cheaper<'w, 'p>(
             return false;
         }
         anneal(ways, prices, search, rng, clock, seen.max(MOVES_MIN));
+        while merge(ways, prices, search, clock) {}
         if clock.used() >= 1.0 {
             return false;
         }
     }
+}
+
+/// Goes on from a plan, unless it breaks more promises than the best one.
+fn go_on_from(search: &mut Search<'_, '_>, chosen: &[u32]) -> bool {
+    let problem = search.draft.problem();
+    let keeps = broken(problem, chosen) <= broken(problem, &search.best);
+    if keeps {
+        search.go_on_from(chosen);
+        search.settle(SETTLED_MAX);
+    }
+    keeps
+}
+
+/// Tries every way that leaves room for a better plan once: a search draws its ways at random and forgets some.
+fn sweep(reduced: &Reduced, prices: &Prices<'_, '_>, search: &mut Search<'_, '_>, rng: &mut impl Rng, clock: &mut Clock<'_>) {
+    let ways: Vec<Vec<u32>> = reduced.ways.iter().map(|ways| ways.iter().map(|&(_, way)| way).collect()).collect();
+    let began = clock.moves;
+    search.return_to_best();
+    let made = search.sweep(prices.guide(), rng, &ways, |made| !made.is_multiple_of(LOOK) || clock.used_with(began + made) < 1.0);
+    clock.moves = began + made;
+}
+
+/// Sends robots to other stations. Whether that led to a better plan.
+fn send_elsewhere<'w, 'p>(
+    ways: &'w Ways<'p>,
+    reduced: &Reduced,
+    search: &mut Search<'w, 'p>,
+    tried: &mut BTreeSet<Vec<u16>>,
+    clock: &mut Clock<'_>,
+) -> bool {
+    let began = clock.moves;
+    let mut stations = Stations { ways, reduced, stranded_max: search.best_score.stranded, seen: 0 };
+    let found = stations.better(&search.best, tried, |seen| clock.used_with(began + seen / TO_A_MOVE) < 1.0);
+    clock.moves = began + stations.seen / TO_A_MOVE;
+    found.is_some_and(|chosen| go_on_from(search, &chosen))
 }
 
 /// A search among the ways that leave room for a better plan.
@@ -113,11 +176,18 @@ fn anneal<'w, 'p>(
     if reduced.room < 0 {
         return;
     }
-    let few = ways.only(|robot| reduced.ways[robot].iter().map(|&(_, way)| way).collect());
+    let kept = |robot: usize| {
+        let mut kept: Vec<u32> = reduced.ways[robot].iter().map(|&(_, way)| way).collect();
+        kept.sort_unstable();
+        kept
+    };
+    let kept: Vec<Vec<u32>> = (0..reduced.ways.len()).map(kept).collect();
+    let few = ways.only(|robot| kept[robot].clone());
     let mut draft = Draft::new(&few);
     draft.become_choice(&few.translated(ways, &search.best));
     let priced = Prices::from(&few, Level::Cost { stranded_max: known.stranded }, prices.best());
     let mut among = Search::new(draft);
+    among.seen = Some(Seen::new(&few, known.stranded));
     let hot = (HOT * reduced.room_in_cost()).max(2.0 * COLD);
     for slice in 0..SLICES {
         among.run(priced.guide(), rng, moves / SLICES, heat([hot, COLD], slice as f64 / SLICES as f64));
@@ -126,12 +196,11 @@ fn anneal<'w, 'p>(
             break;
         }
     }
+    if let (Some(seen), Some(new)) = (&mut search.seen, &among.seen) {
+        seen.take_over(new, &kept);
+    }
     if among.best_score < known {
-        let chosen = ways.translated(&few, &among.best);
-        if broken(ways.problem(), &chosen) <= broken(ways.problem(), &search.best) {
-            search.go_on_from(&chosen);
-            search.settle(SETTLED_MAX);
-        }
+        go_on_from(search, &ways.translated(&few, &among.best));
     }
 }
 
@@ -170,9 +239,7 @@ pub(crate) fn fewer_stranded<'w, 'p>(
         let found = beam(ways, &reduced, aim, *width, |seen| clock.used_with(began + seen / TO_A_MOVE) < until);
         clock.moves = began + found.seen / TO_A_MOVE;
         match found.chosen {
-            Some(chosen) if broken(ways.problem(), &chosen) <= broken(ways.problem(), &search.best) => {
-                search.go_on_from(&chosen);
-                search.settle(SETTLED_MAX);
+            Some(chosen) if go_on_from(search, &chosen) => {
                 rounds = ROUNDS_ANEW;
                 part = ROOM;
                 *width = WIDTH;

@@ -266,7 +266,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             let heat = heat(THRIFTY_HEAT, (at - start) / (until - start));
             if self.is_large() {
                 prices.cap_stranded(search.best_score.stranded.min(found.best_score.stranded));
-                self.search_halves(&mut search, &guide, heat, prices, found.best_score.cost);
+                self.search_halves(&mut search, Some(&guide), heat, prices, found.best_score.cost);
             } else {
                 self.search(&mut search, &guide, heat);
             }
@@ -289,6 +289,9 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let cold = COLD[usize::from(self.is_large())];
         let heats = if robots <= REHEATED_MAX { HEATS } else { 1.0 };
         let mut heated = 0.0;
+        if self.is_small() {
+            search.seen = Some(narrow::Seen::new(self.ways, search.best_score.stranded));
+        }
         let (began, wide) = (self.clock.moves, if self.is_small() { WIDE_MOVES * robots as u64 } else { u64::MAX });
         let (mut priced, mut searched) = (0.0, 0.0);
         loop {
@@ -304,8 +307,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 return narrow::cheaper(self.ways, prices, search, &mut self.rng, &mut self.clock);
             }
             if self.is_large() && prices.improved() {
-                let guide = prices.guide().clone();
-                self.search_halves(search, &guide, heat([hot, cold], gone), prices, score.cost);
+                self.search_halves(search, None, heat([hot, cold], gone), prices, score.cost);
             } else if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
                 self.clock.moves += prices.improve(score.cost);
                 priced += self.used() - at;
@@ -331,10 +333,10 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         self.ways.problem().robots.len() >= SHARED_MIN
     }
 
-    /// Searches both halves of the stations, and betters prices now and then: their bound soon rises slowly.
-    fn search_halves(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64, prices: &mut Prices<'w, 'p>, aim: i64) {
+    /// Searches both halves of the stations, led by this guide or by that of the prices, and betters prices now and then: their bound soon rises slowly.
+    fn search_halves(&mut self, search: &mut Search<'_, '_>, guide: Option<&Guide>, heat: f64, prices: &mut Prices<'w, 'p>, aim: i64) {
         let moves = self.ways.problem().robots.len() as u64 * MOVES_IN_HALF;
-        self.halves.run(search, guide, &mut self.rng, moves, heat);
+        self.halves.run(search, guide.unwrap_or(prices.guide()), &mut self.rng, moves, heat);
         self.rounds += 1;
         if self.rounds.is_multiple_of(UNPRICED) {
             prices.improve(aim);

@@ -296,9 +296,8 @@ impl<'w, 'p> Prices<'w, 'p> {
                 if cost >= least {
                     break;
                 }
-                let priced = cost + price.of(problem, choices, way);
-                if priced < least {
-                    (least, best) = (priced, Some((priced, place)));
+                if let Some(price) = price.table.below(problem, choices, way, least - cost) {
+                    (least, best) = (cost + price, Some((cost + price, place)));
                 }
             }
             best
@@ -312,9 +311,9 @@ impl<'w, 'p> Prices<'w, 'p> {
             let mut best = None;
             for &place in &self.guide.listed[robot] {
                 let way = &choices.ways[place as usize];
-                let priced = i64::from(way.cost) * costs + price.of(problem, choices, way);
-                if priced < least {
-                    (least, best) = (priced, Some((priced, place)));
+                let cost = i64::from(way.cost) * costs;
+                if let Some(price) = price.table.below(problem, choices, way, least - cost) {
+                    (least, best) = (cost + price, Some((cost + price, place)));
                 }
             }
             best

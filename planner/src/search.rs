@@ -4,24 +4,18 @@
 //! and finds these new places. It is kept if the plan gets better, or, the hotter the search, not
 //! much worse (annealing); otherwise the log takes it back.
 
+mod moves;
+
 use rand::{Rng, RngExt};
 
 use crate::draft::{Draft, NONE, Score};
 use crate::guide::Guide;
+use crate::narrow::Seen;
+use moves::Most;
 
-/// Robots that one move may release for the sake of others.
-const RELEASED_MAX: usize = 8;
-/// Robots that one move may force in after the first, for the sake of not being stranded.
-const FORCED_MAX: usize = 2;
-/// How often it does, rather than leave the robot stranded.
-const FORCED_SHARE: f32 = 0.3;
-/// The same when the move is for somebody who is stranded.
-const RESCUE_SHARE: f32 = 0.75;
 /// Robots among which the one with most cause to complain is moved.
 const COMPARED: u32 = 4;
 
-/// One wish of so many is for any way at all: lists by price forget what rarely pays.
-const ANY_OF: u32 = 16;
 /// A way that nobody has, and that is not [`NONE`] either.
 const UNKNOWN: u32 = NONE - 1;
 /// Rounds in which everybody may take a better place that is free, when there is time.
@@ -42,8 +36,11 @@ pub struct Search<'w, 'p> {
     movable: Vec<u32>,
     /// Each robot's way when its regret was last asked for, and that regret.
     regrets: Vec<(u32, f32)>,
-    /// The ways of a robot that have a place, while one is looked for.
-    free: Vec<u32>,
+    /// Robots that wait for a place while a move is made, and those that have theirs.
+    queue: Vec<usize>,
+    settled: Vec<usize>,
+    /// Which ways good plans had, where that is asked for.
+    pub(crate) seen: Option<Seen>,
 }
 
 impl<'w, 'p> Search<'w, 'p> {
@@ -59,7 +56,17 @@ impl<'w, 'p> Search<'w, 'p> {
     #[must_use]
     pub fn among(draft: Draft<'w, 'p>, movable: Vec<u32>) -> Self {
         let (best, best_score) = (draft.chosen.clone(), draft.score);
-        Self { draft, best, best_score, waiting: Vec::new(), movable, regrets: Vec::new(), free: Vec::new() }
+        Self {
+            draft,
+            best,
+            best_score,
+            waiting: Vec::new(),
+            movable,
+            regrets: Vec::new(),
+            queue: Vec::new(),
+            settled: Vec::new(),
+            seen: None,
+        }
     }
 
     /// Robots that moves begin with.
@@ -161,7 +168,37 @@ impl<'w, 'p> Search<'w, 'p> {
         }
     }
 
+    /// Tries each of these ways of each robot once on the plan of now, and goes on for as long as one of them betters it.
+    /// How many moves that were.
+    pub(crate) fn sweep(&mut self, guide: &Guide, rng: &mut impl Rng, ways: &[Vec<u32>], mut go_on: impl FnMut(u64) -> bool) -> u64 {
+        let tried: Vec<(u32, u32)> = (0..).zip(ways).flat_map(|(robot, ways)| ways.iter().map(move |&way| (robot, way))).collect();
+        let (mut at, mut since_better, mut moves) = (0, 0, 0);
+        while since_better < tried.len() && go_on(moves) {
+            let (robot, way) = tried[at];
+            at = (at + 1) % tried.len();
+            since_better += 1;
+            if !self.may_have(robot as usize, way) {
+                continue;
+            }
+            moves += 1;
+            let before = self.draft.score;
+            let most = Most { stranded: before.stranded, cost: before.cost - 1 };
+            let done = self.give(guide, rng, most, robot as usize, Some(way));
+            let after = self.draft.score;
+            if done && (after.stranded, after.cost) < (before.stranded, before.cost) && !self.draft.breaks_promise(0) {
+                self.accept();
+                since_better = 0;
+            } else {
+                self.draft.undo(0);
+            }
+        }
+        moves
+    }
+
     fn accept(&mut self) {
+        if let Some(seen) = &mut self.seen {
+            seen.note(&self.draft.chosen, self.draft.score);
+        }
         if self.draft.score < self.best_score {
             self.best_score = self.draft.score;
             for robot in self.draft.changed(0).chain(self.waiting.drain(..)) {
@@ -200,149 +237,5 @@ impl<'w, 'p> Search<'w, 'p> {
             }
         }
         worst.1
-    }
-
-    /// Gives a robot one of its promising ways and finds new places for those in the way.
-    fn force(&mut self, guide: &Guide, rng: &mut impl Rng, before: Score, margin: i64) -> bool {
-        let first = self.pick(guide, rng);
-        // For somebody who would be stranded more is turned upside down.
-        let forced_share = if self.draft.is_stranded(first) { RESCUE_SHARE } else { FORCED_SHARE };
-        let mut queue = vec![first];
-        let mut settled: Vec<usize> = Vec::new();
-        let (mut released, mut forced) = (0, 0);
-        while let Some(robot) = queue.pop() {
-            // Whoever still waits may at best get its cheapest way; what is too dear even then is given up.
-            let (hope, rescued) = self.hopes(&queue);
-            let room = before.cost + margin - (self.draft.score.cost - hope);
-            let stranded = self.draft.score.stranded - rescued - i64::from(self.draft.is_stranded(robot));
-            if stranded > before.stranded || (stranded == before.stranded && room + self.hope(robot) < 0) {
-                return false;
-            }
-            let must = robot == first && settled.is_empty();
-            let found = if must {
-                None
-            } else {
-                let limit = if stranded < before.stranded { i64::MAX } else { room.saturating_add(self.draft.cost_of(robot)).max(0) };
-                self.place(guide, rng, robot, limit)
-            };
-            if let Some(way) = found {
-                self.draft.serve(robot, way);
-            } else if must || (self.draft.ways.of(robot).strands && forced < FORCED_MAX && rng.random::<f32>() < forced_share) {
-                forced += usize::from(!must);
-                let Some(way) = self.wish(guide, rng, robot) else { return false };
-                if self.draft.chosen[robot] != NONE {
-                    self.draft.release(robot);
-                }
-                if !self.clear(rng, robot, way, &settled, &mut queue, &mut released) {
-                    return false;
-                }
-                self.draft.serve(robot, way);
-            }
-            settled.push(robot);
-        }
-        true
-    }
-
-    /// How far the cost, and the number of stranded robots, can fall at most if all of these are served.
-    fn hopes(&self, robots: &[usize]) -> (i64, i64) {
-        let hope = robots.iter().map(|&robot| self.hope(robot)).sum();
-        (hope, robots.iter().filter(|&&robot| self.draft.is_stranded(robot)).count() as i64)
-    }
-
-    /// How much the cost can fall at most by giving a robot its cheapest way.
-    fn hope(&self, robot: usize) -> i64 {
-        let choices = self.draft.ways.of(robot);
-        choices.ways.first().map_or(0, |way| (self.draft.cost_of(robot) - i64::from(way.cost)).max(0))
-    }
-
-    /// One of a robot's promising ways that it does not have.
-    fn wish(&self, guide: &Guide, rng: &mut impl Rng, robot: usize) -> Option<u32> {
-        let listed = &guide.listed[robot];
-        if listed.is_empty() {
-            return None;
-        }
-        if rng.random_range(0..ANY_OF) == 0 {
-            let way = rng.random_range(0..self.draft.ways.of(robot).ways.len()) as u32;
-            return self.may_have(robot, way).then_some(way);
-        }
-        // Mostly from the top of the list: the square of a uniform number is small more often.
-        let place = rng.random::<f32>();
-        let way = listed[((place * place * listed.len() as f32) as usize).min(listed.len() - 1)];
-        self.may_have(robot, way).then_some(way)
-    }
-
-    /// Whether a robot does not have a way, and its station is open.
-    fn may_have(&self, robot: usize, way: u32) -> bool {
-        let station = self.draft.ways.of(robot).ways[way as usize].station;
-        way != self.draft.chosen[robot] && !self.draft.books[usize::from(station)].is_closed()
-    }
-
-    /// A free place: the cheapest for the robot, or the first by prices.
-    fn place(&mut self, guide: &Guide, rng: &mut impl Rng, robot: usize, limit: i64) -> Option<u32> {
-        let choices = self.draft.ways.of(robot);
-        let limit = if choices.strands { limit } else { limit.min(i64::from(choices.unserved_cost) - 1) };
-        let mut free = std::mem::take(&mut self.free);
-        free.clear();
-        let starts = choices.starts(self.draft.problem().horizon);
-        for at in starts.at(limit) {
-            self.draft.books[usize::from(at.station)].tell_places(starts, at, limit, &mut |way| free.push(way));
-        }
-        let fits = |way: u32| {
-            let way = &choices.ways[way as usize];
-            self.draft.books[usize::from(way.station)].fits(choices, way)
-        };
-        let mut listed = None;
-        if rng.random_range(0..2) == 0 && !free.is_empty() {
-            listed = guide.listed[robot].iter().copied().find(|&way| free.contains(&way) && fits(way));
-        }
-        // The cheapest of those that fit.
-        let found = listed.or_else(|| {
-            let mut least = NONE;
-            free.iter().for_each(|&way| {
-                if way < least && fits(way) {
-                    least = way;
-                }
-            });
-            (least != NONE).then_some(least)
-        });
-        self.free = free;
-        found
-    }
-
-    /// Releases robots until a way is free.
-    fn clear(
-        &mut self,
-        rng: &mut impl Rng,
-        robot: usize,
-        way: u32,
-        settled: &[usize],
-        queue: &mut Vec<usize>,
-        released: &mut usize,
-    ) -> bool {
-        let choices = self.draft.ways.of(robot);
-        let way = &choices.ways[way as usize];
-        let station = usize::from(way.station);
-        while let Some(clash) = self.draft.books[station].clash(choices, way) {
-            let book = &self.draft.books[station];
-            let mut victim = None;
-            let mut seen = 0;
-            for (&other, taken) in book.robots.iter().zip(&book.taken) {
-                let other = other as usize;
-                if book.takes_part(clash, taken) && !settled.contains(&other) {
-                    seen += 1;
-                    if rng.random_range(0..seen) == 0 {
-                        victim = Some(other);
-                    }
-                }
-            }
-            let Some(victim) = victim else { return false };
-            *released += 1;
-            if *released > RELEASED_MAX {
-                return false;
-            }
-            self.draft.release(victim);
-            queue.push(victim);
-        }
-        true
     }
 }

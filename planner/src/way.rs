@@ -57,6 +57,14 @@ pub struct Way {
     pub energy: i64,
 }
 
+impl Way {
+    /// Whether it charges in a bay, or else exchanges the pack.
+    #[inline]
+    pub(crate) fn charges(&self) -> bool {
+        matches!(self.mode, Mode::Charge(_))
+    }
+}
+
 /// The ways of one robot, the cheapest first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choices {

@@ -38,15 +38,22 @@ impl Gates {
         Self { words, ticks, flags: vec![u64::MAX; ROWS * words], swap_ticks, lift_ticks }
     }
 
-    /// Copies the flags anew that a change between these ticks may have changed.
-    pub(super) fn renew(&mut self, kept: &Kept<'_>, from: usize, to: usize) {
+    /// Copies the flags anew that an exchange between these ticks may have changed.
+    pub(super) fn renew_exchanges(&mut self, kept: &Kept<'_>, from: usize, to: usize) {
+        let words = self.words;
+        for at in from / 64..(to / 64 + 1).min(words) {
+            self.flags[SLOT * words + at] = kept.slot.words()[at];
+            self.flags[SPARE * words + at] = kept.spares.words()[at];
+        }
+    }
+
+    /// Copies the flags anew that a charge between these ticks may have changed.
+    pub(super) fn renew_charges(&mut self, kept: &Kept<'_>, from: usize, to: usize) {
         let [load, unload] = self.lift_ticks;
         let (words, lift) = (self.words, kept.lift.words());
         let word = |at: usize| lift.get(at).copied().unwrap_or(0);
         for at in from.saturating_sub(load) / 64..((to + unload) / 64 + 1).min(words) {
             self.flags[BAY * words + at] = kept.bays.words()[at];
-            self.flags[SLOT * words + at] = kept.slot.words()[at];
-            self.flags[SPARE * words + at] = kept.spares.words()[at];
             // Who begins needs the lift in the next ticks, who ends in those before.
             let before = |ticks: usize| {
                 let near = at.checked_sub(ticks / 64).map_or(0, word) << (ticks % 64);
@@ -152,7 +159,7 @@ mod tests {
                 let starts = choices.starts(instance.problem.horizon);
                 for limit in [i64::MAX, i64::from(choices.unserved_cost) / 2] {
                     let mut told = Vec::new();
-                    for at in starts.at(limit) {
+                    for at in starts.at() {
                         draft.books[usize::from(at.station)].tell_places(starts, at, limit, &mut |way| told.push(way));
                     }
                     told.sort_unstable();

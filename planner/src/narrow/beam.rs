@@ -6,6 +6,8 @@
 //! those to which another with the same future is as good. Of the rest the most promising go on, so many
 //! as there is room for. When nobody had to be left out, there is no better plan than what was found.
 
+use std::collections::BinaryHeap;
+
 use crate::book::Book;
 use crate::draft::{Draft, NONE};
 use crate::prices::Reduced;
@@ -15,6 +17,9 @@ use crate::way::{NEVER, Ways};
 /// a plan that is only just better than the one that is known. Without it, beginnings that have put
 /// everything off look best.
 const TO_COME: f64 = 0.5;
+
+/// So many times as many beginnings as go on are kept at first, the most promising: some turn out to be dominated.
+const WIDE_ENOUGH: usize = 2;
 
 /// What came of a search.
 #[derive(Debug)]
@@ -36,8 +41,8 @@ struct Beginning {
     spent: i64,
     /// Each robot's way so far.
     chosen: Vec<u32>,
-    /// Robots that may still be served.
-    to_come: u32,
+    /// How promising it is; less is better.
+    rank: i64,
     /// Tells who may still be served and what there is for them but energy: where it is the same, the same
     /// can follow.
     future: [u64; 2],
@@ -67,17 +72,52 @@ struct Beam<'a, 'w, 'p> {
     /// The tick from which each robot has nothing left to begin with.
     over: Vec<usize>,
     next: Vec<Beginning>,
+    /// The best ranks of `next`, the worst of them first; no more than there can be of use.
+    ranks: BinaryHeap<i64>,
+    ranks_max: usize,
+    /// See [`Given`].
+    away: u64,
+    station: Option<usize>,
+    /// Whether somebody was left out for its rank.
+    left_out: bool,
+    /// What each robot still to come adds to a rank.
+    each_to_come: f64,
     seen: u64,
+}
+
+/// What is decided beforehand.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Given {
+    /// Each robot's way that is not in question; none at all where nothing is given.
+    pub(super) chosen: Vec<u32>,
+    /// Robots that are planned elsewhere, as the bits of a number.
+    pub(super) away: u64,
+    /// What all of these cost at least beyond the bound.
+    pub(super) spent: i64,
+    /// The only station of which it is known what will be left over, if not all.
+    pub(super) station: Option<usize>,
 }
 
 /// Looks for a plan within the room that `reduced` leaves and with at most so many stranded robots, with at most
 /// `width` beginnings at a time. `go_on` is told now and then how many were looked at.
-pub(super) fn beam(ways: &Ways<'_>, reduced: &Reduced, stranded_max: i64, width: usize, mut go_on: impl FnMut(u64) -> bool) -> Found {
+pub(super) fn beam(ways: &Ways<'_>, reduced: &Reduced, stranded_max: i64, width: usize, go_on: impl FnMut(u64) -> bool) -> Found {
+    beam_beside(ways, reduced, &Given::default(), stranded_max, width, go_on)
+}
+
+/// The same beside what is given.
+pub(super) fn beam_beside(
+    ways: &Ways<'_>,
+    reduced: &Reduced,
+    given: &Given,
+    stranded_max: i64,
+    width: usize,
+    mut go_on: impl FnMut(u64) -> bool,
+) -> Found {
     let mut beam = Beam::new(ways, reduced, stranded_max);
-    let (ticks, robots) = (beam.starts.len(), beam.least.len());
-    let each_to_come = TO_COME * reduced.room as f64 / robots.max(1) as f64;
-    let mut complete = true;
-    let mut now = vec![beam.nothing_yet()];
+    (beam.away, beam.station) = (given.away, given.station);
+    beam.ranks_max = WIDE_ENOUGH * width;
+    let ticks = beam.starts.len();
+    let mut now = vec![beam.nothing_yet(given)];
     let mut tick = 0;
     while tick < ticks {
         // Between two ticks in which somebody may begin nothing is decided.
@@ -86,12 +126,12 @@ pub(super) fn beam(ways: &Ways<'_>, reduced: &Reduced, stranded_max: i64, width:
             beam.draft.become_choice(&beginning.chosen);
             beam.spread(tick, until, 0, beginning.spent);
         }
+        beam.ranks.clear();
         now = undominated(std::mem::take(&mut beam.next));
         if now.len() > width {
-            let rank = |beginning: &Beginning| beginning.bound + (each_to_come * f64::from(beginning.to_come)) as i64;
-            now.select_nth_unstable_by_key(width, rank);
+            now.select_nth_unstable_by_key(width, |beginning| beginning.rank);
             now.truncate(width);
-            complete = false;
+            beam.left_out = true;
         }
         // Neighbours have much in common: little is booked anew from one to the next.
         now.sort_unstable_by(|a, b| a.chosen.cmp(&b.chosen));
@@ -101,7 +141,7 @@ pub(super) fn beam(ways: &Ways<'_>, reduced: &Reduced, stranded_max: i64, width:
         }
     }
     let best = now.into_iter().min_by_key(|beginning| beginning.bound);
-    Found { chosen: best.map(|beginning| beginning.chosen), complete, seen: beam.seen }
+    Found { chosen: best.map(|beginning| beginning.chosen), complete: !beam.left_out, seen: beam.seen }
 }
 
 impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
@@ -116,6 +156,12 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
             least: Vec::with_capacity(robots),
             over: vec![0; robots],
             next: Vec::new(),
+            ranks: BinaryHeap::new(),
+            ranks_max: 0,
+            away: 0,
+            station: None,
+            left_out: false,
+            each_to_come: TO_COME * reduced.room as f64 / robots.max(1) as f64,
             seen: 0,
         };
         for robot in 0..robots {
@@ -135,9 +181,9 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
         beam
     }
 
-    fn nothing_yet(&self) -> Beginning {
-        let chosen = vec![NONE; self.least.len()];
-        Beginning { bound: 0, spent: 0, chosen, to_come: 0, future: [0; 2], score: [0; 2], energy: Vec::new() }
+    fn nothing_yet(&self, given: &Given) -> Beginning {
+        let chosen = if given.chosen.is_empty() { vec![NONE; self.least.len()] } else { given.chosen.clone() };
+        Beginning { bound: 0, spent: given.spent, chosen, rank: 0, future: [0; 2], score: [0; 2], energy: Vec::new() }
     }
 
     /// All that can begin in a tick, from this place of its list on, beside what begins already.
@@ -173,24 +219,40 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
             stranded += i64::from(is_over && self.draft.ways.of(robot).strands);
             to_come += u32::from(!is_over);
         }
-        if stranded > self.stranded_max || spent + still > room {
+        let put_off = (self.each_to_come * f64::from(to_come)) as i64;
+        if stranded > self.stranded_max || spent + still > room || self.is_behind(spent + still + put_off) {
             return;
         }
-        for (station, book) in self.draft.books.iter().enumerate() {
-            spent += (tick..until).map(|tick| self.reduced.slack(station, book, tick)).sum::<i64>();
+        for (station, book) in self.draft.books.iter().enumerate().filter(|(station, _)| self.station.is_none_or(|only| only == *station)) {
+            spent += (tick..until).map(|tick| self.reduced.slack(station, self.draft.ways, book, tick)).sum::<i64>();
         }
-        if spent + still > room {
+        if spent + still > room || self.is_behind(spent + still + put_off) {
             return;
         }
         let Some(bound) = self.bound(until, spent + still) else { return };
+        let rank = bound + put_off;
+        if self.is_behind(rank) {
+            return;
+        }
+        if self.ranks.len() == self.ranks_max {
+            self.ranks.pop();
+        }
+        self.ranks.push(rank);
         let future = self.future(until);
         let energy = self.draft.books.iter().flat_map(Book::limits).map(|limit| limit.energy).collect();
         let score = [self.draft.score.stranded, self.draft.score.cost];
-        self.next.push(Beginning { bound, spent, chosen: self.draft.chosen.clone(), to_come, future, score, energy });
+        self.next.push(Beginning { bound, spent, chosen: self.draft.chosen.clone(), rank, future, score, energy });
+    }
+
+    /// Whether a beginning of this rank, or a worse one, is sure to be left out.
+    fn is_behind(&mut self, rank: i64) -> bool {
+        let behind = self.ranks.len() == self.ranks_max && self.ranks.peek().is_some_and(|&worst| rank > worst);
+        self.left_out |= behind;
+        behind
     }
 
     fn unserved(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.least.len()).filter(|&robot| self.draft.chosen[robot] == NONE)
+        (0..self.least.len()).filter(|&robot| self.draft.chosen[robot] == NONE && self.away >> robot & 1 == 0)
     }
 
     /// What follows costs at least, when ways that are no longer free do not count; none when that is too much.

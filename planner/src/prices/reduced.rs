@@ -6,9 +6,11 @@
 //! is cheaper than a known one need not look at a way whose reduced cost alone is the whole difference.
 //! All of it is in whole numbers and exact.
 
+use super::crowd::Counted;
 use super::table::BY_TICK;
 use super::{Asked, Prices, Table, UNIT};
 use crate::book::Book;
+use crate::way::Ways;
 
 /// The pieces, in parts of [`UNIT`].
 #[derive(Debug)]
@@ -21,6 +23,8 @@ pub(crate) struct Reduced {
     pub(crate) ways: Vec<Vec<(i64, u32)>>,
     /// Price of a unit of each row of each station, in the order of [`Book::left`].
     rows: Vec<Vec<i64>>,
+    /// Who is in each station's crowd, how many there can be in each tick, and what each pays.
+    crowds: Vec<(Counted, Vec<i64>, Vec<i64>)>,
 }
 
 impl Reduced {
@@ -29,14 +33,45 @@ impl Reduced {
         self.room as f64 / UNIT as f64
     }
 
+    /// The same without any way.
+    pub(crate) fn without_ways(&self) -> Self {
+        Self {
+            ways: vec![Vec::new(); self.ways.len()],
+            unserved: self.unserved.clone(),
+            rows: self.rows.clone(),
+            crowds: self.crowds.clone(),
+            ..*self
+        }
+    }
+
     /// What is left over in a tick, at its price; limits of energy count in the last tick before them.
-    pub(crate) fn slack(&self, station: usize, book: &Book<'_>, tick: usize) -> i64 {
+    pub(crate) fn slack(&self, station: usize, ways: &Ways<'_>, book: &Book<'_>, tick: usize) -> i64 {
         let (rows, ticks) = (&self.rows[station], book.horizon() as usize);
         // Most rows have no price.
         let priced = (0..BY_TICK).filter(|row| rows[row * ticks + tick] != 0);
         let by_tick = priced.map(|row| book.left_at(row, tick).max(0) * rows[row * ticks + tick]);
         let limits = book.limits().iter().zip(&rows[BY_TICK * ticks..]).filter(|(limit, _)| limit.before as usize == tick + 1);
-        by_tick.sum::<i64>() + limits.map(|(limit, price)| limit.energy.max(0) * price).sum::<i64>()
+        by_tick.sum::<i64>()
+            + self.crowd_slack(station, ways, book, tick)
+            + limits.map(|(limit, price)| limit.energy.max(0) * price).sum::<i64>()
+    }
+
+    /// What is left over of a station's crowd in a tick, at its price.
+    fn crowd_slack(&self, station: usize, ways: &Ways<'_>, book: &Book<'_>, tick: usize) -> i64 {
+        let (counted, there, prices) = &self.crowds[station];
+        let price = prices.get(tick).copied().unwrap_or(0);
+        if price == 0 {
+            return 0;
+        }
+        let mut count = 0;
+        for (&robot, way) in book.robots.iter().zip(&book.taken) {
+            ways.of(robot as usize).draws(way, book.station(), book.horizon(), |from, to, draw| {
+                if (from..to).contains(&tick) {
+                    count += counted.weight(way.charges(), draw);
+                }
+            });
+        }
+        (there[tick] - count).max(0) * price
     }
 }
 
@@ -69,7 +104,13 @@ impl Prices<'_, '_> {
             ways.retain(|&(reduced, _)| reduced <= room);
             ways.sort_unstable();
         }
-        let rows = (0..problem.stations.len()).map(|station| self.layout.whole(station, &self.best, UNIT)).collect();
-        Reduced { room, unserved, ways: all, rows }
+        let rows: Vec<Vec<i64>> = (0..problem.stations.len()).map(|station| self.layout.whole(station, &self.best, UNIT)).collect();
+        let crowds = self.layout.crowded().into_iter().zip(&rows).enumerate().map(|(station, (counted, rows))| {
+            let there = self.layout.crowd_there(station).to_vec();
+            let prices = rows[rows.len() - there.len()..].to_vec();
+            (counted, there, prices)
+        });
+        let crowds = crowds.collect();
+        Reduced { room, unserved, ways: all, rows, crowds }
     }
 }

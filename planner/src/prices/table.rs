@@ -1,6 +1,6 @@
 //! Prices as running sums by tick, so that a stretch of ticks is priced by one subtraction.
 
-use super::crowd::Crowd;
+use super::crowd::{Counted, Crowd};
 use crate::book::Book;
 use crate::problem::Problem;
 use crate::way::{Choices, Mode, Way};
@@ -67,7 +67,7 @@ impl Layout {
             layout.inverse.extend(book.limits().iter().map(|_| 1.0 / service));
             let left = book.left();
             let rows = |row: usize| &left[row * ticks..][..ticks];
-            let crowd = Crowd::new(problem, station, [BAY, SPARE, POWER].map(rows));
+            let crowd = Crowd::new(problem, station, [BAY, LIFT, SPARE, POWER].map(rows));
             layout.there.extend(&crowd.there);
             layout.inverse.extend(crowd.there.iter().map(|_| 1.0));
             layout.crowds.push(crowd);
@@ -83,9 +83,14 @@ impl Layout {
         self.first[station + 1] - self.crowds[station].there.len()
     }
 
-    /// From which draws on one is in each station's crowd.
-    fn crowded(&self) -> Vec<[i64; 2]> {
-        self.crowds.iter().map(|crowd| crowd.least).collect()
+    /// Who is in each station's crowd.
+    pub(super) fn crowded(&self) -> Vec<Counted> {
+        self.crowds.iter().map(|crowd| crowd.counted).collect()
+    }
+
+    /// The most there can be of a station's crowd in each tick; empty when nobody is counted.
+    pub(super) fn crowd_there(&self, station: usize) -> &[i64] {
+        &self.crowds[station].there
     }
 
     pub(super) fn rows(&self) -> usize {
@@ -101,7 +106,8 @@ impl Layout {
     /// of 64 bits. Prices of any height give a valid bound, so nothing is lost by the limit.
     pub(super) fn price_max(&self, unit: i64) -> f64 {
         let limits = self.before.iter().map(Vec::len).max().unwrap_or(0);
-        let counted = (BY_TICK + 1) * (1 + limits) * self.ticks.max(1);
+        // One of the crowd may count twice.
+        let counted = (BY_TICK + 2) * (1 + limits) * self.ticks.max(1);
         i64::MAX as f64 / (unit as f64 * counted as f64 * self.draw_max)
     }
 }
@@ -118,9 +124,9 @@ pub(super) struct Table {
     power: Vec<i64>,
     /// For each station the tick until which power costs the same as in each tick.
     same_until: Vec<u16>,
-    /// For each station the running sums of the price of being one of its crowd, and from which draws on one is.
+    /// For each station the running sums of the price of being one of its crowd, and who is.
     crowd: Vec<i64>,
-    crowded: Vec<[i64; 2]>,
+    crowded: Vec<Counted>,
     earned: i128,
 }
 
@@ -207,33 +213,53 @@ impl Table {
     /// What a way pays for what it takes.
     #[inline]
     pub(super) fn of(&self, problem: &Problem, choices: &Choices, way: &Way) -> i64 {
+        self.place(way) + self.fed(problem, choices, way)
+    }
+
+    /// The same, if it is less than a limit.
+    #[inline]
+    pub(super) fn below(&self, problem: &Problem, choices: &Choices, way: &Way, limit: i64) -> Option<i64> {
+        let place = self.place(way);
+        // Power is dearer to ask for than a place, and has no negative price.
+        if place >= limit {
+            return None;
+        }
+        Some(place + self.fed(problem, choices, way)).filter(|&paid| paid < limit)
+    }
+
+    /// What a way pays for its place.
+    #[inline]
+    fn place(&self, way: &Way) -> i64 {
+        let width = self.width;
+        let places = &self.places[usize::from(way.station) * PLACES * width..][..PLACES * width];
+        let (kind, end) = if way.charges() { (0, way.end) } else { (2 * width, way.ready) };
+        places[kind + usize::from(way.start)] + places[kind + width + usize::from(end).min(width - 1)]
+    }
+
+    /// What a way pays for power, and for being one of a crowd.
+    #[inline]
+    fn fed(&self, problem: &Problem, choices: &Choices, way: &Way) -> i64 {
         let (width, at) = (self.width, usize::from(way.station));
-        let places = &self.places[at * PLACES * width..][..PLACES * width];
-        let (kind, end) = if let Mode::Charge(_) = way.mode { (0, way.end) } else { (2 * width, way.ready) };
-        let (start, end) = (usize::from(way.start), usize::from(end).min(width - 1));
-        let place = places[kind + start] + places[kind + width + end];
+        let start = usize::from(way.start);
         // An exchange that gives no spare back draws until its end.
-        let to = if way.mode == Mode::Swap { usize::from(way.end) } else { end };
+        let to = if way.mode == Mode::SwapAndRecharge { usize::from(way.ready).min(width - 1) } else { usize::from(way.end) };
         let (power, crowd) = (&self.power[at * width..][..width], &self.crowd[at * width..][..width]);
-        let drawn = if crowd[start] == crowd[to] && usize::from(self.same_until[at * width + start]) >= to {
+        if crowd[start] == crowd[to] && usize::from(self.same_until[at * width + start]) >= to {
             (power[start + 1] - power[start]) * way.energy
         } else {
             self.drawn(problem, choices, way)
-        };
-        place + drawn
+        }
     }
 
     /// What a way pays for power, where that is not the same in all ticks.
     fn drawn(&self, problem: &Problem, choices: &Choices, way: &Way) -> i64 {
         let at = usize::from(way.station);
         let (power, crowd) = (&self.power[at * self.width..][..self.width], &self.crowd[at * self.width..][..self.width]);
-        let least = self.crowded[at][usize::from(!matches!(way.mode, Mode::Charge(_)))];
+        let (counted, charges) = (self.crowded[at], way.charges());
         let mut paid = 0;
         choices.draws(way, &problem.stations[at], problem.horizon, |from, to, draw| {
             paid += draw * (power[to] - power[from]);
-            if draw >= least {
-                paid += crowd[to] - crowd[from];
-            }
+            paid += counted.weight(charges, draw) * (crowd[to] - crowd[from]);
         });
         paid
     }
@@ -243,7 +269,7 @@ impl Table {
 pub(super) struct Uses {
     width: usize,
     changes: Vec<i64>,
-    crowded: Vec<[i64; 2]>,
+    crowded: Vec<Counted>,
 }
 
 impl Uses {
@@ -269,11 +295,12 @@ impl Uses {
             stretch(SLOT, start, end, 1);
             stretch(SPARE, start, usize::from(way.ready).min(width - 1), 1);
         }
-        let least = self.crowded[usize::from(way.station)][usize::from(!matches!(way.mode, Mode::Charge(_)))];
+        let (counted, charges) = (self.crowded[usize::from(way.station)], way.charges());
         choices.draws(way, station, problem.horizon, |from, to, draw| {
             stretch(POWER, from, to, draw);
-            if draw >= least {
-                stretch(CROWD, from, to, 1);
+            let weight = counted.weight(charges, draw);
+            if weight > 0 {
+                stretch(CROWD, from, to, weight);
             }
         });
     }

@@ -26,7 +26,7 @@ pub(crate) struct At {
     kept: usize,
     end: usize,
     /// The cost of the cheapest.
-    least: i32,
+    pub(crate) least: i32,
     /// For each 64 ticks the starts of all groups.
     any: Vec<u64>,
 }
@@ -83,12 +83,13 @@ impl Starts {
                 }
             }
         }
+        made.at.sort_by_key(|at| at.least);
         made
     }
 
-    /// By station and kind, where some way costs no more than this.
-    pub(crate) fn at(&self, limit: i64) -> impl Iterator<Item = &At> {
-        self.at.iter().filter(move |at| i64::from(at.least) <= limit)
+    /// By station and kind, those with the cheapest way first.
+    pub(crate) fn at(&self) -> impl Iterator<Item = &At> {
+        self.at.iter()
     }
 
     /// The groups there in which some way costs no more than this, the shortest first.
