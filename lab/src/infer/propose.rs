@@ -9,6 +9,7 @@
 
 pub mod dictionary;
 mod periodic;
+pub mod switch;
 
 use std::sync::Arc;
 
@@ -17,6 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 use self::dictionary::{COEFFICIENTS, Term, dictionary, rhythm};
 use self::periodic::{CLOCK, at_one_phase, set_clocks};
+use self::switch::{Switching, comes_and_goes};
 use super::evidence::Evidence;
 use super::frame::Frame;
 use super::judge::explained;
@@ -69,6 +71,8 @@ pub struct Proposal {
     pub tried: usize,
     /// Dominant period of the base's residual, s.
     pub period_s: Option<f64>,
+    /// What comes and goes at times that no formula says; only looked for where no formula was found.
+    pub switching: Option<Switching>,
 }
 
 impl Proposal {
@@ -85,8 +89,16 @@ pub fn propose(model: Arc<Model>, evidence: Arc<Evidence>, holdout: &Arc<Evidenc
     let frame = Arc::new(Frame::new(model, evidence));
     let base = State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame));
     let base_holdout = held_out(&base, holdout);
-    let mut found =
-        Proposal { state: base.clone(), holdout: base_holdout.clone(), terms: Vec::new(), tried: 0, period_s: None, base_holdout, base };
+    let mut found = Proposal {
+        state: base.clone(),
+        holdout: base_holdout.clone(),
+        terms: Vec::new(),
+        tried: 0,
+        period_s: None,
+        switching: None,
+        base_holdout,
+        base,
+    };
     while found.terms.len() < TERMS_MAX && !explained(&found.state) {
         let look = Look::new(&found.state);
         let period_s = look.period();
@@ -113,6 +125,9 @@ pub fn propose(model: Arc<Model>, evidence: Arc<Evidence>, holdout: &Arc<Evidenc
         let words = term.words.clone() + &rhythm(|wanted| Some(state.x[unknown(&state.frame, &name, wanted)?]));
         found.terms.push(Proposed { name, words, slow: term.slow.clone(), delta_bic });
         (found.state, found.holdout) = (state, after);
+    }
+    if found.terms.is_empty() && !explained(&found.state) {
+        found.switching = comes_and_goes(&found.base, holdout);
     }
     found
 }

@@ -10,6 +10,7 @@ use super::discovery::learned_lines;
 use super::quantity::{quantity, unit_of, with_sigma};
 use super::table::{numbers_from, table, text};
 use crate::infer::evidence::Evidence;
+use crate::infer::propose::switch::Switching;
 use crate::infer::propose::{HOLDOUT_FALL, Proposal, error};
 use crate::infer::state::State;
 use crate::learned::{LeftOut, left_out};
@@ -70,6 +71,77 @@ pub struct Fall {
     pub share: f64,
 }
 
+/// What comes and goes, for JSON. Errors are those with every log, a held-out one too, asked when it was there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SwitchingReport {
+    /// The channel that it adds to.
+    pub channel: &'static str,
+    /// What it is a multiple of; null for a constant.
+    pub times: Option<&'static str>,
+    /// Its size, in the channel's unit (for each unit of what it is a multiple of).
+    pub size: f64,
+    /// Standard deviation of that.
+    pub sigma: f64,
+    /// Unit of both.
+    pub unit: String,
+    /// Share of the rows in which it is there.
+    pub share: f64,
+    /// How often it comes, on all logs that were fitted.
+    pub visits: usize,
+    /// How long it stays on average, s.
+    pub stays_s: f64,
+    /// Error on the logs that were fitted.
+    pub training: Fall,
+    /// Error on logs that were not.
+    pub holdout: Fall,
+}
+
+impl SwitchingReport {
+    fn of(switching: &Switching, evidence: &Evidence, holdout: &Evidence) -> SwitchingReport {
+        let name = switching.channel.name();
+        let fall = |evidence, (before, after)| falls(evidence, &[(switching.channel, before)], &[(switching.channel, after)]).remove(0);
+        let unit = match (unit_of(name), switching.times.map(|times| unit_of(times.name()))) {
+            (unit, None | Some("")) => unit.to_owned(),
+            ("V", Some("A")) => "ohm".to_owned(),
+            (unit, Some(times)) => format!("{unit}/({times})"),
+        };
+        SwitchingReport {
+            channel: name,
+            times: switching.times.map(Channel::name),
+            size: switching.size,
+            sigma: switching.sigma,
+            unit,
+            share: switching.share,
+            visits: switching.visits,
+            stays_s: switching.stays_s,
+            training: fall(evidence, switching.training),
+            holdout: fall(holdout, switching.holdout),
+        }
+    }
+
+    fn words(&self) -> Vec<String> {
+        let (size, unit) = (with_sigma(self.size, Some(self.sigma), &self.unit), unit_of(self.channel));
+        let times = self.times.map_or_else(String::new, |times| format!(" times {times}"));
+        let errors = |fall: &Fall| format!("{} to {}", quantity(fall.rms_before, unit), quantity(fall.rms_after, unit));
+        vec![
+            format!(
+                "Something comes and goes at times that no formula says: {size}{times} on {}, in {:.1} % of the rows, {} times, for {:.0} s on average.",
+                self.channel,
+                100.0 * self.share,
+                self.visits,
+                self.stays_s
+            ),
+            format!(
+                "With every log asked when it was there, the error falls from {} on the logs that were fitted, and from {} on the held-out ones ({:.2} x the floor).",
+                errors(&self.training),
+                errors(&self.holdout),
+                self.holdout.rms_after / self.holdout.floor
+            ),
+            "Look for what is there at such times; a model file cannot hold when they are.".to_owned(),
+        ]
+    }
+}
+
 /// Everything that `lab propose` says.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ProposalReport {
@@ -85,6 +157,8 @@ pub struct ProposalReport {
     pub tried: usize,
     /// Period that stands out of the residual before, s.
     pub period_s: Option<f64>,
+    /// What comes and goes at times that no formula says; null where a formula was found, or nothing does.
+    pub switching: Option<SwitchingReport>,
     /// Errors on the logs that were fitted.
     pub training: Vec<Fall>,
     /// Errors on logs that were not.
@@ -119,8 +193,10 @@ impl ProposalReport {
                      Another formula may do as well; look for the physics that it stands for."
             )],
         };
+        let switching = proposal.switching.as_ref().map(|switching| SwitchingReport::of(switching, evidence, holdout));
+        words.extend(switching.iter().flat_map(SwitchingReport::words));
         // A period of the inputs shows in every residual: it is worth a word where no term explains it.
-        if let (Some(period_s), Status::None) = (proposal.period_s, status) {
+        if let (Some(period_s), Status::None, None) = (proposal.period_s, status, &switching) {
             words.push(format!("The residual before has a period of {period_s:.0} s."));
         }
         ProposalReport {
@@ -130,6 +206,7 @@ impl ProposalReport {
             terms: terms(proposal),
             tried: proposal.tried,
             period_s: proposal.period_s,
+            switching,
             training,
             holdout: held,
             words,

@@ -144,6 +144,44 @@ fn a_periodic_load_at_another_phase_in_every_log_is_proposed() {
     assert!(rung["holdout_rms"]["power_w"].as_f64().unwrap() < 2.0 * 0.05, "{again}");
 }
 
+/// A wheel that drags at times that follow from nothing: 6 N for 150 s at a time. No formula, but its size and how long it stays.
+#[test]
+fn what_comes_and_goes_is_told_with_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("base.toml"), ROBOT).unwrap();
+    let begins_s = [("a", 1, [600, 1900, 2450]), ("b", 2, [300, 1500, 3700]), ("h", 3, [900, 1250, 3000])];
+    for (name, seed, begins_s) in begins_s {
+        let drags = |time_s: i64| begins_s.iter().any(|begin_s| (1..=150).contains(&(time_s - begin_s)));
+        let mut text = String::new();
+        for line in log(ROBOT, seed).lines() {
+            let cells: Vec<f64> = line.split(',').filter_map(|cell| cell.parse().ok()).collect();
+            match cells[..] {
+                [time_s, speed_mps, power_w] if drags(time_s as i64) => {
+                    let _ = writeln!(text, "{time_s},{speed_mps},{}", power_w + 6.0 * speed_mps);
+                }
+                _ => text += &format!("{line}\n"),
+            }
+        }
+        fs::write(folder.path().join(format!("{name}.csv")), text).unwrap();
+    }
+    let arguments = ["propose", "--model", "base.toml", "--log", "a.csv", "b.csv", "--holdout", "h.csv", "-o", "m2.toml"];
+    let told = lab_in(folder.path(), &arguments);
+    assert_eq!(told.code, 1, "{}{}", told.stdout, told.stderr);
+    assert!(told.stdout.contains("comes and goes") && !folder.path().join("m2.toml").exists(), "{}", told.stdout);
+    let json = lab_in(folder.path(), &[&arguments[..], &["--format", "json"]].concat()).json();
+    let found = &json["switching"];
+    let number = |key: &str| found[key].as_f64().unwrap_or_else(|| panic!("{key}: {json}"));
+    assert_eq!(
+        (found["channel"].as_str(), found["times"].as_str(), found["visits"].as_u64()),
+        (Some("power_w"), Some("speed_mps"), Some(6))
+    );
+    // Within what it says of itself, and 180 of 1,598 rows; at a stand nobody sees when it begins.
+    assert!((number("size") - 6.0).abs() < 4.0 * number("sigma") && number("sigma") < 0.05, "{json}");
+    assert!((number("stays_s") - 150.0).abs() < 15.0 && (number("share") - 180.0 / 1598.0).abs() < 0.01, "{json}");
+    let held = &found["holdout"];
+    assert!(held["rms_before"].as_f64().unwrap() > 0.5 && (0.045..0.055).contains(&held["rms_after"].as_f64().unwrap()), "{json}");
+}
+
 #[test]
 fn nothing_is_proposed_for_noise_and_no_file_is_written() {
     let folder = tempfile::tempdir().unwrap();

@@ -66,7 +66,7 @@ fn discover(question: &Question) -> Result<Value, String> {
 pub struct Formula {
     /// With the base model, refitted.
     pub before: f64,
-    /// With the formula that is proposed; the same where none is.
+    /// With the formula that is proposed, or with what is told to come and go; the same where there is neither.
     pub after: f64,
     /// Whether what is hidden comes at random, so that no formula can say when.
     pub at_random: bool,
@@ -79,6 +79,10 @@ pub fn formula(case: &Case, question: &Question) -> Option<Formula> {
     let found = propose(Arc::clone(&question.model), train, &holdout);
     let channel = question.model.system.targets()[0];
     let over_floor = |rms: &[(Channel, f64)]| Some(rms.iter().find(|(of, _)| *of == channel)?.1 / holdout.floor(channel));
+    let after = match &found.switching {
+        Some(switching) => switching.holdout.1 / holdout.floor(channel),
+        None => over_floor(&found.holdout)?,
+    };
     let at_random = AT_RANDOM.iter().any(|name| case.name.ends_with(name));
-    Some(Formula { before: over_floor(&found.base_holdout)?, after: over_floor(&found.holdout)?, at_random })
+    Some(Formula { before: over_floor(&found.base_holdout)?, after, at_random })
 }
