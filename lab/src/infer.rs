@@ -34,6 +34,8 @@
 //!   answer       all of that in numbers and names, for the terminal, JSON and the report
 //!
 //!   propose    when nothing of the catalogue explains what is left: a formula, as a proposal
+//!              periodic   at another phase in every log
+//!              switch     what comes and goes at times that no formula says
 //! ```
 //!
 //! Nothing here knows any effect by name.

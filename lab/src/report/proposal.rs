@@ -76,6 +76,8 @@ pub struct Fall {
 pub struct SwitchingReport {
     /// The channel that it adds to.
     pub channel: &'static str,
+    /// Whether it is single readings, each off by another amount: their mean and scatter are `size` and `sigma` then.
+    pub readings: bool,
     /// What it is a multiple of; null for a constant.
     pub times: Option<&'static str>,
     /// Its size, in the channel's unit (for each unit of what it is a multiple of).
@@ -103,10 +105,12 @@ impl SwitchingReport {
         let unit = match (unit_of(name), switching.times.map(|times| unit_of(times.name()))) {
             (unit, None | Some("")) => unit.to_owned(),
             ("V", Some("A")) => "ohm".to_owned(),
+            ("W", Some("m/s")) => "N".to_owned(),
             (unit, Some(times)) => format!("{unit}/({times})"),
         };
         SwitchingReport {
             channel: name,
+            readings: switching.readings,
             times: switching.times.map(Channel::name),
             size: switching.size,
             sigma: switching.sigma,
@@ -123,6 +127,23 @@ impl SwitchingReport {
         let (size, unit) = (with_sigma(self.size, Some(self.sigma), &self.unit), unit_of(self.channel));
         let times = self.times.map_or_else(String::new, |times| format!(" times {times}"));
         let errors = |fall: &Fall| format!("{} to {}", quantity(fall.rms_before, unit), quantity(fall.rms_after, unit));
+        if self.readings {
+            return vec![
+                format!(
+                    "Single readings of {} are off: {:.1} % of them, by {} on average, which scatter by {}.",
+                    self.channel,
+                    100.0 * self.share,
+                    quantity(self.size, unit),
+                    quantity(self.sigma, unit)
+                ),
+                format!(
+                    "Without them the error falls from {} on the logs that were fitted, and from {} on the held-out ones ({:.2} x the floor).",
+                    errors(&self.training),
+                    errors(&self.holdout),
+                    self.holdout.rms_after / self.holdout.floor
+                ),
+            ];
+        }
         vec![
             format!(
                 "Something comes and goes at times that no formula says: {size}{times} on {}, in {:.1} % of the rows, {} times, for {:.0} s on average.",

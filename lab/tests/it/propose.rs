@@ -182,6 +182,33 @@ fn what_comes_and_goes_is_told_with_its_size() {
     assert!(held["rms_before"].as_f64().unwrap() > 0.5 && (0.045..0.055).contains(&held["rms_after"].as_f64().unwrap()), "{json}");
 }
 
+/// One reading in forty is 0.5 to 1.1 W too low: no load, for the next reading is right again.
+#[test]
+fn readings_that_are_off_are_told_as_such() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("base.toml"), ROBOT).unwrap();
+    for (name, seed) in [("a", 1), ("b", 2), ("h", 3)] {
+        let mut text = String::new();
+        for (row, line) in log(ROBOT, seed).lines().enumerate() {
+            match line.rsplit_once(',') {
+                Some((rest, power_w)) if row % 40 == 17 => {
+                    let _ = writeln!(text, "{rest},{}", power_w.parse::<f64>().unwrap() - 0.5 - 0.1 * (row / 40 % 7) as f64);
+                }
+                _ => text += &format!("{line}\n"),
+            }
+        }
+        fs::write(folder.path().join(format!("{name}.csv")), text).unwrap();
+    }
+    let told =
+        lab_in(folder.path(), &["propose", "--model", "base.toml", "--log", "a.csv", "b.csv", "--holdout", "h.csv", "--format", "json"]);
+    let (json, found) = (told.json(), &told.json()["switching"]);
+    let number = |key: &str| found[key].as_f64().unwrap_or_else(|| panic!("{key}: {json}"));
+    assert_eq!((told.code, found["readings"].as_bool(), found["visits"].as_u64()), (1, Some(true), Some(40)), "{json}");
+    // Twenty rows of each log, evenly over seven amounts but for the last.
+    assert!((number("size") + 0.79).abs() < 0.03 && (number("sigma") - 0.2).abs() < 0.03, "{json}");
+    assert!((0.045..0.055).contains(&found["holdout"]["rms_after"].as_f64().unwrap()), "{json}");
+}
+
 #[test]
 fn nothing_is_proposed_for_noise_and_no_file_is_written() {
     let folder = tempfile::tempdir().unwrap();

@@ -87,6 +87,10 @@ fn time_counts_from_the_start_of_the_run() {
     run.restart(Start::at_soc(0.0));
     run.step(200.0);
     assert!(run.channels[Channel::PowerW].abs() < 1e-12);
+    // Or from where its clock stands then.
+    run.restart(Start { clock_s: -100.0, ..Start::at_soc(0.0) });
+    run.step(200.0);
+    assert!((run.channels[Channel::PowerW] - 3.0).abs() < 1e-12);
 }
 
 #[test]

@@ -22,6 +22,8 @@ use crate::prepare::Prepared;
 pub struct Switching {
     /// The channel that it adds to.
     pub channel: Channel,
+    /// Whether it is no thing but single readings, each off by another amount; `size` is their mean then, and `sigma` how far they scatter.
+    pub readings: bool,
     /// What it is a multiple of; none for a constant.
     pub times: Option<Channel>,
     /// Its size, in the channel's unit for each unit of what it is a multiple of.
@@ -61,9 +63,12 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
     let least = train.cost(&train.without(), 0) - PER_TERM * (train.judged.len() as f64).ln();
     let multiples = std::iter::once(None).chain(train.moving(&frame).into_iter().map(Some));
     let found = multiples.filter_map(|times| train.best(&frame, times).map(|found| (times, found)));
-    let (times, found) = found.filter(|(_, found)| found.cost < least).min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
+    let found = found.filter(|(_, found)| found.cost < least).min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    let off = train.readings_off();
+    let readings = off.cost < found.as_ref().map_or(least, |(_, found)| found.cost);
+    let (times, found) = if readings { (None, off) } else { found? };
     let before_training = train.rms(&train.without());
-    let (beside, found) = train.settle(&frame, times, found, None);
+    let (beside, found) = if readings { (train, found) } else { train.settle(&frame, times, found, None) };
     // A held-out log is asked for its own numbers only; all else is what the training logs say.
     let held = Frame::new(Arc::clone(&base.frame.model), whole(holdout));
     let own: Vec<usize> = (0..held.known.len()).filter(|&place| held.known[place].log().is_some()).map(|p| held.free.len() + p).collect();
@@ -75,17 +80,25 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
     let alone = judged(&base.x);
     let before = alone.rms(&alone.without());
     let asked = judged(&beside.moved(&frame, &found));
-    let there = asked.from(&held, times, found.size, Some(found.size));
-    let (asked, there) = asked.settle(&held, times, there, Some(found.size));
-    let after = asked.rms(&there.settled);
+    let after = if readings {
+        asked.rms(&asked.readings_off().settled)
+    } else {
+        let there = asked.from(&held, times, found.size, Some(found.size));
+        let (asked, there) = asked.settle(&held, times, there, Some(found.size));
+        asked.rms(&there.settled)
+    };
     if after > (1.0 - FALL) * before {
         return None;
     }
-    let (visits, rows, stays_s) = beside.visits(&frame, &found.there);
+    // What is there most of the time is the rule: the exception is told.
+    let is_rule = 2 * found.there.iter().filter(|there| **there).count() > found.there.len();
+    let there: Vec<bool> = found.there.iter().map(|there| *there != is_rule).collect();
+    let (visits, rows, stays_s) = beside.visits(&frame, &there);
     Some(Switching {
         channel,
+        readings,
         times,
-        size: found.size,
+        size: if is_rule { -found.size } else { found.size },
         sigma: found.settled.sigma,
         share: rows as f64 / beside.judged.len().max(1) as f64,
         visits,
@@ -120,7 +133,7 @@ struct Settled {
     sigma: f64,
     /// Of the unknowns.
     change: DVector<f64>,
-    /// Of every row of the channel, without what comes and goes, and with it, in floors.
+    /// Of every row of the channel that counts, without what comes and goes, and with it, in floors.
     alone: Vec<f64>,
     left: Vec<f64>,
 }
@@ -186,6 +199,32 @@ impl Rows {
     /// A linear refit alone.
     fn without(&self) -> Settled {
         self.settled(None, &vec![false; self.judged.len()], Some(0.0))
+    }
+
+    /// Single readings that are off, each by its own amount: what is left is left of all others.
+    fn readings_off(&self) -> Found {
+        let mut settled = self.without();
+        let mut there = Vec::new();
+        for _ in 0..ROUNDS {
+            let now: Vec<bool> = settled.alone.iter().map(|alone| alone.powi(2) > 2.0 * self.per_change()).collect();
+            if now == there {
+                break;
+            }
+            // A reading takes all that is left of it; what that was follows once more from what the others say.
+            for _ in 0..REFITS {
+                let amounts: Vec<f64> = settled.alone.iter().map(|alone| alone * self.floor).collect();
+                settled = self.settled(Some(&amounts), &now, Some(1.0));
+            }
+            there = now;
+        }
+        let amounts: Vec<f64> =
+            settled.alone.iter().zip(&there).filter(|(_, there)| **there).map(|(alone, _)| alone * self.floor).collect();
+        let count = amounts.len().max(1) as f64;
+        let size = amounts.iter().sum::<f64>() / count;
+        settled.sigma = (amounts.iter().map(|amount| (amount - size).powi(2)).sum::<f64>() / count).sqrt();
+        let cost = self.cost(&settled, 2 * amounts.len());
+        settled.left = settled.left.iter().zip(&there).filter(|(_, there)| !**there).map(|(left, _)| *left).collect();
+        Found { cost, settled, size, there }
     }
 
     /// The best that comes and goes as a multiple of what is measured; none when nothing does.
