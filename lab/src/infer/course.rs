@@ -174,3 +174,27 @@ fn block_of(segment: &Segment, rows: usize) -> Vec<Option<usize>> {
     segment.rows.iter().zip(&segment.block_of).for_each(|(&row, &block)| all[row] = Some(block));
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums over rows of 1, j and j², one by one, against the weights of the ends.
+    #[test]
+    fn lines_and_parabolas_are_summed_exactly() {
+        for first in 1..6 {
+            for second in 1..6 {
+                let nodes = [f64::from(first + second), f64::from(first), 0.0];
+                let weights = parabola(first as usize, second as usize);
+                for power in 0..3 {
+                    let sum: f64 = (1..=first + second).map(|row| f64::from(row).powi(power)).sum();
+                    let found: f64 = nodes.iter().zip(weights).map(|(node, weight)| node.powi(power) * weight).sum();
+                    assert!((sum - found).abs() < 1e-9, "{first} and {second} rows, power {power}: {found} of {sum}");
+                }
+            }
+            let [end, begin, before] = line(first as usize);
+            let sum: f64 = (1..=first).map(f64::from).sum();
+            assert!((end * f64::from(first) - sum).abs() < 1e-9 && (end + begin - f64::from(first)).abs() < 1e-9 && before == 0.0);
+        }
+    }
+}

@@ -256,7 +256,7 @@ impl Rows {
             settled = self.settled(Some(&measured), &now, given);
             (there, size) = (now, settled.size);
         }
-        let changes = there.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let changes = (1..there.len()).filter(|&row| there[row] != there[row - 1] && self.judged[row].1 == self.judged[row - 1].1).count();
         Found { cost: self.cost(&settled, changes), settled, size, there }
     }
 
@@ -283,36 +283,11 @@ impl Rows {
         (rows, found)
     }
 
-    /// In which rows it is there: the way of least cost. A log begins in either state.
+    /// In which rows it is there: the way of least cost.
     fn there(&self, alone: &[f64], measured: &[f64], size: f64) -> Vec<bool> {
-        let change = self.per_change();
-        let mut from: Vec<[bool; 2]> = Vec::with_capacity(alone.len());
-        let (mut costs, mut log) = ([0.0, 0.0], usize::MAX);
-        for (row, &(_, own, _)) in self.judged.iter().enumerate() {
-            let new = own != log;
-            log = own;
-            let cheaper = costs[1] < costs[0];
-            let step = |state: usize| {
-                let (stay, come) = (costs[state], costs[1 - state] + if new { 0.0 } else { change });
-                if come < stay { (come, state == 0) } else { (stay, state == 1) }
-            };
-            let ((off, off_from), (on, on_from)) = if new && row > 0 {
-                let best = costs[0].min(costs[1]);
-                ((best, cheaper), (best, cheaper))
-            } else {
-                (step(0), step(1))
-            };
-            from.push([off_from, on_from]);
-            let with = alone[row] - size * measured[row] / self.floor;
-            costs = [off + alone[row].powi(2), on + with.powi(2)];
-        }
-        let mut state = costs[1] < costs[0];
-        let mut there = vec![false; alone.len()];
-        for row in (0..alone.len()).rev() {
-            there[row] = state;
-            state = from[row][usize::from(state)];
-        }
-        there
+        let logs: Vec<usize> = self.judged.iter().map(|&(_, log, _)| log).collect();
+        let costs = alone.iter().zip(measured).map(|(alone, measured)| [alone.powi(2), (alone - size * measured / self.floor).powi(2)]);
+        cheapest(&logs, &costs.collect::<Vec<_>>(), self.per_change())
     }
 
     fn per_change(&self) -> f64 {
@@ -337,5 +312,56 @@ impl Rows {
             stays_s += frame.evidence.logs[log].time_s[row] - frame.evidence.logs[log].time_s[row - 1];
         }
         (visits, rows, stays_s / visits.max(1) as f64)
+    }
+}
+
+/// The way through two states of least cost: for each row its log and what either state costs there, and what a change costs.
+/// A log begins in either.
+fn cheapest(logs: &[usize], costs: &[[f64; 2]], change: f64) -> Vec<bool> {
+    let mut sums = [0.0, 0.0];
+    // For each row and state, the state of the row before.
+    let mut from: Vec<[bool; 2]> = Vec::with_capacity(costs.len());
+    for (row, own) in costs.iter().enumerate() {
+        let change = if row > 0 && logs[row - 1] == logs[row] { change } else { 0.0 };
+        let step = |state: usize| {
+            let (stays, comes) = (sums[state], sums[1 - state] + change);
+            if comes < stays { (comes, state == 0) } else { (stays, state == 1) }
+        };
+        let [off, on] = [step(0), step(1)];
+        from.push([off.1, on.1]);
+        sums = [off.0 + own[0], on.0 + own[1]];
+    }
+    let mut state = sums[1] < sums[0];
+    let mut there = vec![false; costs.len()];
+    for row in (0..costs.len()).rev() {
+        there[row] = state;
+        state = from[row][usize::from(state)];
+    }
+    there
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt as _, SeedableRng as _};
+
+    /// Against all ways there are: ten rows of two logs.
+    #[test]
+    fn no_other_way_is_cheaper() {
+        let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(1);
+        for change in [0.0, 0.3, 1.0, 5.0] {
+            for _ in 0..100 {
+                let logs: Vec<usize> = (0..10).map(|row| usize::from(row >= 4)).collect();
+                let costs: Vec<[f64; 2]> = (0..10).map(|_| [random.random_range(0.0..1.0), random.random_range(0.0..1.0)]).collect();
+                let cost = |way: &[bool]| {
+                    let own: f64 = way.iter().zip(&costs).map(|(there, costs)| costs[usize::from(*there)]).sum();
+                    let changes = (1..10).filter(|&row| way[row] != way[row - 1] && logs[row] == logs[row - 1]).count();
+                    own + changes as f64 * change
+                };
+                let ways = (0..1_u32 << 10).map(|number| (0..10).map(|row| number >> row & 1 == 1).collect::<Vec<bool>>());
+                let least = ways.map(|way| cost(&way)).fold(f64::INFINITY, f64::min);
+                assert!((cost(&cheapest(&logs, &costs, change)) - least).abs() < 1e-12);
+            }
+        }
     }
 }
