@@ -71,7 +71,7 @@ pub struct Proposal {
     pub tried: usize,
     /// Dominant period of the base's residual, s.
     pub period_s: Option<f64>,
-    /// What comes and goes at times that no formula says; only looked for where no formula was found.
+    /// What comes and goes at times that no formula says, where that leaves far less than any formula that was found.
     pub switching: Option<Switching>,
 }
 
@@ -126,8 +126,16 @@ pub fn propose(model: Arc<Model>, evidence: Arc<Evidence>, holdout: &Arc<Evidenc
         found.terms.push(Proposed { name, words, slow: term.slow.clone(), delta_bic });
         (found.state, found.holdout) = (state, after);
     }
-    if found.terms.is_empty() && !explained(&found.state) {
-        found.switching = comes_and_goes(&found.base, holdout);
+    if !explained(&found.state)
+        && let Some(switching) = comes_and_goes(&found.base, holdout)
+    {
+        // The mean of what comes and goes is a formula, too, and a poor one.
+        let with_formula = found.holdout.iter().find(|(channel, _)| *channel == switching.channel);
+        if with_formula.is_none_or(|(_, rms)| switching.holdout.1 < (1.0 - PERIODIC_FALL) * rms) {
+            found.terms.clear();
+            (found.state, found.holdout) = (found.base.clone(), found.base_holdout.clone());
+            found.switching = Some(switching);
+        }
     }
     found
 }

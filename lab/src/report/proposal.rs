@@ -178,7 +178,7 @@ pub struct ProposalReport {
     pub tried: usize,
     /// Period that stands out of the residual before, s.
     pub period_s: Option<f64>,
-    /// What comes and goes at times that no formula says; null where a formula was found, or nothing does.
+    /// What comes and goes at times that no formula says; null where a formula does as well, or nothing comes and goes.
     pub switching: Option<SwitchingReport>,
     /// Errors on the logs that were fitted.
     pub training: Vec<Fall>,
@@ -204,6 +204,7 @@ impl ProposalReport {
         let after = error(holdout, &proposal.holdout);
         let mut words = match status {
             Status::None if proposal.tried == 0 => vec!["Nothing is proposed: the fitted model explains the logs.".to_owned()],
+            Status::None if proposal.switching.is_some() => vec!["No formula is proposed.".to_owned()],
             Status::None => vec![format!(
                 "Nothing is proposed: none of {} terms lowers the error on logs that the fit has not seen by {:.0} % or more.",
                 proposal.tried,
