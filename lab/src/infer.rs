@@ -5,6 +5,7 @@
 //!   rough      what a model knows roughly: OCV table, sensors' offsets and gains, SoC at the start
 //!     |
 //!   evidence   the rows that are judged, alone or in means
+//!     |          steady   over which of them the inputs hold
 //!     |          course   as few steps as show them
 //!     |
 //!   frame      model, logs and rough knowledge as one vector of unknowns; predictions, derivatives
@@ -58,6 +59,7 @@ pub mod rough;
 pub mod score;
 mod sketch;
 pub mod state;
+mod steady;
 mod told;
 pub mod trial;
 mod walk;

@@ -38,7 +38,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let names: Vec<String> = train.iter().map(|log| log.name.clone()).collect();
     let evidence = |logs: &[Log]| anyhow::Ok(Arc::new(Evidence::new(model, args.logs.ready(model, logs)?)));
     let (train, holdout) = (evidence(&train)?, evidence(&holdout)?);
-    let proposal = propose(Arc::clone(model), train, &holdout);
+    let proposal = propose(Arc::clone(model), &train, &holdout);
     let mut report = ProposalReport::of(&proposal, &holdout);
     if let (Some(path), Status::Proposal) = (args.save.output(), report.status) {
         let date = args.save.date().map_or_else(String::new, |date| format!(", {date}"));

@@ -6,9 +6,10 @@
 //! straight line, since means are short beside the time since an input jumped; but for the open-circuit
 //! voltage, which bends where its table does.
 
-use energy::{Channel, Sensor};
+use energy::Channel;
 
-use super::evidence::{Grain, Segment};
+use super::evidence::Segment;
+use super::steady::Steady;
 use crate::prepare::Prepared;
 
 /// A log as a model walks it.
@@ -39,63 +40,24 @@ pub(super) struct Show {
     pub(super) each: f64,
 }
 
-/// Deviations of its noise that an input may leave the first of a step by.
-pub(super) const HOLDS: f64 = 4.0;
-
 impl Course {
     /// Every row is a step.
     pub(super) fn row_by_row(index: usize, log: &Prepared, segments: &[Segment]) -> Course {
-        Course::of(index, log, segments, &(0..log.time_s.len()).map(|row| End { row, goes_on: false }).collect::<Vec<_>>())
+        Course::of(index, log, segments, &(0..log.time_s.len()).map(|row| End { row, goes_on: false }).collect::<Vec<_>>(), line)
     }
 
-    /// Rows that hold and go into one mean are a step.
-    pub(super) fn in_means(index: usize, log: &Prepared, segments: &[Segment], grain: Grain, sensor: impl Fn(Channel) -> Sensor) -> Course {
-        let rows = log.time_s.len();
-        let blocks: Vec<(&Segment, Vec<Option<usize>>)> =
-            segments.iter().filter(|s| s.log == index).map(|segment| (segment, block_of(segment, rows))).collect();
-        let reach: Vec<(f64, bool)> = log
-            .inputs
-            .iter()
-            .map(|(channel, _)| {
-                let sensor = sensor(*channel);
-                (HOLDS * sensor.floor(), sensor.dead_band > 0.0)
-            })
-            .collect();
-        let mut first = 0;
-        let alike = |row: usize, first: usize| {
-            let together = |(_, block): &(&Segment, Vec<Option<usize>>)| block[row] == block[row - 1] && block[row].is_some();
-            let holds = |((_, values), &(reach, dead)): (&(Channel, Vec<f64>), &(f64, bool))| {
-                let wakes = dead && (values[row] == 0.0) != (values[first] == 0.0);
-                (values[row] - values[first]).abs() <= reach && !wakes
-            };
-            // Charge is kept only where steps are alike.
-            let even = row > 1 && (step_s(log, row) - step_s(log, row - 1)).abs() <= 1e-6 * step_s(log, row);
-            first > 0 && even && !blocks.is_empty() && blocks.iter().all(together) && log.inputs.iter().zip(&reach).all(holds)
-        };
-        // A step is a part of a mean at most.
-        let fits = |row: usize, first: usize| {
-            let fits = |(segment, block): &(&Segment, Vec<Option<usize>>)| {
-                block[row].is_some_and(|block| grain.steps * (row - first) < segment.counts[block] as usize)
-            };
-            blocks.iter().all(fits)
-        };
-        let mut ends: Vec<End> = Vec::new();
-        for row in 0..rows {
-            let alike = row > 0 && alike(row, first);
-            if alike && fits(row, first) {
-                ends.last_mut().expect("a step has begun").row = row;
-            } else {
-                // Two and two.
-                let goes_on = alike && ends.last().is_some_and(|before| !before.goes_on);
-                first = row;
-                ends.push(End { row, goes_on });
-            }
-        }
-        Course::of(index, log, segments, &ends)
+    /// Rows that hold and go into one mean are a step, or as many steps as are asked for.
+    pub(super) fn in_means(index: usize, log: &Prepared, segments: &[Segment], steps: usize, steady: &Steady<'_>) -> Course {
+        Course::of(index, log, segments, &ends(index, log, segments, steps, steady), line)
     }
 
-    /// Steps that end at these rows of the log.
-    fn of(index: usize, log: &Prepared, segments: &[Segment], ends: &[End]) -> Course {
+    /// The same in one step each, for a model that forgets at once: what its inputs ask for holds from the first row to the last.
+    pub(super) fn in_spells(index: usize, log: &Prepared, segments: &[Segment], steady: &Steady<'_>) -> Course {
+        Course::of(index, log, segments, &ends(index, log, segments, 1, steady), |rows| [rows as f64, 0.0, 0.0])
+    }
+
+    /// Steps that end at these rows of the log; `alone` weighs what a step shows that no other one shows with it.
+    fn of(index: usize, log: &Prepared, segments: &[Segment], ends: &[End], alone: fn(usize) -> [f64; 3]) -> Course {
         let begins = |step: usize| if step == 0 { 0 } else { ends[step - 1].row + 1 };
         let mean = |values: &[f64], step: usize| {
             let rows = &values[begins(step)..=ends[step].row];
@@ -121,7 +83,7 @@ impl Course {
                     // The next one shows it.
                     Some(next) if next.goes_on => {}
                     _ if end.goes_on => shows.push(show([parts(step), parts(step - 1)], parabola(parts(step - 1), parts(step)))),
-                    _ => shows.push(show([parts(step), 0], line(parts(step)))),
+                    _ => shows.push(show([parts(step), 0], alone(parts(step)))),
                 }
             }
             first.push(shows.len());
@@ -144,6 +106,38 @@ struct End {
     goes_on: bool,
 }
 
+/// Where steps end that are of rows which hold and go into one mean, as many at least for each mean as are asked for.
+fn ends(index: usize, log: &Prepared, segments: &[Segment], steps: usize, steady: &Steady<'_>) -> Vec<End> {
+    let rows = log.time_s.len();
+    let blocks: Vec<(&Segment, Vec<Option<usize>>)> =
+        segments.iter().filter(|s| s.log == index).map(|segment| (segment, block_of(segment, rows))).collect();
+    let mut first = 0;
+    let alike = |row: usize, first: usize| {
+        let together = |(_, block): &(&Segment, Vec<Option<usize>>)| block[row] == block[row - 1] && block[row].is_some();
+        first > 0 && !blocks.is_empty() && blocks.iter().all(together) && steady.even(row) && steady.holds(first, row)
+    };
+    // A step is a part of a mean at most.
+    let fits = |row: usize, first: usize| {
+        let fits = |(segment, block): &(&Segment, Vec<Option<usize>>)| {
+            block[row].is_some_and(|block| steps * (row - first) < segment.counts[block] as usize)
+        };
+        blocks.iter().all(fits)
+    };
+    let mut ends: Vec<End> = Vec::new();
+    for row in 0..rows {
+        let alike = row > 0 && alike(row, first);
+        if alike && fits(row, first) {
+            ends.last_mut().expect("a step has begun").row = row;
+        } else {
+            // Two and two.
+            let goes_on = alike && ends.last().is_some_and(|before| !before.goes_on);
+            first = row;
+            ends.push(End { row, goes_on });
+        }
+    }
+    ends
+}
+
 /// The sum over the rows of a step of what runs straight from its beginning to its end: weights of end and beginning.
 fn line(rows: usize) -> [f64; 3] {
     let now = (rows as f64 + 1.0) / 2.0;
@@ -162,10 +156,6 @@ fn parabola(first: usize, second: usize) -> [f64; 3] {
         (square - end * linear) / (meet * (meet - end)),
         (square - (meet + end) * linear + meet * end * one) / (meet * end),
     ]
-}
-
-fn step_s(log: &Prepared, row: usize) -> f64 {
-    log.time_s[row] - log.time_s[row - 1]
 }
 
 /// Among a segment's own judged rows, the one that each row of the log goes into.

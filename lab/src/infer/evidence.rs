@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, Model, Parameter, System};
+use energy::{Channel, EffectSpec, Model, Parameter, System, catalogue};
 
-use super::course::{Course, HOLDS};
+use super::course::Course;
+use super::steady::{HOLDS, Steady};
 use crate::prepare::Prepared;
 use crate::residual::noise_between;
 
@@ -146,22 +147,49 @@ impl Evidence {
     }
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
-    /// when much happens, and of up to a dozen later. A mean of measurements is compared with
+    /// when much happens, and of up to a dozen later; for a model that forgets at once of up to a dozen over which the inputs hold. A mean of measurements is compared with
     /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
     #[must_use]
     pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
-        let whole = Evidence::row_by_row(model, logs);
-        let fine = Evidence::in_means(model, &whole, FINE);
-        let coarse = (fine.rows() > FEW).then(|| Evidence { fine: Vec::new(), ..Evidence::in_means(model, &whole, COARSE) });
-        Evidence { whole: Some(Arc::new(whole)), coarse: coarse.map(Arc::new), ..fine }
+        let whole = Arc::new(Evidence::row_by_row(model, logs));
+        if stands_still(model) {
+            // Spells over which the inputs hold are as few as they can be.
+            let spells = Evidence::in_means(model, &whole, FINE, true);
+            return Evidence { whole: Some(whole), ..spells };
+        }
+        Evidence::of_whole(model, whole)
     }
 
-    fn in_means(model: &Model, whole: &Evidence, grain: Grain) -> Evidence {
-        let jumps: Vec<Vec<bool>> = whole.logs.iter().map(|log| jumps(log, model)).collect();
-        let mut segments: Vec<Segment> = whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log], grain)).collect();
-        place(&mut segments);
+    /// The same evidence for a model that will be given formulas, which may remember.
+    #[must_use]
+    pub(super) fn for_formulas(self: &Arc<Self>, model: &Model) -> Arc<Evidence> {
+        match &self.whole {
+            Some(whole) if stands_still(model) => Arc::new(Evidence::of_whole(model, Arc::clone(whole))),
+            _ => Arc::clone(self),
+        }
+    }
+
+    fn of_whole(model: &Model, whole: Arc<Evidence>) -> Evidence {
+        let fine = Evidence::in_means(model, &whole, FINE, false);
+        let coarse = (fine.rows() > FEW).then(|| Evidence { fine: Vec::new(), ..Evidence::in_means(model, &whole, COARSE, false) });
+        Evidence { whole: Some(whole), coarse: coarse.map(Arc::new), ..fine }
+    }
+
+    fn in_means(model: &Model, whole: &Evidence, grain: Grain, still: bool) -> Evidence {
         let logs = || whole.logs.iter().enumerate();
-        let courses = logs().map(|(index, log)| Course::in_means(index, log, &segments, grain, |channel| model.sensor(channel))).collect();
+        let steady: Vec<Steady<'_>> = whole.logs.iter().map(|log| Steady::of(log, |channel| model.sensor(channel))).collect();
+        let mut segments: Vec<Segment> = if still {
+            whole.segments.iter().map(|segment| in_spells(segment, &steady[segment.log], grain.most)).collect()
+        } else {
+            let jumps: Vec<Vec<bool>> = whole.logs.iter().map(|log| jumps(log, model)).collect();
+            whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log], grain)).collect()
+        };
+        place(&mut segments);
+        let course = |((index, log), steady): ((usize, &Prepared), &Steady<'_>)| match still {
+            true => Course::in_spells(index, log, &segments, steady),
+            false => Course::in_means(index, log, &segments, grain.steps, steady),
+        };
+        let courses = logs().zip(&steady).map(course).collect();
         let fine = logs().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (floors, given) = (whole.floors.clone(), whole.given.clone());
         Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, fine, given, whole: None, coarse: None }
@@ -201,24 +229,62 @@ fn jumps(log: &Prepared, model: &Model) -> Vec<bool> {
     jumps
 }
 
+/// Whether what the model shows follows from the inputs of the moment alone, with every effect that it may be given, and
+/// no sensor reads late.
+fn stands_still(model: &Model) -> bool {
+    let prompt = model.sensors.values().all(|sensor| sensor.lag_sigma_s == 0.0);
+    let could_be_added = catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == model.system);
+    let remembers = |spec: &EffectSpec| !spec.states.is_empty();
+    let all = could_be_added.chain(model.effects().map(|effect| effect.spec()));
+    model.system != System::Battery && prompt && !all.into_iter().any(remembers)
+}
+
+/// Means of rows over which the inputs hold.
+fn in_spells(segment: &Segment, steady: &Steady<'_>, most: usize) -> Segment {
+    let mut first = None;
+    in_blocks(segment, |place| {
+        let row = segment.rows[place];
+        let goes_on = first.is_some_and(|first: usize| {
+            let begun = segment.rows[first];
+            segment.rows[place - 1] + 1 == row && place - first < most && steady.even(row) && steady.holds(begun, row)
+        });
+        if !goes_on {
+            first = Some(place);
+        }
+        !goes_on
+    })
+}
+
+/// Means of rows that grow with the time since a jump.
 fn in_means(segment: &Segment, jumps: &[bool], grain: Grain) -> Segment {
-    let (mut block_of, mut counts, mut time_s, mut observed) = (Vec::new(), Vec::<f64>::new(), Vec::<f64>::new(), Vec::<f64>::new());
     let (mut since, mut room) = (0, 0);
-    for (place, &row) in segment.rows.iter().enumerate() {
+    in_blocks(segment, |place| {
+        let row = segment.rows[place];
         let apart = place == 0 || segment.rows[place - 1] + 1 != row;
         // The last row before a jump stands alone as well: a late reading shows what comes.
         let ends = jumps.get(row + 1) == Some(&true);
         since = if jumps[row] || apart { 0 } else { since + 1 };
-        if room == 0 || since == 0 || ends {
+        let begins = room == 0 || since == 0 || ends;
+        if begins {
             // One by one at first, then a share of the rows since the jump.
             room = if ends { 1 } else { (since / grain.since).clamp(1, grain.most) };
+        }
+        room -= 1;
+        begins
+    })
+}
+
+/// A segment in means of rows; told of every row, one after the other, whether a mean begins there.
+fn in_blocks(segment: &Segment, mut begins: impl FnMut(usize) -> bool) -> Segment {
+    let (mut block_of, mut counts, mut time_s, mut observed) = (Vec::new(), Vec::<f64>::new(), Vec::<f64>::new(), Vec::<f64>::new());
+    for place in 0..segment.rows.len() {
+        if begins(place) {
             counts.push(0.0);
             time_s.push(0.0);
             observed.push(0.0);
         }
         let block = counts.len() - 1;
         block_of.push(block);
-        room -= 1;
         counts[block] += 1.0;
         time_s[block] += (segment.time_s[place] - time_s[block]) / counts[block];
         observed[block] += (segment.observed[place] - observed[block]) / counts[block];

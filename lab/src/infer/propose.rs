@@ -85,7 +85,8 @@ impl Proposal {
 
 /// Looks for terms that lower the error on `holdout`.
 #[must_use]
-pub fn propose(model: Arc<Model>, evidence: Arc<Evidence>, holdout: &Arc<Evidence>) -> Proposal {
+pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Evidence>) -> Proposal {
+    let (evidence, holdout) = (evidence.for_formulas(&model), &holdout.for_formulas(&model));
     let frame = Arc::new(Frame::new(model, evidence));
     let base = State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame));
     let base_holdout = held_out(&base, holdout);

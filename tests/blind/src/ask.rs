@@ -76,7 +76,7 @@ pub struct Formula {
 #[must_use]
 pub fn formula(case: &Case, question: &Question) -> Option<Formula> {
     let (train, holdout) = (question.evidence(&question.train).ok()?, question.evidence(&question.holdout).ok()?);
-    let found = propose(Arc::clone(&question.model), train, &holdout);
+    let found = propose(Arc::clone(&question.model), &train, &holdout);
     let channel = question.model.system.targets()[0];
     let over_floor = |rms: &[(Channel, f64)]| Some(rms.iter().find(|(of, _)| *of == channel)?.1 / holdout.floor(channel));
     let after = match &found.switching {

@@ -87,6 +87,73 @@ fn a_course_of_few_steps_shows_the_means_of_all_rows() {
     assert!(worst < 5e-5, "{worst}");
 }
 
+const ROBOT: &str = r#"
+schema = 1
+system = "robot"
+name = "r"
+[sensor.power_w]
+sigma = 0.02
+[[effect]]
+id = "idle"
+idle_w = { value = 3.0, source = "t", free = true }
+[[effect]]
+id = "rolling"
+rolling_coefficient = { value = 0.03, source = "t", free = true }
+mass_kg = { value = 2.0, source = "t" }
+[[effect]]
+id = "slope"
+mass_kg = { value = 2.0, source = "t" }
+[[effect]]
+id = "input_voltage_loss"
+"#;
+
+/// Spells of driving and standing, with a voltage that sags all the time and a speed that changes sign by next to nothing.
+fn driven(model: &Model) -> Frame {
+    let mut text = "time_s,power_w,voltage_v,speed_mps,pitch_rad\n".to_owned();
+    for row in 0..900 {
+        let speed_mps = [0.0, 0.2, -0.2, 1e-6, -1e-6][row / 9 % 5];
+        let voltage_v = 12.4 - 1e-4 * row as f64 - 0.02 * (row / 9 % 5) as f64;
+        text += &format!("{row},{},{voltage_v},{speed_mps},{}\n", 3.0 + speed_mps, [0.0, 0.1, -0.05][row / 45 % 3]);
+    }
+    let log = prepare(model, &read_log("a.csv", text.as_bytes(), LogFacts::default()).unwrap()).unwrap();
+    Frame::new(Arc::new(model.clone()), Arc::new(Evidence::new(model, vec![log])))
+}
+
+/// A model that forgets at once shows in one step what it shows in all rows of a spell over which its inputs hold.
+#[test]
+fn a_spell_is_one_step_for_a_model_that_forgets_at_once() {
+    let model = Model::parse("r.toml", ROBOT, &|_| Err(String::new())).unwrap();
+    let frame = driven(&model);
+    let whole = Frame::new(Arc::clone(&frame.model), Arc::clone(frame.evidence.whole.as_ref().unwrap()));
+    assert_eq!(frame.evidence.rows(), 100, "a mean for each spell");
+    assert!(frame.evidence.courses[0].time_s.len() <= 102, "{}", frame.evidence.courses[0].time_s.len());
+    let (few, all) = (frame.predict(&frame.start()), whole.predict(&whole.start()));
+    let segment = &frame.evidence.segments[0];
+    let mut means = vec![0.0; few.len()];
+    segment.block_of.iter().zip(&all).for_each(|(&block, value)| means[block] += value / segment.counts[block]);
+    let worst = few.iter().zip(&means).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // A loss that goes with the voltage is straight in it, or nearly: nothing beside the 20 mW of one reading.
+    assert!(worst < 1e-6, "{worst}");
+}
+
+/// A formula that remembers is walked in steps that are short beside the time since something jumped.
+#[test]
+fn a_model_that_remembers_has_no_spells() {
+    let late = r#"
+[[effect]]
+id = "expression"
+name = "late"
+channel = "power_w"
+formula = "k * held"
+states = { held = { input = "speed_mps", tau = "tau_s" } }
+k = { value = 0.1, source = "t", free = true }
+tau_s = { value = 5.0, source = "t" }
+"#;
+    let model = Model::parse("r.toml", &format!("{ROBOT}{late}"), &|_| Err(String::new())).unwrap();
+    let frame = driven(&model);
+    assert!(frame.evidence.rows() > 200, "{}", frame.evidence.rows());
+}
+
 /// Every derivative, of parameters and of what is only roughly known, against differences.
 #[test]
 fn derivatives_are_those_of_the_predictions() {
