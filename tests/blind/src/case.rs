@@ -111,13 +111,15 @@ pub struct Leaves {
     pub by_channel: BTreeMap<Channel, f64>,
     /// The greatest of them, where 1 is 1 mV per cell or 2 sensor floors.
     pub strength: f64,
+    /// How many deviations all rows together are from nothing, each with its sensor's white noise.
+    pub deviations: f64,
 }
 
 impl Leaves {
     /// Nothing is left.
     #[must_use]
     pub fn nothing() -> Self {
-        Self { by_channel: BTreeMap::new(), strength: 0.0 }
+        Self { by_channel: BTreeMap::new(), strength: 0.0, deviations: 0.0 }
     }
 
     /// Which bin the case falls into.

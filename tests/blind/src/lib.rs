@@ -17,8 +17,8 @@
 //!
 //! The lab sees the base model and the logs only. Everything that decides what is right stands in
 //! this crate and shares no code with the lab's inference: [`refit`] finds by its own least squares
-//! how much of a hidden effect a refit of the base leaves, [`class`] says which effects count as
-//! one, and why.
+//! how much of a hidden effect a refit of the base leaves, [`stand_in`] by the same which others do as well where logs
+//! cannot tell, [`class`] says which effects count as one, and why.
 //!
 //! Every seed gives the same case for ever. Development uses the seeds from
 //! [`plan::DEVELOPMENT_SEED`] on; the table in `lab/README.md` uses those from
@@ -40,6 +40,7 @@ pub mod refit;
 pub mod run;
 pub mod score;
 pub mod setting;
+pub mod stand_in;
 pub mod table;
 pub mod tally;
 pub mod told;

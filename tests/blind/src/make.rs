@@ -13,6 +13,7 @@ use crate::plan::{Ambiguity, Entry, Subject};
 use crate::random::Stream;
 use crate::refit::{ROUNDS, leaves};
 use crate::setting::{Setting, Wish, battery, robot, station};
+use crate::stand_in::stand_ins;
 use crate::told;
 use crate::world::{Course, World, courses};
 
@@ -126,7 +127,8 @@ fn collinear(entry: &Entry, seed: u64, ambiguity: &Ambiguity) -> Case {
     let setting = draw(entry.system, seed, &wish);
     let (hidden, courses) = hide(entry, seed, &setting, &[id]);
     let leaves = hidden[0].leaves.clone();
-    let right = Right::Set { must: ambiguity.must.to_vec(), may: ambiguity.may.to_vec(), leaves };
+    let may = ambiguity.may.iter().copied().chain(stand_ins(&setting.truth, &courses)).collect();
+    let right = Right::Set { must: ambiguity.must.to_vec(), may, leaves };
     let truth =
         Truth { story: tell(&hidden), right, confusable: false, wrong_ocv: true, told_over_floor: f64::NAN, base: base(&setting.truth) };
     finish(entry, seed, &setting, &courses, truth)

@@ -80,9 +80,12 @@ pub fn leaves(base: &Draft, courses: &[Course], rounds: usize) -> Leaves {
         }
     }
     left.extend(refit.warming());
+    let squares = |(channel, rms): (&Channel, &f64)| (rms / refit.model.sensor(*channel).floor()).powi(2);
+    let rows: usize = refit.courses.iter().map(|course| course.time_s.len()).sum();
+    let deviations = (rows as f64 * left.iter().map(squares).sum::<f64>()).sqrt();
     let by_channel: BTreeMap<Channel, f64> = left.into_iter().map(|(channel, rms)| (channel, refit.in_units(channel, rms))).collect();
     let strength = by_channel.iter().map(|(&channel, left)| if channel == Channel::VoltageV { *left } else { left / 2.0 });
-    Leaves { strength: strength.fold(0.0, f64::max), by_channel }
+    Leaves { strength: strength.fold(0.0, f64::max), by_channel, deviations }
 }
 
 fn unknowns(model: &Model, logs: usize, targets: &[Channel]) -> Vec<(Unknown, f64)> {

@@ -4,3 +4,4 @@
 mod generator;
 mod quick;
 mod scorer;
+mod stand_ins;
