@@ -95,6 +95,22 @@ pub enum PrepareError {
         /// Highest of the table, V.
         high_v: f64,
     },
+    /// What there is to compare with holds no number.
+    #[error("{file}: nothing to compare with: no row of `{columns}` after the first holds a number")]
+    EmptyTargets {
+        /// The log.
+        file: String,
+        /// The columns.
+        columns: String,
+    },
+    /// What there is to compare with was measured only where inputs were not.
+    #[error("{file}: nothing to compare with: `{columns}` holds a number only in rows in which an input of the model does not")]
+    NoCommonRow {
+        /// The log.
+        file: String,
+        /// The columns.
+        columns: String,
+    },
     /// There is nothing to compare with.
     #[error("{file}: nothing to compare with: a {system} model predicts {predicted}{hint} Columns: {columns}")]
     NoTarget {
@@ -180,24 +196,29 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
 pub fn prepare_to_judge(model: &Model, log: &Log, only: &[Channel]) -> Result<Prepared, PrepareError> {
     let wanted = |channel: Channel| only.is_empty() || only.contains(&channel);
     let predicted: Vec<Channel> = predicted_channels(model).into_iter().filter(|&channel| wanted(channel)).collect();
-    let no_target = || {
+    let measured: Vec<Channel> = predicted.iter().copied().filter(|channel| log.channels.contains_key(channel)).collect();
+    let names = |channels: &[Channel], between: &str| channels.iter().map(|channel| channel.name()).collect::<Vec<_>>().join(between);
+    // What the model could not be judged by is told before what it lacks to predict it.
+    if measured.is_empty() {
         let near = predicted.iter().map(|channel| hint(channel.name(), log.columns())).find(|hint| hint.contains('?'));
-        PrepareError::NoTarget {
+        return Err(PrepareError::NoTarget {
             file: log.file.clone(),
             system: model.system.name(),
-            predicted: predicted.iter().map(|channel| channel.name()).collect::<Vec<_>>().join(", "),
+            predicted: names(&predicted, ", "),
             hint: near.or_else(|| of_another_system(model.system, log)).unwrap_or_else(|| ".".to_owned()),
             columns: log.columns().collect::<Vec<_>>().join(", "),
-        }
-    };
-    // What the model could not be judged by is told before what it lacks to predict it.
-    if !predicted.iter().any(|channel| log.channels.contains_key(channel)) {
-        return Err(no_target());
+        });
+    }
+    if !measured.iter().any(|channel| log.channels[channel].iter().skip(1).any(|value| value.is_finite())) {
+        return Err(PrepareError::EmptyTargets { file: log.file.clone(), columns: names(&measured, "`, `") });
     }
     let mut prepared = prepare(model, log)?;
     prepared.targets.retain(|target| wanted(target.channel));
     prepared.only = only.to_vec();
-    if prepared.targets.is_empty() { Err(no_target()) } else { Ok(prepared) }
+    if prepared.targets.is_empty() {
+        return Err(PrepareError::NoCommonRow { file: log.file.clone(), columns: names(&measured, "`, `") });
+    }
+    Ok(prepared)
 }
 
 /// Says whose log it may be, when it holds what models of another system predict.

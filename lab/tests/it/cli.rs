@@ -90,6 +90,10 @@ fn a_missing_column_is_named_with_who_needs_it() {
     );
     let outcome = compare("time_s,current_a,voltage\n0,1,4.1\n1,1,4.1\n", &[]);
     refuses(&outcome, &["nothing to compare with: a battery model predicts voltage_v; did you mean `voltage`?"]);
+    let outcome = compare("time_s,current_a,voltage_v\n0,1,4.1\n1,1,\n2,1,nan\n", &[]);
+    refuses(&outcome, &["nothing to compare with: no row of `voltage_v` after the first holds a number"]);
+    let outcome = compare("time_s,current_a,voltage_v\n0,1,4.1\n1,,4.1\n2,1,\n", &[]);
+    refuses(&outcome, &["nothing to compare with: `voltage_v` holds a number only in rows in which an input of the model does not"]);
     // Mapped, the same log is compared.
     let outcome = compare("time_s,current,mv\n0,1,4100\n1,1,4100\n", &["--column", "current_a=current", "--column", "voltage_v=mv/1000"]);
     assert_eq!(outcome.code, 1, "{}", outcome.stderr);
