@@ -7,7 +7,7 @@
 //!   sweep   each of the ways that leave room for a better plan is tried once        (search)
 //!     |  ^
 //!     v  |  every better plan leaves fewer
-//!   stations   robots are sent elsewhere, and the two stations planned anew
+//!   anew    what stations were seen to serve is put together, and one of them planned anew   (sets, together)
 //!     |  ^
 //!     v  |
 //!   beam    plans tick by tick among these ways, wider and wider
@@ -21,11 +21,11 @@
 //!
 //! Where the beam had room for everything, the plan is proven best.
 
+mod anew;
 mod beam;
 mod merge;
-mod stations;
-
-use std::collections::BTreeSet;
+mod sets;
+mod together;
 
 use rand::Rng;
 
@@ -34,10 +34,11 @@ use crate::optimise::{Clock, heat};
 use crate::prices::{Level, Prices, Reduced};
 use crate::search::{SETTLED_MAX, Search};
 use crate::way::Ways;
+use anew::anew;
 use beam::beam;
 pub(crate) use merge::Seen;
 use merge::merge;
-use stations::Stations;
+pub(crate) use sets::Sets;
 
 /// The largest fleet that is looked at so: beyond that too many ways are left.
 pub(crate) const ROBOTS_MAX: usize = 32;
@@ -58,8 +59,10 @@ const AIM: f64 = 1.3;
 /// Part of the bound that such a plan may cost beyond it at first, and by how much more when there is none.
 const ROOM: f64 = 0.04;
 const MORE_ROOM: f64 = 2.0;
-/// Fewest moves of a search between two beams.
-const MOVES_MIN: u64 = 400;
+/// Part of the time that goes to beams wider than the first. With more the best plan was found less often.
+const BEAM_SHARE: f64 = 0.25;
+/// Moves of a search before sets are put together again: with 2500 and 10,000 the best plan was found less often.
+const MOVES: u64 = 5000;
 /// A search among few ways begins as hot as this part of what a plan may cost beyond the bound.
 const HOT: f64 = 0.5;
 /// Temperature at its end, in units of cost.
@@ -79,7 +82,9 @@ pub(crate) fn cheaper<'w, 'p>(
     clock: &mut Clock<'_>,
 ) -> bool {
     let mut width = WIDTH;
-    let (mut swept, mut tried) = (Score::default(), BTreeSet::new());
+    // All moves that went to beams, and those that went to the last one.
+    let (first, mut beams, mut last) = (clock.moves, 0, 0);
+    let mut swept = Score::default();
     while merge(ways, prices, search, clock) {}
     loop {
         let known = search.best_score;
@@ -95,17 +100,21 @@ pub(crate) fn cheaper<'w, 'p>(
             sweep(&reduced, prices, search, rng, clock);
             swept = search.best_score;
         }
-        if (swept.stranded, swept.cost) < (known.stranded, known.cost)
-            || (is_certain(ways) && send_elsewhere(ways, &reduced, search, &mut tried, clock))
+        if (swept.stranded, swept.cost) < (known.stranded, known.cost) {
+            continue;
+        }
+        if let Some(chosen) = anew(ways, &reduced, prices, search, rng, clock)
+            && go_on_from(search, &chosen)
         {
             continue;
         }
-        let mut seen = 0;
-        if width <= WIDTH_MAX {
+        let affordable = (BEAM_SHARE * (clock.moves - first) as f64) as u64;
+        if width <= WIDTH_MAX && beams + WIDER as u64 * last <= affordable {
             let began = clock.moves;
             let found = beam(ways, &reduced, known.stranded, width, |seen| clock.used_with(began + seen / TO_A_MOVE) < 1.0);
-            seen = found.seen;
-            clock.moves = began + seen / TO_A_MOVE;
+            last = found.seen / TO_A_MOVE;
+            beams += last;
+            clock.moves = began + last;
             match found.chosen {
                 Some(chosen) if go_on_from(search, &chosen) => {
                     if found.complete && search.best_score.stranded == known.stranded && is_certain(ways) {
@@ -119,7 +128,7 @@ pub(crate) fn cheaper<'w, 'p>(
         if clock.used() >= 1.0 {
             return false;
         }
-        anneal(ways, prices, search, rng, clock, seen.max(MOVES_MIN));
+        anneal(ways, prices, search, rng, clock);
         while merge(ways, prices, search, clock) {}
         if clock.used() >= 1.0 {
             return false;
@@ -147,30 +156,8 @@ fn sweep(reduced: &Reduced, prices: &Prices<'_, '_>, search: &mut Search<'_, '_>
     clock.moves = began + made;
 }
 
-/// Sends robots to other stations. Whether that led to a better plan.
-fn send_elsewhere<'w, 'p>(
-    ways: &'w Ways<'p>,
-    reduced: &Reduced,
-    search: &mut Search<'w, 'p>,
-    tried: &mut BTreeSet<Vec<u16>>,
-    clock: &mut Clock<'_>,
-) -> bool {
-    let began = clock.moves;
-    let mut stations = Stations { ways, reduced, stranded_max: search.best_score.stranded, seen: 0 };
-    let found = stations.better(&search.best, tried, |seen| clock.used_with(began + seen / TO_A_MOVE) < 1.0);
-    clock.moves = began + stations.seen / TO_A_MOVE;
-    found.is_some_and(|chosen| go_on_from(search, &chosen))
-}
-
 /// A search among the ways that leave room for a better plan.
-fn anneal<'w, 'p>(
-    ways: &'w Ways<'p>,
-    prices: &Prices<'w, 'p>,
-    search: &mut Search<'w, 'p>,
-    rng: &mut impl Rng,
-    clock: &mut Clock<'_>,
-    moves: u64,
-) {
+fn anneal<'w, 'p>(ways: &'w Ways<'p>, prices: &Prices<'w, 'p>, search: &mut Search<'w, 'p>, rng: &mut impl Rng, clock: &mut Clock<'_>) {
     let known = search.best_score;
     let reduced = prices.reduced(known.cost);
     if reduced.room < 0 {
@@ -188,16 +175,20 @@ fn anneal<'w, 'p>(
     let priced = Prices::from(&few, Level::Cost { stranded_max: known.stranded }, prices.best());
     let mut among = Search::new(draft);
     among.seen = Some(Seen::new(&few, known.stranded));
+    among.sets = search.sets.as_ref().map(|_| Sets::new(&few));
     let hot = (HOT * reduced.room_in_cost()).max(2.0 * COLD);
     for slice in 0..SLICES {
-        among.run(priced.guide(), rng, moves / SLICES, heat([hot, COLD], slice as f64 / SLICES as f64));
-        clock.moves += moves / SLICES;
+        among.run(priced.guide(), rng, MOVES / SLICES, heat([hot, COLD], slice as f64 / SLICES as f64));
+        clock.moves += MOVES / SLICES;
         if clock.used() >= 1.0 {
             break;
         }
     }
     if let (Some(seen), Some(new)) = (&mut search.seen, &among.seen) {
         seen.take_over(new, &kept);
+    }
+    if let (Some(sets), Some(new)) = (&mut search.sets, &among.sets) {
+        sets.take_over(new, &kept);
     }
     if among.best_score < known {
         go_on_from(search, &ways.translated(&few, &among.best));

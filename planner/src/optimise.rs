@@ -164,7 +164,7 @@ fn proven_least(ways: &Ways<'_>, least: i64, stranded: i64) -> i64 {
 
 /// What of the budget is used.
 pub(crate) struct Clock<'b> {
-    budget: &'b mut dyn Budget,
+    pub(crate) budget: &'b mut dyn Budget,
     /// Moves so far.
     pub(crate) moves: u64,
 }
@@ -291,6 +291,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let mut heated = 0.0;
         if self.is_small() {
             search.seen = Some(narrow::Seen::new(self.ways, search.best_score.stranded));
+            search.sets = Some(narrow::Sets::new(self.ways));
         }
         let (began, wide) = (self.clock.moves, if self.is_small() { WIDE_MOVES * robots as u64 } else { u64::MAX });
         let (mut priced, mut searched) = (0.0, 0.0);

@@ -19,7 +19,7 @@ pub(crate) use reduced::Reduced;
 use table::{Layout, Table, Uses};
 
 /// Prices are whole numbers of this part of a unit of cost.
-const UNIT: i64 = 1 << 20;
+pub(crate) const UNIT: i64 = 1 << 20;
 
 /// Rounds in which every step looks at all ways.
 const PLAIN_ROUNDS: u32 = 5;

@@ -10,7 +10,7 @@ use rand::{Rng, RngExt};
 
 use crate::draft::{Draft, NONE, Score};
 use crate::guide::Guide;
-use crate::narrow::Seen;
+use crate::narrow::{Seen, Sets};
 use moves::Most;
 
 /// Robots among which the one with most cause to complain is moved.
@@ -41,6 +41,8 @@ pub struct Search<'w, 'p> {
     settled: Vec<usize>,
     /// Which ways good plans had, where that is asked for.
     pub(crate) seen: Option<Seen>,
+    /// And what each station of them served.
+    pub(crate) sets: Option<Sets>,
 }
 
 impl<'w, 'p> Search<'w, 'p> {
@@ -66,6 +68,7 @@ impl<'w, 'p> Search<'w, 'p> {
             queue: Vec::new(),
             settled: Vec::new(),
             seen: None,
+            sets: None,
         }
     }
 
@@ -159,6 +162,7 @@ impl<'w, 'p> Search<'w, 'p> {
             let better = after.stranded < before.stranded
                 || (after.stranded == before.stranded
                     && (after.cost < before.cost + margin || (after.cost == before.cost && after.energy <= before.energy)));
+            self.note_sets();
             // A promise is not broken for the sake of others.
             if done && better && !self.draft.breaks_promise(0) {
                 self.accept();
@@ -184,6 +188,7 @@ impl<'w, 'p> Search<'w, 'p> {
             let before = self.draft.score;
             let most = Most { stranded: before.stranded, cost: before.cost - 1 };
             let done = self.give(guide, rng, most, robot as usize, Some(way));
+            self.note_sets();
             let after = self.draft.score;
             if done && (after.stranded, after.cost) < (before.stranded, before.cost) && !self.draft.breaks_promise(0) {
                 self.accept();
@@ -193,6 +198,13 @@ impl<'w, 'p> Search<'w, 'p> {
             }
         }
         moves
+    }
+
+    /// Notes what each station serves, also where a move came to nothing: one of its stations may have done well.
+    fn note_sets(&mut self) {
+        if let Some(sets) = &mut self.sets {
+            sets.note(&self.draft);
+        }
     }
 
     fn accept(&mut self) {

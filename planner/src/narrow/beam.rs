@@ -75,9 +75,6 @@ struct Beam<'a, 'w, 'p> {
     /// The best ranks of `next`, the worst of them first; no more than there can be of use.
     ranks: BinaryHeap<i64>,
     ranks_max: usize,
-    /// See [`Given`].
-    away: u64,
-    station: Option<usize>,
     /// Whether somebody was left out for its rank.
     left_out: bool,
     /// What each robot still to come adds to a rank.
@@ -85,39 +82,13 @@ struct Beam<'a, 'w, 'p> {
     seen: u64,
 }
 
-/// What is decided beforehand.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Given {
-    /// Each robot's way that is not in question; none at all where nothing is given.
-    pub(super) chosen: Vec<u32>,
-    /// Robots that are planned elsewhere, as the bits of a number.
-    pub(super) away: u64,
-    /// What all of these cost at least beyond the bound.
-    pub(super) spent: i64,
-    /// The only station of which it is known what will be left over, if not all.
-    pub(super) station: Option<usize>,
-}
-
 /// Looks for a plan within the room that `reduced` leaves and with at most so many stranded robots, with at most
 /// `width` beginnings at a time. `go_on` is told now and then how many were looked at.
-pub(super) fn beam(ways: &Ways<'_>, reduced: &Reduced, stranded_max: i64, width: usize, go_on: impl FnMut(u64) -> bool) -> Found {
-    beam_beside(ways, reduced, &Given::default(), stranded_max, width, go_on)
-}
-
-/// The same beside what is given.
-pub(super) fn beam_beside(
-    ways: &Ways<'_>,
-    reduced: &Reduced,
-    given: &Given,
-    stranded_max: i64,
-    width: usize,
-    mut go_on: impl FnMut(u64) -> bool,
-) -> Found {
+pub(super) fn beam(ways: &Ways<'_>, reduced: &Reduced, stranded_max: i64, width: usize, mut go_on: impl FnMut(u64) -> bool) -> Found {
     let mut beam = Beam::new(ways, reduced, stranded_max);
-    (beam.away, beam.station) = (given.away, given.station);
     beam.ranks_max = WIDE_ENOUGH * width;
     let ticks = beam.starts.len();
-    let mut now = vec![beam.nothing_yet(given)];
+    let mut now = vec![beam.nothing_yet()];
     let mut tick = 0;
     while tick < ticks {
         // Between two ticks in which somebody may begin nothing is decided.
@@ -158,8 +129,6 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
             next: Vec::new(),
             ranks: BinaryHeap::new(),
             ranks_max: 0,
-            away: 0,
-            station: None,
             left_out: false,
             each_to_come: TO_COME * reduced.room as f64 / robots.max(1) as f64,
             seen: 0,
@@ -181,9 +150,9 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
         beam
     }
 
-    fn nothing_yet(&self, given: &Given) -> Beginning {
-        let chosen = if given.chosen.is_empty() { vec![NONE; self.least.len()] } else { given.chosen.clone() };
-        Beginning { bound: 0, spent: given.spent, chosen, rank: 0, future: [0; 2], score: [0; 2], energy: Vec::new() }
+    fn nothing_yet(&self) -> Beginning {
+        let chosen = vec![NONE; self.least.len()];
+        Beginning { bound: 0, spent: 0, chosen, rank: 0, future: [0; 2], score: [0; 2], energy: Vec::new() }
     }
 
     /// All that can begin in a tick, from this place of its list on, beside what begins already.
@@ -223,7 +192,7 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
         if stranded > self.stranded_max || spent + still > room || self.is_behind(spent + still + put_off) {
             return;
         }
-        for (station, book) in self.draft.books.iter().enumerate().filter(|(station, _)| self.station.is_none_or(|only| only == *station)) {
+        for (station, book) in self.draft.books.iter().enumerate() {
             spent += (tick..until).map(|tick| self.reduced.slack(station, self.draft.ways, book, tick)).sum::<i64>();
         }
         if spent + still > room || self.is_behind(spent + still + put_off) {
@@ -252,7 +221,7 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
     }
 
     fn unserved(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.least.len()).filter(|&robot| self.draft.chosen[robot] == NONE && self.away >> robot & 1 == 0)
+        (0..self.least.len()).filter(|&robot| self.draft.chosen[robot] == NONE)
     }
 
     /// What follows costs at least, when ways that are no longer free do not count; none when that is too much.

@@ -21,6 +21,10 @@ pub(crate) struct Reduced {
     pub(crate) unserved: Vec<i64>,
     /// Each robot's ways that leave some room, as (reduced cost, index).
     pub(crate) ways: Vec<Vec<(i64, u32)>>,
+    /// What each robot pays at least.
+    least: Vec<i64>,
+    /// What the prices of each station bring in for all that it has.
+    earned: Vec<i64>,
     /// Price of a unit of each row of each station, in the order of [`Book::left`].
     rows: Vec<Vec<i64>>,
     /// Who is in each station's crowd, how many there can be in each tick, and what each pays.
@@ -33,15 +37,10 @@ impl Reduced {
         self.room as f64 / UNIT as f64
     }
 
-    /// The same without any way.
-    pub(crate) fn without_ways(&self) -> Self {
-        Self {
-            ways: vec![Vec::new(); self.ways.len()],
-            unserved: self.unserved.clone(),
-            rows: self.rows.clone(),
-            crowds: self.crowds.clone(),
-            ..*self
-        }
+    /// What a station's plan for these robots (the bits of a number) costs beyond its part of the bound, if it costs this.
+    pub(crate) fn column(&self, station: usize, set: u32, cost: i64) -> i64 {
+        let least = self.least.iter().enumerate().filter(|(robot, _)| set >> robot & 1 == 1).map(|(_, least)| least);
+        cost * UNIT + self.earned[station] - least.sum::<i64>()
     }
 
     /// What is left over in a tick, at its price; limits of energy count in the last tick before them.
@@ -86,6 +85,7 @@ impl Prices<'_, '_> {
         let mut bound = -price.table.earned() - i128::from(stranded_price) * i128::from(stranded_max);
         let mut all: Vec<Vec<(i64, u32)>> = Vec::with_capacity(problem.robots.len());
         let mut unserved = Vec::with_capacity(problem.robots.len());
+        let mut leasts = Vec::with_capacity(problem.robots.len());
         for robot in 0..problem.robots.len() {
             let choices = self.ways.of(robot);
             let without = i64::from(choices.unserved_cost) * costs + if choices.strands { stranded_price } else { 0 };
@@ -96,6 +96,7 @@ impl Prices<'_, '_> {
             bound += i128::from(least);
             priced.iter_mut().for_each(|(priced, _)| *priced -= least);
             unserved.push(without - least);
+            leasts.push(least);
             all.push(priced);
         }
         let room = (i128::from(below) - 1) * i128::from(UNIT) - bound;
@@ -111,6 +112,9 @@ impl Prices<'_, '_> {
             (counted, there, prices)
         });
         let crowds = crowds.collect();
-        Reduced { room, unserved, ways: all, rows, crowds }
+        let earned = (0..problem.stations.len())
+            .map(|station| self.layout.there(station).iter().zip(&rows[station]).map(|(there, price)| there * price).sum());
+        let earned = earned.collect();
+        Reduced { room, unserved, ways: all, least: leasts, earned, rows, crowds }
     }
 }

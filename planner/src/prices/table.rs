@@ -93,6 +93,11 @@ impl Layout {
         &self.crowds[station].there
     }
 
+    /// How much there is of each row of a station.
+    pub(super) fn there(&self, station: usize) -> &[i64] {
+        &self.there[self.first[station]..self.first[station + 1]]
+    }
+
     pub(super) fn rows(&self) -> usize {
         self.there.len()
     }
