@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::infer::answer::deviations;
 use crate::infer::certainty::range_sigma;
-use crate::infer::rough::{Rough, straight};
+use crate::infer::rough::{Known, Rough, straight};
 use crate::infer::state::State;
 use crate::model_edit::{Change, EditError, append, edit, ocv_of_file, set_number, set_ocv};
 use crate::report::quantity::{quantity, unit_of};
@@ -61,7 +61,9 @@ pub struct LeftOut {
     pub shift: f64,
     /// Standard deviation of that.
     pub sigma: f64,
-    /// Unit of both; empty for a pure number.
+    /// The deviation that the model or the log states for it.
+    pub stated_sigma: f64,
+    /// Unit of all; empty for a pure number.
     pub unit: &'static str,
 }
 
@@ -69,7 +71,8 @@ pub struct LeftOut {
 #[must_use]
 pub fn left_out(state: &State) -> Vec<LeftOut> {
     let log = |log: usize| state.frame.evidence.logs[log].name.clone();
-    let of = |what: Rough| {
+    let of = |known: &Known| {
+        let what = known.what;
         let (words, unit) = match what {
             Rough::Capacity | Rough::Ocv(_) => return None,
             Rough::SocInitial(own) => (format!("state of charge at the start of {}", log(own)), ""),
@@ -80,9 +83,9 @@ pub fn left_out(state: &State) -> Vec<LeftOut> {
             Rough::Lag(channel) => (format!("delay of the sensor of {}", channel.name()), "s"),
         };
         let (shift, sigma) = shift(state, what, WORTH_TELLING)?;
-        Some(LeftOut { what: words, shift, sigma, unit })
+        Some(LeftOut { what: words, shift, sigma, stated_sigma: known.sigma, unit })
     };
-    state.frame.known.iter().filter_map(|known| of(known.what)).collect()
+    state.frame.known.iter().filter_map(of).collect()
 }
 
 /// A difference of temperatures is in K.

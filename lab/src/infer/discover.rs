@@ -46,7 +46,7 @@ pub enum Outcome {
 /// Effects within this of the best one's information criterion are as likely.
 pub(super) const ALIKE: f64 = 10.0;
 /// Share by which an effect may do less well than another with more numbers.
-const AS_WELL: f64 = 0.01;
+pub(super) const AS_WELL: f64 = 0.01;
 
 impl Step {
     /// Looks at every effect that the base model lacks; once more where that shows that the base was not at its best: what looks

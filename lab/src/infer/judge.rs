@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use energy::{Channel, System, catalogue};
 
+use super::discover::AS_WELL;
 use super::evidence::Evidence;
 use super::state::State;
 use super::trial::{Trial, held_out};
@@ -51,24 +52,29 @@ pub(super) fn threshold(tried: usize) -> f64 {
 pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout: Option<&Arc<Evidence>>, tried: usize) -> Vec<Refusal> {
     let mut all = Vec::new();
     let strong = trial.delta_bic > STRONG * threshold(tried);
-    if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !strong {
+    let relieves = strain(base) - strain(&trial.state) > threshold(tried);
+    if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !strong && !relieves {
         all.push(Refusal::Evidence);
     }
     let evidence = &base.frame.evidence;
     let unit = |channel: Channel| unit_of(channel.name());
     let mut alike = evidence.floors.iter().filter(|(channel, _)| unit(*channel) == unit(trial.spec.channel));
     let unseen = trial.change < trial.spec.matters && alike.all(|(_, floor)| trial.change < SEEN * floor);
-    let relieves = strain(base) - strain(&trial.state) > threshold(tried);
     if unseen || !relieves && hardly_moves(base, &trial.state) {
         all.push(Refusal::TooSmall);
     }
     if !all.is_empty() {
         return all;
     }
+    // What only roughly known numbers do for the base, far from where they should be, an effect need not do better.
     let helps = |held: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]| {
-        falls(held, before, after) || strong && at_floor(held, before) && at_floor(held, after)
+        let does_as_well = strong && at_floor(held, before) && at_floor(held, after);
+        falls(held, before, after) || does_as_well || relieves && squares(held, after) <= (1.0 + AS_WELL) * squares(held, before)
     };
-    let trains = |base: &State, state: &State| falls(evidence, &base.rms(), &state.rms());
+    let trains = |base: &State, state: &State| {
+        let (before, after) = (base.rms(), state.rms());
+        falls(evidence, &before, &after) || relieves && squares(evidence, &after) <= (1.0 + AS_WELL) * squares(evidence, &before)
+    };
     let holds = |before: &[(Channel, f64)], after: &[(Channel, f64)]| holdout.is_none_or(|held| helps(held, before, after));
     // Slow noise that excuses an error keeps the most likely numbers from lowering it, and the least squares are
     // bent by what else is missing: one of them must be better off for the effect.

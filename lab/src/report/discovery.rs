@@ -138,9 +138,16 @@ fn section(title: &str, body: String, there: bool) -> Option<String> {
     there.then(|| title + &body)
 }
 
+/// Stated deviations from which on it is said that a number is that far off.
+const FAR: f64 = 2.0;
+
 /// A line for each, with its sign.
 pub(super) fn learned_lines(left_out: &[LeftOut]) -> String {
-    left_out.iter().map(|one| format!("  {}: {}\n", one.what, signed(one))).collect()
+    let far = |one: &LeftOut| {
+        let deviations = one.shift.abs() / one.stated_sigma;
+        if deviations > FAR { format!(", {deviations:.1} of the deviations stated for it") } else { String::new() }
+    };
+    left_out.iter().map(|one| format!("  {}: {}{}\n", one.what, signed(one), far(one))).collect()
 }
 
 fn signed(one: &LeftOut) -> String {
