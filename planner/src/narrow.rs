@@ -23,6 +23,7 @@
 
 mod anew;
 mod beam;
+mod lenient;
 mod merge;
 mod sets;
 mod together;
@@ -36,6 +37,7 @@ use crate::search::{SETTLED_MAX, Search};
 use crate::way::Ways;
 use anew::anew;
 use beam::beam;
+pub(crate) use lenient::fewer_leniently;
 pub(crate) use merge::Seen;
 use merge::merge;
 pub(crate) use sets::Sets;

@@ -5,7 +5,8 @@
 //!     |
 //!   strand few       search over orders of robots, in small fleets               (turns)
 //!     |              search with what a way takes of its station as its cost     (thrifty ways)
-//!     |              in small fleets instead: all that fewer stranded leave open (narrow)
+//!     |              in small fleets instead: as if that were only missed work, then
+//!     |              all that fewer stranded leave open                           (narrow)
 //!     |
 //!   miss little      search by missed work, at most as many stranded,            (search)
 //!     |  ^            led by prices, which are bettered in between               (prices, guide)
@@ -63,6 +64,8 @@ const TURNS_SHARE: f64 = 0.9;
 const TURNS_MOVES: u64 = 200;
 /// See [`TURNS_MOVES`].
 const WIDE_MOVES: u64 = 3000;
+/// Share of the time for few stranded in which a small fleet is searched as if running empty were only missed work.
+const LENIENT_SHARE: f64 = 0.6;
 /// Share of the search's time that goes to prices.
 const PRICES_SHARE: f64 = 0.25;
 /// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
@@ -252,6 +255,8 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 found.go_on_from(&chosen);
                 found.settle(SETTLED_MAX);
             }
+            let lenient = start + LENIENT_SHARE * (until - start);
+            narrow::fewer_leniently(self.ways, prices, found, least, lenient, &mut self.rng, &mut self.clock);
             least = narrow::fewer_stranded(self.ways, prices, found, least, until, &mut self.clock, &mut { narrow::WIDTH });
             return least;
         }
@@ -291,7 +296,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let mut heated = 0.0;
         if self.is_small() {
             search.seen = Some(narrow::Seen::new(self.ways, search.best_score.stranded));
-            search.sets = Some(narrow::Sets::new(self.ways));
+            search.sets.get_or_insert_with(|| narrow::Sets::new(self.ways));
         }
         let (began, wide) = (self.clock.moves, if self.is_small() { WIDE_MOVES * robots as u64 } else { u64::MAX });
         let (mut priced, mut searched) = (0.0, 0.0);

@@ -196,6 +196,17 @@ impl<'p> Ways<'p> {
         Self { problem: self.problem, choices: choices.collect() }
     }
 
+    /// The same ways where a robot that runs empty counts as so much missed work, and as no more than that.
+    #[must_use]
+    pub(crate) fn lenient(&self, penalty: i32) -> Self {
+        let choices = (0..self.choices.len()).map(|robot| {
+            let all = self.of(robot).clone();
+            let unserved_cost = all.unserved_cost + if all.strands { penalty } else { 0 };
+            OnceLock::from(Choices { strands: false, unserved_cost, ..all })
+        });
+        Self { problem: self.problem, choices: choices.collect() }
+    }
+
     /// Of each robot only some of its ways, which keep their order.
     #[must_use]
     pub(crate) fn only(&self, kept: impl Fn(usize) -> Vec<u32>) -> Self {
