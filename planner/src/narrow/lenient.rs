@@ -39,7 +39,10 @@ pub(crate) fn fewer_leniently<'w, 'p>(
     rng: &mut impl Rng,
     clock: &mut Clock<'_>,
 ) {
-    while is_certain(ways) && found.best_score.stranded > least && clock.used() < until {
+    // Where there is no time for a whole search, all that fewer stranded leave open is the better use of it.
+    let mut enough = clock.used_with(clock.moves + MOVES) < until;
+    while enough && is_certain(ways) && found.best_score.stranded > least && clock.used() < until {
+        let begun = clock.used();
         prices.cap_stranded(found.best_score.stranded - 1);
         for _ in 0..ROUNDS {
             clock.moves += prices.improve((prices.bound() as f64 * AIM) as i64);
@@ -53,7 +56,8 @@ pub(crate) fn fewer_leniently<'w, 'p>(
         for slice in 0..SLICES {
             search.run(prices.guide(), rng, MOVES / SLICES, heat([HOT, COLD], slice as f64 / (SLICES - 1) as f64));
             clock.moves += MOVES / SLICES;
-            if clock.used() >= until {
+            enough = begun + SLICES as f64 * (clock.used() - begun) / (slice + 1) as f64 <= until;
+            if !enough || clock.used() >= until {
                 break;
             }
         }
