@@ -9,6 +9,7 @@ use super::candidate::Untested;
 use super::certainty::range_sigma;
 use super::discover::{Outcome, Search, Step};
 use super::judge::{Refusal, explained};
+use super::noise::Noise;
 use super::state::State;
 use super::trial::Trial;
 use crate::compare::WITHIN;
@@ -304,7 +305,9 @@ fn left(state: &State) -> BTreeMap<&'static str, Left> {
     let noise = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
     let of = |(channel, rms): (Channel, f64)| {
         let (floor, noise) = (state.frame.evidence.floor(channel), noise(channel));
-        let (slow, tau_s) = noise.map_or((0.0, 0.0), |noise| (noise.slow.min(rms), noise.tau_s));
+        // What is forgotten from one row to the next is no slower than white noise.
+        let lasts = |noise: &Noise| noise.tau_s > state.frame.evidence.step_s(channel);
+        let (slow, tau_s) = noise.filter(lasts).map_or((0.0, 0.0), |noise| (noise.slow.min(rms), noise.tau_s));
         (channel.name(), Left { rms, floor, slow, tau_s })
     };
     state.rms().into_iter().map(of).collect()

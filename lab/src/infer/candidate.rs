@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::{EffectSpec, Model, ParameterSpec, catalogue};
+use energy::{Channel, EffectSpec, Model, ParameterSpec, catalogue};
 
 use super::frame::Frame;
 
@@ -61,10 +61,26 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
             unable.push(Untested { effect: spec.id, reason: format!("needs the column {}, which {log} lacks", channel.name()) });
             continue;
         }
+        if let Some((channel, log)) = predicts_an_input(frame, &model) {
+            let channel = channel.name();
+            let reason = format!("predicts {channel}, which {log} measured and nothing is judged by (--target)");
+            unable.push(Untested { effect: spec.id, reason });
+            continue;
+        }
         let first = model.parameters().iter().position(|parameter| parameter.effect == spec.id).unwrap_or(0);
         able.push(Candidate { spec, onsets: onsets(spec), model: Arc::new(model), first });
     }
     (able, unable)
+}
+
+/// A channel that the model would predict and that is a measured input of a log, but not to be judged by: nothing would hold the
+/// prediction to what was measured.
+fn predicts_an_input<'a>(frame: &'a Frame, model: &Model) -> Option<(Channel, &'a str)> {
+    let predicted = crate::prepare::predicted_channels(model);
+    frame.evidence.logs.iter().find_map(|log| {
+        let unjudged = |channel: &Channel| !log.only.is_empty() && !log.only.contains(channel) && predicted.contains(channel);
+        log.inputs.iter().map(|(channel, _)| *channel).find(unjudged).map(|channel| (channel, log.name.as_str()))
+    })
 }
 
 /// Share of the way from null to a usual size at which an onset is looked at: far enough for

@@ -60,8 +60,11 @@ impl Course {
     fn of(index: usize, log: &Prepared, segments: &[Segment], ends: &[End], alone: fn(usize) -> [f64; 3]) -> Course {
         let begins = |step: usize| if step == 0 { 0 } else { ends[step - 1].row + 1 };
         let mean = |values: &[f64], step: usize| {
-            let rows = &values[begins(step)..=ends[step].row];
-            rows.iter().sum::<f64>() / rows.len() as f64
+            // By how long each row lasts, so that the charge that passes is kept.
+            let lasts = |row: usize| if row == 0 { 0.0 } else { log.time_s[row] - log.time_s[row - 1] };
+            let (begin, end) = (begins(step), ends[step].row);
+            let sum: f64 = (begin + 1..=end).map(|row| (values[row] - values[begin]) * lasts(row)).sum();
+            values[begin] + sum / (begin..=end).map(lasts).sum::<f64>().max(f64::MIN_POSITIVE)
         };
         let inputs = log.inputs.iter().map(|(channel, values)| (*channel, (0..ends.len()).map(|step| mean(values, step)).collect()));
         let own: Vec<(usize, Vec<Option<usize>>)> = segments

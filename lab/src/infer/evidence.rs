@@ -201,6 +201,14 @@ impl Evidence {
         self.segments.last().map_or(0, |segment| segment.range().end)
     }
 
+    /// Time between two readings of a channel, on average over all logs, s.
+    pub(super) fn step_s(&self, channel: Channel) -> f64 {
+        let segments = || self.segments.iter().filter(|segment| segment.channel == channel);
+        let length = |segment: &Segment| segment.time_s.last().zip(segment.time_s.first()).map_or(0.0, |(last, first)| last - first);
+        let readings: f64 = segments().flat_map(|segment| &segment.counts).sum();
+        segments().map(length).sum::<f64>() / readings.max(1.0)
+    }
+
     /// White noise of a channel, in its unit.
     #[must_use]
     pub fn floor(&self, channel: Channel) -> f64 {

@@ -22,6 +22,8 @@ pub enum Refusal {
     Training,
     /// It does not help on the held-out logs.
     Holdout,
+    /// It would have to be larger than it can be.
+    Range,
 }
 
 /// Fall of the information criterion that an effect must bring, were it the only one tried.
@@ -62,6 +64,9 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout:
     let unseen = trial.change < trial.spec.matters && alike.all(|(_, floor)| trial.change < SEEN * floor);
     if unseen || !relieves && hardly_moves(base, &trial.state) {
         all.push(Refusal::TooSmall);
+    }
+    if trial.is_beyond_its_range() {
+        all.push(Refusal::Range);
     }
     if !all.is_empty() {
         return all;

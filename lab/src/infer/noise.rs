@@ -37,6 +37,15 @@ impl Noise {
         Noise { white, slow: 0.0, tau_s: 1.0 }
     }
 
+    /// The same with a slow part of at least this deviation, that moves as much from row to row.
+    #[must_use]
+    pub fn with_slow(self, slow: f64) -> Noise {
+        if self.slow == 0.0 || slow <= self.slow {
+            return self;
+        }
+        Noise { slow, tau_s: self.tau_s * (slow / self.slow).powi(2), ..self }
+    }
+
     /// White noise that leaves a level as uncertain as this does, for readings that are so far apart, s:
     /// its spectral density is that of this noise at frequency 0.
     #[must_use]

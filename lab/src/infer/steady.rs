@@ -10,6 +10,9 @@ pub(super) const HOLDS: f64 = 4.0;
 /// model sees no more of it than the square of this share, and no sign changes among them.
 const HARDLY: f64 = 1.0 / 300.0;
 
+/// Share by which two rows may differ in how long they last: clocks of loggers jitter.
+const EVEN: f64 = 0.05;
+
 /// How far the inputs of a log may move and still hold.
 pub(super) struct Steady<'a> {
     time_s: &'a [f64],
@@ -47,9 +50,9 @@ impl<'a> Steady<'a> {
         })
     }
 
-    /// Whether a row lasts as long as the one before: means of rows that do not would change the charge that passed.
+    /// Whether a row lasts about as long as the one before: what runs smoothly through such rows is summed as if they were even.
     pub(super) fn even(&self, row: usize) -> bool {
         let step_s = |row: usize| self.time_s[row] - self.time_s[row - 1];
-        row > 1 && (step_s(row) - step_s(row - 1)).abs() <= 1e-6 * step_s(row)
+        row > 1 && (step_s(row) - step_s(row - 1)).abs() <= EVEN * step_s(row)
     }
 }

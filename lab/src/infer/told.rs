@@ -16,7 +16,6 @@ use energy::Channel;
 use nalgebra::DMatrix;
 
 use super::descent::{Asked, Place, descend_from};
-use super::evidence::Segment;
 use super::frame::Frame;
 use super::judge::explained;
 use super::lens::{Lens, square};
@@ -53,7 +52,7 @@ impl State {
         let mut lens = None;
         for _ in 0..ROUNDS {
             place = descend_from(frame, seen(&place, levelled(frame, &place.noise)), &by, Asked::Never);
-            place.noise = noises(frame, &place.residual);
+            place.noise = as_large_as_what_is_left(frame, noises(frame, &place.residual), &place.residual);
             lens = Some((place.lens.clone(), place.slopes.clone()));
         }
         let mut state = State::of(Arc::clone(frame), seen(&place, place.noise.clone()));
@@ -64,14 +63,21 @@ impl State {
     }
 }
 
+/// The same noise with a slow part of all that is left beside the white one. What is left of a wrong model is smoother from row to row
+/// than noise that forgets, and the most likely such noise too small for it: the same steps, but a level that is as uncertain as
+/// what is left is large.
+fn as_large_as_what_is_left(frame: &Frame, noise: Vec<(Channel, Noise)>, residual: &[f64]) -> Vec<(Channel, Noise)> {
+    let left = super::state::rms(&frame.evidence, residual);
+    let of = |(channel, noise): (Channel, Noise)| {
+        let rms = left.iter().find(|(of, _)| *of == channel).map_or(0.0, |(_, rms)| *rms);
+        (channel, noise.with_slow((rms.powi(2) - noise.white.powi(2)).max(0.0).sqrt()))
+    };
+    noise.into_iter().map(of).collect()
+}
+
 /// The same noise with nothing slow in it; see [`Noise::levelled`].
 fn levelled(frame: &Frame, noise: &[(Channel, Noise)]) -> Vec<(Channel, Noise)> {
-    let of = |&(channel, noise): &(Channel, Noise)| {
-        let segments = || frame.evidence.segments.iter().filter(move |segment| segment.channel == channel);
-        let length = |segment: &Segment| segment.time_s.last().zip(segment.time_s.first()).map_or(0.0, |(last, first)| last - first);
-        let readings: f64 = segments().flat_map(|segment| &segment.counts).sum();
-        (channel, noise.levelled(segments().map(length).sum::<f64>() / readings.max(1.0)))
-    };
+    let of = |&(channel, noise): &(Channel, Noise)| (channel, noise.levelled(frame.evidence.step_s(channel)));
     noise.iter().map(of).collect()
 }
 

@@ -59,6 +59,24 @@ impl Trial {
         })
     }
 
+    /// Whether half of the effect's sizes or more rest at an end of their range where it is not nothing: as large as it would
+    /// have to be it cannot be.
+    #[must_use]
+    pub fn is_beyond_its_range(&self) -> bool {
+        let told = self.state.told();
+        let (frame, held) = (&told.frame, told.held());
+        let sizes = || {
+            let own = |(place, &index): (usize, &usize)| {
+                let parameter = &frame.model.parameters()[index];
+                let spec = self.spec.parameters.iter().find(|spec| parameter.effect == self.spec.id && spec.name == parameter.name);
+                Some((place, spec?.null?))
+            };
+            frame.free.iter().enumerate().filter_map(own)
+        };
+        let beyond = sizes().filter(|(place, null)| held.contains(place) && told.x[*place] != *null).count();
+        beyond > 0 && 2 * beyond >= sizes().count()
+    }
+
     /// Whether the other effect is this one under another name, or this one with more freedom: with the
     /// numbers that it has in common with this one, and the rest of its own at an end of their ranges,
     /// it predicts the same.
@@ -101,7 +119,8 @@ impl Trial {
         let parameters = state.frame.model.parameters().iter().enumerate();
         let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
-        let change = state.frame.change(&state.x, spec.channel, &nulls);
+        let told = state.told();
+        let change = told.frame.change(&told.x, spec.channel, &nulls);
         let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(state.told(), evidence));
         Trial { spec, delta_bic: state.delta_bic(base), uniqueness, change, holdout, state }
     }

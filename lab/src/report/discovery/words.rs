@@ -94,6 +94,7 @@ pub fn refusal(refusal: Refusal) -> &'static str {
         Refusal::TooSmall => "too small to matter",
         Refusal::Training => "error hardly falls",
         Refusal::Holdout => "no help on held-out logs",
+        Refusal::Range => "beyond its range",
     }
 }
 
