@@ -2,7 +2,7 @@
 
 mod plausible;
 
-pub use plausible::odd_current;
+pub use plausible::{odd_current, odd_voltage};
 
 use energy::document::hint;
 use energy::{Channel, Facts, Model, Start, System};

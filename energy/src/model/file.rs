@@ -182,6 +182,14 @@ fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>)
         }
         _ => return Err("battery needs one of ocv = { soc = [..], voltage_v = [..] } and ocv_csv = \"FILE\"".to_owned()),
     };
+    let (soc, voltage_v) = ocv.points();
+    let ends = |values: &[f64]| (values[0], values[values.len() - 1]);
+    let allowed = |name: &str, (first, last): (f64, f64), (min, max): (f64, f64), what: &str| {
+        let fits = first >= min && last <= max;
+        if fits { Ok(()) } else { Err(format!("battery.ocv: {name} runs from {first} to {last}: {what}, between {min} and {max}")) }
+    };
+    allowed("soc", ends(soc), (-0.5, 1.5), "a share of the charge of a full cell")?;
+    allowed("voltage_v", ends(voltage_v), (-1.0, 10.0), "volts of one cell")?;
     let eod_v_per_cell = within("eod_v_per_cell", raw.eod_v_per_cell, 0.1, 10.0)?;
     Ok(BatteryFacts {
         series: count("series", raw.series)?,

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context as _, ensure};
+use anyhow::{Context as _, bail, ensure};
 use energy::Model;
 use indicatif::{ProgressBar, ProgressStyle};
 use lab::ModelSource;
@@ -50,6 +50,7 @@ impl<'a> Case<'a> {
     pub(super) fn read(model: &ModelArg, inputs: &'a LogInputs) -> anyhow::Result<Case<'a>> {
         let source = model.load()?;
         let (train, holdout) = (inputs.train(&source.model)?, inputs.holdout(&source.model)?);
+        unlike(&train, &holdout)?;
         let evidence = |logs: &[Log]| {
             let prepared = inputs.ready(&source.model, logs)?;
             anyhow::Ok(Arc::new(Evidence::new(&source.model, prepared)))
@@ -126,6 +127,22 @@ impl Written {
     pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
         Ok(write_whole(path, self.text.as_bytes())?)
     }
+}
+
+/// Refuses a log to judge by that is one to learn from, under whatever name.
+pub(super) fn unlike(train: &[Log], holdout: &[Log]) -> anyhow::Result<()> {
+    // What is missing in both is the same.
+    let alike = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || a.is_nan() && b.is_nan());
+    let same = |a: &Log, b: &Log| {
+        let channels = a.channels.len() == b.channels.len() && a.channels.keys().eq(b.channels.keys());
+        alike(&a.time_s, &b.time_s) && channels && a.channels.iter().all(|(channel, values)| alike(values, &b.channels[channel]))
+    };
+    for held in holdout {
+        if let Some(seen) = train.iter().find(|log| same(log, held)) {
+            bail!("{} holds the same readings as {}: a log that was learned from cannot judge", held.file, seen.file);
+        }
+    }
+    Ok(())
 }
 
 /// What a model file says about where its numbers come from.

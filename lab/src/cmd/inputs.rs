@@ -9,7 +9,7 @@ use anyhow::{Context as _, bail, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
 use lab::measurement::{Log, LogFacts, Role, Thinning, thin, uneven_sampling};
-use lab::prepare::{Prepared, odd_current, predicted_channels, prepare_to_judge};
+use lab::prepare::{Prepared, odd_current, odd_voltage, predicted_channels, prepare_to_judge};
 use lab::{ModelSource, load_model};
 
 pub(super) use facts::FactArgs;
@@ -113,6 +113,8 @@ impl LogArgs {
                 // Whatever is learned from it would be the wrong sign by another name.
                 ensure!(role.is_none(), "{odd}. Nothing is learned from such a log; `lab compare` shows it as it is");
                 log.notes.push(odd);
+            } else {
+                log.notes.extend(odd_voltage(model, log));
             }
             thin(log, model, self.rows.thinning());
             say(&log.notes[told..]);

@@ -46,11 +46,61 @@ pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
     let odd = if low < -BEYOND { low } else { high };
     (low < -BEYOND || high > 1.0 + BEYOND).then(|| {
         format!(
-            "{}: current_a takes the charge from {:.0} % to {:.0} % of {} Ah: it must be in A, and positive while discharging",
+            "{}: current_a takes the charge from {:.0} % to {:.0} % of {} Ah: it must be in A and positive while discharging, time_s in s, and soc_initial and capacity_ah those of this battery",
             log.file,
             100.0 * prepared.start.soc,
             100.0 * odd,
             facts.capacity_ah
+        )
+    })
+}
+
+/// Volts per cell that the first voltage may lie beside the open-circuit voltage without a remark: what a current of [`QUICK_C`] or less
+/// costs in a cell in any good condition.
+const FIRST_V: f64 = 0.25;
+const QUICK_C: f64 = 1.5;
+/// Share of the OCV table's span that a voltage goes through, while less than this share of the charge passes, that is told.
+const SPAN: f64 = 0.6;
+const HARDLY_PASSED: f64 = 0.15;
+
+/// What is odd about how a battery log's voltage goes with the charge that is said to be there, in words.
+#[must_use]
+pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
+    let Facts::Battery(facts) = &model.facts else { return None };
+    let prepared = prepare(model, log).ok()?;
+    let current_a = prepared.inputs.iter().find(|(channel, _)| *channel == Channel::CurrentA).map(|(_, values)| values)?;
+    let target = prepared.targets.iter().find(|target| target.channel == Channel::VoltageV)?;
+    let cells = f64::from(facts.series);
+    let gentle = |row: &usize| current_a[*row].abs() <= QUICK_C * facts.capacity_ah;
+    let first = (0..prepared.time_s.len()).find(|row| target.used[*row] && gentle(row))?;
+    let passed = |row: usize| current_a[row] * (prepared.time_s[row] - prepared.time_s[row - 1]) / 3600.0 / facts.capacity_ah;
+    let soc = prepared.start.soc - (1..=first).map(passed).sum::<f64>();
+    let (shown, open) = (target.observed[first] / cells, facts.ocv.voltage_v(soc));
+    if (shown - open).abs() > FIRST_V {
+        return Some(format!(
+            "{}: its first voltages are {shown:.2} V per cell, and a cell that is {:.0} % full has {open:.2} V at rest: does the log begin elsewhere than soc_initial says, or in the middle?",
+            log.file,
+            100.0 * soc
+        ));
+    }
+    let gentle = || (1..prepared.time_s.len()).filter(|row| target.used[*row]).filter(gentle);
+    let ends =
+        |values: &mut dyn Iterator<Item = f64>| values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    let volts = ends(&mut gentle().map(|row| target.observed[row] / cells));
+    let mut charge = prepared.start.soc;
+    let charges = ends(&mut (1..prepared.time_s.len()).map(|row| {
+        charge -= passed(row);
+        charge
+    }));
+    let table = facts.ocv.points().1;
+    let span = table[table.len() - 1] - table[0];
+    (volts.1 - volts.0 > SPAN * span && charges.1 - charges.0 < HARDLY_PASSED).then(|| {
+        format!(
+            "{}: the voltage goes from {:.2} to {:.2} V per cell while {:.1} % of the charge passes: time_s must be in s, current_a in A, and capacity_ah that of this battery",
+            log.file,
+            volts.1,
+            volts.0,
+            100.0 * (charges.1 - charges.0)
         )
     })
 }
@@ -71,6 +121,27 @@ mod tests {
         let facts = LogFacts { soc_initial: Some(0.95), ..LogFacts::default() };
         let log = read_log("log.csv", text.as_bytes(), facts).unwrap();
         odd_current(&load_model("enertech-lco-2280mah").unwrap().model, &log)
+    }
+
+    /// A discharge at 1 C, from full in truth, of which the log begins somewhere and counts time in some unit.
+    fn voltage(begins_s: u32, second: f64) -> Option<String> {
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let Facts::Battery(facts) = &model.facts else { panic!("a battery") };
+        let current_a = facts.capacity_ah;
+        let row = |now: u32| {
+            let voltage_v = facts.ocv.voltage_v(1.0 - f64::from(now) / 3600.0) - 0.05 * current_a;
+            format!("{},{current_a},{voltage_v}\n", f64::from(now - begins_s) * second)
+        };
+        let text = (begins_s..3500).step_by(10).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+        let facts = LogFacts { soc_initial: Some(1.0), ..LogFacts::default() };
+        odd_voltage(&model, &read_log("log.csv", text.as_bytes(), facts).unwrap())
+    }
+
+    #[test]
+    fn a_log_that_begins_in_the_middle_or_counts_minutes_is_told_and_a_right_one_is_not() {
+        assert_eq!(voltage(0, 1.0), None);
+        assert!(voltage(1800, 1.0).unwrap().contains("in the middle?"), "{:?}", voltage(1800, 1.0));
+        assert!(voltage(0, 1.0 / 60.0).unwrap().contains("while 1.6 % of the charge passes: time_s must be in s"));
     }
 
     #[test]

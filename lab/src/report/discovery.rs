@@ -1,6 +1,6 @@
 //! A search for missing effects, for people and for JSON.
 
-mod tables;
+pub(super) mod tables;
 mod words;
 
 use std::collections::BTreeMap;
@@ -49,7 +49,7 @@ pub struct DiscoveryReport {
 }
 
 /// What the files of two models leave of a channel, as `lab compare` sees them.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, PartialEq)]
 pub struct FileErrors {
     /// The channel.
     pub channel: &'static str,

@@ -6,7 +6,8 @@ use energy::effect::expression;
 use energy::{Channel, Model, Parameter};
 use serde::Serialize;
 
-use super::discovery::learned_lines;
+use super::discovery::tables::files;
+use super::discovery::{FileErrors, learned_lines};
 use super::quantity::{quantity, unit_of, with_sigma};
 use super::table::{numbers_from, table, text};
 use crate::infer::evidence::Evidence;
@@ -188,6 +189,8 @@ pub struct ProposalReport {
     pub words: Vec<String>,
     /// What was fitted beside the formula and has no place in the model file.
     pub left_out: Vec<LeftOut>,
+    /// The files alone, the given one and that with the proposal, as `lab compare` sees them; empty without a proposal.
+    pub files: Vec<FileErrors>,
     /// The file written; null when none was asked for or nothing is proposed.
     pub output: Option<String>,
 }
@@ -233,6 +236,7 @@ impl ProposalReport {
             holdout: held,
             words,
             left_out: if status == Status::Proposal { left_out(&proposal.state) } else { Vec::new() },
+            files: Vec::new(),
             output: None,
         }
     }
@@ -265,6 +269,9 @@ impl ProposalReport {
             }
         }
         whole += &text(&errors);
+        if !self.files.is_empty() {
+            let _ = write!(whole, "\nThe files alone, as `lab compare` sees them:\n{}", text(&files(&self.files)));
+        }
         for sentence in &self.words {
             let _ = write!(whole, "\n{sentence}");
         }

@@ -13,7 +13,7 @@ use super::say;
 pub(in crate::cmd) struct FactArgs {
     /// Takes a channel from a column of another name or unit, e.g.
     /// temperature_degc=temp_K*1-273.15; a number alone stands for every row.
-    #[arg(long = "column", value_name = "CANONICAL=SOURCE[*SCALE][+/-OFFSET]")]
+    #[arg(long = "column", num_args = 1.., value_name = "CANONICAL=SOURCE[*SCALE][+/-OFFSET]")]
     columns: Vec<Mapping>,
     /// State of charge at the first row, 0 to 1.
     #[arg(long, allow_negative_numbers = true)]
@@ -73,6 +73,12 @@ impl FactArgs {
         let facts = if beside.is_file() {
             let name = beside.display().to_string();
             let text = fs::read_to_string(&beside).with_context(|| format!("cannot read {name}"))?;
+            let is_model = toml::from_str::<toml::Table>(&text).is_ok_and(|table| table.contains_key("system"));
+            let log = path.display();
+            ensure!(
+                !is_model,
+                "{name} is a model, and would be read as the facts of the log {log} beside it: give one of them another name"
+            );
             LogFacts::parse(&name, &text)?
         } else {
             LogFacts::default()

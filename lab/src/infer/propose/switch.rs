@@ -108,6 +108,9 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
     })
 }
 
+/// Rows one behind the other that still are single readings.
+const TOGETHER: usize = 2;
+
 /// Cost of a change between the states, and of another term, in logarithms of the number of rows: each is a number that is asked for, and
 /// it is the best of many.
 const PER_CHANGE: f64 = 2.0;
@@ -206,7 +209,8 @@ impl Rows {
         let mut settled = self.without();
         let mut there = Vec::new();
         for _ in 0..ROUNDS {
-            let now: Vec<bool> = settled.alone.iter().map(|alone| alone.powi(2) > 2.0 * self.per_change()).collect();
+            let far: Vec<bool> = settled.alone.iter().map(|alone| alone.powi(2) > 2.0 * self.per_change()).collect();
+            let now = self.single(&far);
             if now == there {
                 break;
             }
@@ -225,6 +229,20 @@ impl Rows {
         let cost = self.cost(&settled, 2 * amounts.len());
         settled.left = settled.left.iter().zip(&there).filter(|(_, there)| !**there).map(|(left, _)| *left).collect();
         Found { cost, settled, size, there }
+    }
+
+    /// Those of some rows that stand alone, or two by two: what goes on for longer is no reading that is off.
+    fn single(&self, rows: &[bool]) -> Vec<bool> {
+        let mut single = vec![false; rows.len()];
+        let goes_on = |index: usize| rows[index] && rows[index - 1] && self.judged[index].1 == self.judged[index - 1].1;
+        let mut begin = 0;
+        for index in 1..=rows.len() {
+            if index == rows.len() || !goes_on(index) {
+                single[begin..index].fill(rows[begin] && index - begin <= TOGETHER);
+                begin = index;
+            }
+        }
+        single
     }
 
     /// The best that comes and goes as a multiple of what is measured; none when nothing does.

@@ -127,7 +127,7 @@ pub(super) fn parameters(found: &Discovery) -> Table {
 }
 
 /// What the files of two models leave.
-pub(super) fn files(errors: &[FileErrors]) -> Table {
+pub(in crate::report) fn files(errors: &[FileErrors]) -> Table {
     let mut rows = table(&["channel", "", "model given", "model found", ""]);
     for one in errors {
         let unit = unit_of(one.channel);
