@@ -14,7 +14,7 @@ use crate::infer::certainty::range_sigma;
 use crate::infer::rough::{Known, Rough, straight};
 use crate::infer::state::State;
 use crate::model_edit::{Change, EditError, append, edit, ocv_of_file, set_number, set_ocv};
-use crate::report::quantity::{quantity, unit_of};
+use crate::report::quantity::{digits, quantity, unit_of};
 
 /// Share of its deviation by which a rough number must have moved to be written. A thousandth of a
 /// capacity is millivolts near empty, so this is small.
@@ -65,6 +65,8 @@ pub struct LeftOut {
     pub stated_sigma: f64,
     /// Unit of all; empty for a pure number.
     pub unit: &'static str,
+    /// What the facts of the log would say then; empty where they cannot.
+    pub fact: String,
 }
 
 /// What the state learned about logs and sensors, where it moved.
@@ -83,7 +85,11 @@ pub fn left_out(state: &State) -> Vec<LeftOut> {
             Rough::Lag(channel) => (format!("delay of the sensor of {}", channel.name()), "s"),
         };
         let (shift, sigma) = shift(state, what, WORTH_TELLING)?;
-        Some(LeftOut { what: words, shift, sigma, stated_sigma: known.sigma, unit })
+        let fact = match what {
+            Rough::SocInitial(own) => format!("soc_initial = {:.4}", state.frame.evidence.logs[own].start.soc + shift),
+            _ => String::new(),
+        };
+        Some(LeftOut { what: words, shift, sigma, stated_sigma: known.sigma, unit, fact })
     };
     state.frame.known.iter().filter_map(of).collect()
 }
@@ -100,6 +106,9 @@ fn mv(volts: f64) -> String {
     quantity(volts, "V")
 }
 
+/// Times the written deviation from which on that of a number by itself is said beside it.
+const APART: f64 = 1.2;
+
 /// New numbers of the free parameters. A file holds a deviation for each number and not how they go
 /// together: of numbers that the logs know only in combination it gets the deviation within what
 /// they do know, so that what follows from all of them is no less certain than it is.
@@ -108,7 +117,6 @@ fn fitted(state: &State, origin: &str) -> Vec<Change> {
     let deviations = deviations(state);
     let of = |(place, &index): (usize, &usize)| {
         let parameter = &state.frame.model.parameters()[index];
-        let determined = deviations[place].2.is_some();
         let open = range_sigma(&state.frame, index);
         let by_itself = state.normal[(place, place)].max(0.0).sqrt().recip();
         let sigma = if by_itself < open { covariance[(place, place)].max(0.0).sqrt().max(by_itself).min(open) } else { open };
@@ -118,7 +126,13 @@ fn fitted(state: &State, origin: &str) -> Vec<Change> {
             value: state.x[place],
             sigma,
             range: (parameter.min, parameter.max),
-            source: if determined { format!("fitted by {origin}") } else { format!("left open by the logs: {origin}") },
+            source: match deviations[place].2 {
+                Some(alone) if alone > APART * sigma => {
+                    format!("fitted by {origin}; sigma with all other numbers as they are, {} for it by itself", digits(alone))
+                }
+                Some(_) => format!("fitted by {origin}"),
+                None => format!("left open by the logs: {origin}"),
+            },
             free: true,
         }
     };

@@ -101,6 +101,8 @@ pub struct Ranked {
 pub struct Rung {
     /// The effect that was added; none for the model as given.
     pub effect: Option<&'static str>,
+    /// Fall of the information criterion that it brought; none for the model as given.
+    pub delta_bic: Option<f64>,
     /// RMS on the logs that were fitted.
     pub train_rms: ByChannel,
     /// RMS on held-out logs; empty without such logs.
@@ -276,6 +278,7 @@ fn ladder(search: &Search) -> Vec<Rung> {
     let first = &search.steps[0];
     let mut rungs = vec![Rung {
         effect: None,
+        delta_bic: None,
         train_rms: by_channel(&first.base.told().rms()),
         holdout_rms: by_channel(&first.base_holdout),
         floor: floor.clone(),
@@ -284,6 +287,7 @@ fn ladder(search: &Search) -> Vec<Rung> {
         let best = &step.trials[0];
         rungs.push(Rung {
             effect: Some(best.spec.id),
+            delta_bic: Some(best.delta_bic),
             train_rms: by_channel(&best.state.told().rms()),
             holdout_rms: by_channel(&best.holdout),
             floor: floor.clone(),

@@ -93,16 +93,24 @@ impl State {
         self.frame.free.iter().enumerate().map(of).collect()
     }
 
-    /// The same fit with what the logs leave open as it was known before, where that is within bounds.
+    /// The same fit with what the logs leave open as it was known before, as far as bounds allow.
     #[must_use]
     pub(super) fn with_what_is_open_as_before(self) -> State {
         let Some((along, covariance)) = self.left_open() else { return self };
         let pull =
             DVector::from_iterator(self.x.len(), self.before().iter().zip(&self.x).map(|((value, sigma), x)| (value - x) / sigma.powi(2)));
         let step = &along * (covariance * along.tr_mul(&pull));
-        let x: Vec<f64> = self.x.iter().zip(step.iter()).map(|(x, step)| x + step).collect();
-        let within = x.iter().zip(self.frame.bounds()).all(|(x, (min, max))| (min..=max).contains(x));
-        if within { self.moved_to(x) } else { self }
+        // As far as every number stays in its range.
+        let room = |((x, step), (min, max)): ((&f64, &f64), (f64, f64))| match *step {
+            step if step > 0.0 => (max - x) / step,
+            step if step < 0.0 => (min - x) / step,
+            _ => f64::INFINITY,
+        };
+        let bounds = self.frame.bounds();
+        let share = self.x.iter().zip(step.iter()).zip(bounds.iter().copied()).map(room).fold(1.0_f64, f64::min).max(0.0);
+        let moved = self.x.iter().zip(step.iter()).zip(bounds).map(|((x, step), (min, max))| (x + share * step).clamp(min, max));
+        let x = moved.collect();
+        self.moved_to(x)
     }
 }
 

@@ -115,8 +115,20 @@ impl Addition {
             |numbers: &[(Channel, f64)]| -> ByChannel { numbers.iter().map(|&(channel, number)| (channel.name(), number)).collect() };
         let floor = named(&base.frame.evidence.floors);
         vec![
-            Rung { effect: None, train_rms: named(&base.told().rms()), holdout_rms: named(base_holdout), floor: floor.clone() },
-            Rung { effect: Some(trial.spec.id), train_rms: named(&trial.state.told().rms()), holdout_rms: named(&trial.holdout), floor },
+            Rung {
+                effect: None,
+                delta_bic: None,
+                train_rms: named(&base.told().rms()),
+                holdout_rms: named(base_holdout),
+                floor: floor.clone(),
+            },
+            Rung {
+                effect: Some(trial.spec.id),
+                delta_bic: Some(trial.delta_bic),
+                train_rms: named(&trial.state.told().rms()),
+                holdout_rms: named(&trial.holdout),
+                floor,
+            },
         ]
     }
 

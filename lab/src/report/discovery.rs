@@ -147,7 +147,8 @@ pub(super) fn learned_lines(left_out: &[LeftOut]) -> String {
         let deviations = one.shift.abs() / one.stated_sigma;
         if deviations > FAR { format!(", {deviations:.1} of the deviations stated for it") } else { String::new() }
     };
-    left_out.iter().map(|one| format!("  {}: {}{}\n", one.what, signed(one), far(one))).collect()
+    let fact = |one: &LeftOut| if one.fact.is_empty() { String::new() } else { format!(" ({})", one.fact) };
+    left_out.iter().map(|one| format!("  {}: {}{}{}\n", one.what, signed(one), fact(one), far(one))).collect()
 }
 
 fn signed(one: &LeftOut) -> String {

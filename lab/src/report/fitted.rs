@@ -265,8 +265,15 @@ fn words(parameters: &[FittedParameter], logs: &[FittedLog], fit: &Fit) -> Vec<S
         match p.state {
             State::AtMin => words.push(bound("least", p.min)),
             State::AtMax => words.push(bound("greatest", p.max)),
-            State::Flat if certainty.silent[index] => {
+            State::Flat if certainty.silent[index] && p.value == p.before => {
                 words.push(format!("{} is not determined: no row of these logs depends on it. It keeps its value.", name(p)));
+            }
+            State::Flat if certainty.silent[index] => {
+                let (before, now) = (quantity(p.before, p.unit), quantity(p.value, p.unit));
+                words.push(format!(
+                    "{} went from {before} to {now}, where no row of these logs depends on it any more: they fit better without what it stands for, and say no more about it.",
+                    name(p)
+                ));
             }
             State::Flat if !certainty.tangled.iter().any(|set| set.contains(&index)) => {
                 words.push(format!("{} is not determined: these logs say no more about it than its plausible range.", name(p)));

@@ -90,7 +90,10 @@ pub fn with_sigma(value: f64, sigma: Option<f64>, unit: &str) -> String {
     // Two digits of sigma, and the value to the same place.
     let places = (1.0 - (sigma * scale).log10().floor()).clamp(0.0, 9.0) as usize;
     let space = if unit.is_empty() { "" } else { " " };
-    format!("{:.places$} +- {:.places$}{space}{prefix}{unit}", value * scale, sigma * scale)
+    let shown = format!("{:.places$}", value * scale);
+    // Nothing has no sign.
+    let shown = if shown.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') { shown.trim_start_matches('-') } else { &shown };
+    format!("{shown} +- {:.places$}{space}{prefix}{unit}", sigma * scale)
 }
 
 #[cfg(test)]
@@ -127,5 +130,6 @@ mod tests {
         assert_eq!(quantity(1e-6, "K"), "1.00e-6 K");
         assert_eq!(with_sigma(0.067_89, Some(0.003_21), "ohm"), "67.9 +- 3.2 mohm");
         assert_eq!(with_sigma(50.0, None, "s"), "50.0 s +- ?");
+        assert_eq!(with_sigma(-0.000_1, Some(0.010), "ohm"), "0 +- 10 mohm");
     }
 }

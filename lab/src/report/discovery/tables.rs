@@ -21,6 +21,7 @@ pub(super) fn ladder(rungs: &[Rung], channel: &'static str, bar: impl Fn(f64) ->
     if holdout {
         header.extend(["held out", ""]);
     }
+    header.push("delta BIC");
     let mut rows = table(&header);
     for rung in rungs {
         let cells = |numbers: &ByChannel| match numbers.get(channel) {
@@ -33,12 +34,13 @@ pub(super) fn ladder(rungs: &[Rung], channel: &'static str, bar: impl Fn(f64) ->
         if holdout {
             row.extend(cells(&rung.holdout_rms));
         }
+        row.push(rung.delta_bic.map_or_else(String::new, digits));
         rows.add_row(row);
     }
     if let Some(&floor) = rungs.first().and_then(|rung| rung.floor.get(channel)) {
         rows.add_row(["sensor floor".to_owned(), quantity(floor, unit)]);
     }
-    for column in [1, 3] {
+    for column in [1, if holdout { 3 } else { 1 }, header.len() - 1] {
         if let Some(column) = rows.column_mut(column) {
             column.set_cell_alignment(comfy_table::CellAlignment::Right);
         }
