@@ -7,6 +7,7 @@
 //! information criterion falls by more than the number of terms tried excuses, and the error on
 //! logs that the fit has not seen falls.
 
+mod cheapest;
 pub mod dictionary;
 mod periodic;
 pub mod switch;

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use energy::Channel;
 use nalgebra::{DMatrix, DVector};
 
+use super::cheapest::cheapest;
 use crate::infer::evidence::Evidence;
 use crate::infer::frame::Frame;
 use crate::infer::lens::{Absorber, Lens};
@@ -68,7 +69,7 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
     let readings = off.cost < found.as_ref().map_or(least, |(_, found)| found.cost);
     let (times, found) = if readings { (None, off) } else { found? };
     let before_training = train.rms(&train.without());
-    let (beside, found) = if readings { (train, found) } else { train.settle(&frame, times, found, None) };
+    let (beside, found) = if readings { train.settle_readings(&frame, found) } else { train.settle(&frame, times, found, None) };
     // A held-out log is asked for its own numbers only; all else is what the training logs say.
     let held = Frame::new(Arc::clone(&base.frame.model), whole(holdout));
     let own: Vec<usize> = (0..held.known.len()).filter(|&place| held.known[place].log().is_some()).map(|p| held.free.len() + p).collect();
@@ -81,7 +82,9 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
     let before = alone.rms(&alone.without());
     let asked = judged(&beside.moved(&frame, &found));
     let after = if readings {
-        asked.rms(&asked.readings_off().settled)
+        let off = asked.readings_off();
+        let (asked, off) = asked.settle_readings(&held, off);
+        asked.rms(&off.settled)
     } else {
         let there = asked.from(&held, times, found.size, Some(found.size));
         let (asked, there) = asked.settle(&held, times, there, Some(found.size));
@@ -108,8 +111,9 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
     })
 }
 
-/// Rows one behind the other that still are single readings.
+/// Rows one behind the other that still are single readings, and share of all that must be such.
 const TOGETHER: usize = 2;
+const MOST: f64 = 0.8;
 
 /// Cost of a change between the states, and of another term, in logarithms of the number of rows: each is a number that is asked for, and
 /// it is the best of many.
@@ -206,20 +210,26 @@ impl Rows {
 
     /// Single readings that are off, each by its own amount: what is left is left of all others.
     fn readings_off(&self) -> Found {
-        let mut settled = self.without();
-        let mut there = Vec::new();
+        // A reading takes all that is left of it; what that was follows once more from what the others say.
+        let without = |mut settled: Settled, rows: &[bool]| {
+            for _ in 0..REFITS {
+                let amounts: Vec<f64> = settled.alone.iter().map(|alone| alone * self.floor).collect();
+                settled = self.settled(Some(&amounts), rows, Some(1.0));
+            }
+            settled
+        };
+        let (mut settled, mut there) = (self.without(), Vec::new());
         for _ in 0..ROUNDS {
-            let far: Vec<bool> = settled.alone.iter().map(|alone| alone.powi(2) > 2.0 * self.per_change()).collect();
-            let now = self.single(&far);
+            let now: Vec<bool> = settled.alone.iter().map(|alone| alone.powi(2) > 2.0 * self.per_change()).collect();
             if now == there {
                 break;
             }
-            // A reading takes all that is left of it; what that was follows once more from what the others say.
-            for _ in 0..REFITS {
-                let amounts: Vec<f64> = settled.alone.iter().map(|alone| alone * self.floor).collect();
-                settled = self.settled(Some(&amounts), &now, Some(1.0));
-            }
+            settled = without(settled, &now);
             there = now;
+        }
+        // Only in the end is it clear which stand alone: readings that are off bend all others at first.
+        if !self.are_single(&there) {
+            (settled, there) = (self.without(), vec![false; there.len()]);
         }
         let amounts: Vec<f64> =
             settled.alone.iter().zip(&there).filter(|(_, there)| **there).map(|(alone, _)| alone * self.floor).collect();
@@ -231,18 +241,19 @@ impl Rows {
         Found { cost, settled, size, there }
     }
 
-    /// Those of some rows that stand alone, or two by two: what goes on for longer is no reading that is off.
-    fn single(&self, rows: &[bool]) -> Vec<bool> {
-        let mut single = vec![false; rows.len()];
+    /// Whether most of some rows stand alone, or two by two: what goes on for longer is no reading that is off.
+    fn are_single(&self, rows: &[bool]) -> bool {
         let goes_on = |index: usize| rows[index] && rows[index - 1] && self.judged[index].1 == self.judged[index - 1].1;
-        let mut begin = 0;
+        let (mut begin, mut single, mut all) = (0, 0, 0_usize);
         for index in 1..=rows.len() {
             if index == rows.len() || !goes_on(index) {
-                single[begin..index].fill(rows[begin] && index - begin <= TOGETHER);
+                let count = if rows[begin] { index - begin } else { 0 };
+                all += count;
+                single += if count <= TOGETHER { count } else { 0 };
                 begin = index;
             }
         }
-        single
+        single as f64 > MOST * all as f64
     }
 
     /// The best that comes and goes as a multiple of what is measured; none when nothing does.
@@ -301,6 +312,20 @@ impl Rows {
         (rows, found)
     }
 
+    /// The same for single readings.
+    fn settle_readings(self, frame: &Frame, mut found: Found) -> (Rows, Found) {
+        let mut rows = self;
+        for _ in 0..REFITS {
+            let moved = Rows::new(frame, rows.moved(frame, &found), rows.by.clone(), rows.channel);
+            let again = moved.readings_off();
+            if again.cost > found.cost {
+                break;
+            }
+            (rows, found) = (moved, again);
+        }
+        (rows, found)
+    }
+
     /// In which rows it is there: the way of least cost.
     fn there(&self, alone: &[f64], measured: &[f64], size: f64) -> Vec<bool> {
         let logs: Vec<usize> = self.judged.iter().map(|&(_, log, _)| log).collect();
@@ -330,56 +355,5 @@ impl Rows {
             stays_s += frame.evidence.logs[log].time_s[row] - frame.evidence.logs[log].time_s[row - 1];
         }
         (visits, rows, stays_s / visits.max(1) as f64)
-    }
-}
-
-/// The way through two states of least cost: for each row its log and what either state costs there, and what a change costs.
-/// A log begins in either.
-fn cheapest(logs: &[usize], costs: &[[f64; 2]], change: f64) -> Vec<bool> {
-    let mut sums = [0.0, 0.0];
-    // For each row and state, the state of the row before.
-    let mut from: Vec<[bool; 2]> = Vec::with_capacity(costs.len());
-    for (row, own) in costs.iter().enumerate() {
-        let change = if row > 0 && logs[row - 1] == logs[row] { change } else { 0.0 };
-        let step = |state: usize| {
-            let (stays, comes) = (sums[state], sums[1 - state] + change);
-            if comes < stays { (comes, state == 0) } else { (stays, state == 1) }
-        };
-        let [off, on] = [step(0), step(1)];
-        from.push([off.1, on.1]);
-        sums = [off.0 + own[0], on.0 + own[1]];
-    }
-    let mut state = sums[1] < sums[0];
-    let mut there = vec![false; costs.len()];
-    for row in (0..costs.len()).rev() {
-        there[row] = state;
-        state = from[row][usize::from(state)];
-    }
-    there
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rand::{RngExt as _, SeedableRng as _};
-
-    /// Against all ways there are: ten rows of two logs.
-    #[test]
-    fn no_other_way_is_cheaper() {
-        let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(1);
-        for change in [0.0, 0.3, 1.0, 5.0] {
-            for _ in 0..100 {
-                let logs: Vec<usize> = (0..10).map(|row| usize::from(row >= 4)).collect();
-                let costs: Vec<[f64; 2]> = (0..10).map(|_| [random.random_range(0.0..1.0), random.random_range(0.0..1.0)]).collect();
-                let cost = |way: &[bool]| {
-                    let own: f64 = way.iter().zip(&costs).map(|(there, costs)| costs[usize::from(*there)]).sum();
-                    let changes = (1..10).filter(|&row| way[row] != way[row - 1] && logs[row] == logs[row - 1]).count();
-                    own + changes as f64 * change
-                };
-                let ways = (0..1_u32 << 10).map(|number| (0..10).map(|row| number >> row & 1 == 1).collect::<Vec<bool>>());
-                let least = ways.map(|way| cost(&way)).fold(f64::INFINITY, f64::min);
-                assert!((cost(&cheapest(&logs, &costs, change)) - least).abs() < 1e-12);
-            }
-        }
     }
 }
