@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use energy::{Channel, EffectSpec};
+use energy::{Channel, EffectSpec, Parameter};
 use serde::Serialize;
 
 use super::candidate::Untested;
@@ -65,6 +65,17 @@ pub struct Value {
     pub value: f64,
     /// Its standard deviation; none where the logs do not determine it.
     pub sigma: Option<f64>,
+    /// Whether it rests at an end of its range: what it stands for would have to be larger than it can be, or less than nothing.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub at_end_of_range: bool,
+}
+
+impl Value {
+    /// Of a parameter.
+    #[must_use]
+    pub fn of(parameter: &Parameter, value: f64, sigma: Option<f64>) -> Value {
+        Value { value, sigma, at_end_of_range: value <= parameter.min || value >= parameter.max }
+    }
 }
 
 /// One absent effect.
@@ -300,7 +311,7 @@ fn parameters(state: &State) -> BTreeMap<&'static str, BTreeMap<&'static str, Va
     let mut all: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();
     for (index, value, sigma) in deviations(state) {
         let parameter = &state.frame.model.parameters()[index];
-        all.entry(parameter.effect).or_default().insert(parameter.name, Value { value, sigma });
+        all.entry(parameter.effect).or_default().insert(parameter.name, Value::of(parameter, value, sigma));
     }
     all
 }

@@ -103,8 +103,10 @@ impl Addition {
     #[must_use]
     pub fn parameters_of(trial: &Trial) -> BTreeMap<&'static str, Value> {
         let model = &trial.state.frame.model;
-        let own =
-            deviations(trial.state.told()).into_iter().map(|(index, value, sigma)| (&model.parameters()[index], Value { value, sigma }));
+        let own = deviations(trial.state.told()).into_iter().map(|(index, value, sigma)| {
+            let parameter = &model.parameters()[index];
+            (parameter, Value::of(parameter, value, sigma))
+        });
         own.filter(|(parameter, _)| parameter.effect == trial.spec.id).map(|(parameter, value)| (parameter.name, value)).collect()
     }
 

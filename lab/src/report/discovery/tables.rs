@@ -1,12 +1,14 @@
 //! Tables of a search.
 
+use std::collections::BTreeMap;
+
 use comfy_table::Table;
 
 use super::{FileErrors, named, perhaps_sigma, refusal};
 use crate::decision::Decisions;
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Rung};
 use crate::report::comparison::chance;
-use crate::report::quantity::{digits, quantity, unit_of};
+use crate::report::quantity::{digits, quantity, unit_of, with_sigma};
 use crate::report::table::{numbers_from, table};
 
 /// Parameters of one effect that are printed, and effects that look like it.
@@ -128,13 +130,21 @@ pub fn fall(before: &ByChannel, after: &ByChannel) -> String {
 
 /// Free parameters at the end.
 pub(super) fn parameters(found: &Discovery) -> Table {
-    let mut rows = table(&["parameter", "value"]);
+    let ends = found.parameters.values().flat_map(BTreeMap::values).any(|value| value.at_end_of_range);
+    let mut rows = table(if ends { &["parameter", "value", ""] } else { &["parameter", "value"] });
     for (effect, own) in &found.parameters {
         for (name, value) in own {
-            rows.add_row([format!("{effect}.{name}"), crate::report::quantity::with_sigma(value.value, value.sigma, unit_of(name))]);
+            let mut row = vec![format!("{effect}.{name}"), with_sigma(value.value, value.sigma, unit_of(name))];
+            if ends {
+                row.push(if value.at_end_of_range { "at the end of its range" } else { "" }.to_owned());
+            }
+            rows.add_row(row);
         }
     }
     numbers_from(&mut rows, 1);
+    if let Some(words) = rows.column_mut(2) {
+        words.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
     rows
 }
 
