@@ -257,6 +257,15 @@ mod tests {
             .collect()
     }
 
+    /// From one row to the next it moves as before: the variance of a short step is `2 slow² dt / tau`.
+    #[test]
+    fn a_larger_slow_part_takes_the_same_steps() {
+        let larger = NOISE.with_slow(10.0);
+        let step = |noise: Noise| 2.0 * noise.slow.powi(2) / noise.tau_s;
+        assert!((step(larger) - step(NOISE)).abs() < 1e-12 && larger.slow == 10.0);
+        assert_eq!((NOISE.with_slow(1.0), Noise::white(1.0).with_slow(5.0)), (NOISE, Noise::white(1.0)));
+    }
+
     /// The filter is a Cholesky factor of V in disguise.
     #[test]
     fn innovations_and_likelihood_are_those_of_the_covariance_matrix() {

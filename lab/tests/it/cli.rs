@@ -212,3 +212,30 @@ fn wrong_usage_exits_with_2() {
     refuses(&lab(&["compare", "--model", CELL, "--log", "LICENSE"]), &["no log format for `.`"]);
     refuses(&lab(&["compare", "--model", CELL, "--log", "discharge-1c.csv", "discharge-1c.csv"]), &["is given twice"]);
 }
+
+#[test]
+fn a_model_beside_a_log_of_its_name_is_no_facts() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("run.csv"), "time_s,power_w\n0,3\n1,3\n").unwrap();
+    let model = "schema = 1\nsystem = \"robot\"\nname = \"r\"\n[[effect]]\nid = \"idle\"\n";
+    fs::write(directory.path().join("run.toml"), model).unwrap();
+    let outcome = lab_in(directory.path(), &["compare", "--model", "run.toml", "--log", "run.csv"]);
+    refuses(&outcome, &["run.toml is a model, and would be read as the facts of the log run.csv beside it"]);
+}
+
+#[test]
+fn a_table_in_per_cent_or_millivolts_is_refused_where_it_stands() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("run.csv"), "time_s,current_a,voltage_v\n0,1,4.1\n1,1,4.1\n").unwrap();
+    for (soc, voltage_v, words) in
+        [("0, 100", "3.0, 4.2", "soc runs from 0 to 100"), ("0, 1", "3000, 4200", "voltage_v runs from 3000 to 4200")]
+    {
+        let pack = "series = 1\nparallel = 1\ncapacity_ah = 2.0\nfull_v_per_cell = 4.2\neod_v_per_cell = 3.0\ncharge_current_a = 2.0\ncharge_cutoff_a = 0.1";
+        let text = format!(
+            "schema = 1\nsystem = \"battery\"\nname = \"c\"\n[battery]\n{pack}\nocv = {{ soc = [{soc}], voltage_v = [{voltage_v}] }}\n"
+        );
+        fs::write(directory.path().join("m.toml"), text).unwrap();
+        let outcome = lab_in(directory.path(), &["compare", "--model", "m.toml", "--log", "run.csv", "--soc-initial", "1"]);
+        refuses(&outcome, &["m.toml:", words]);
+    }
+}

@@ -253,3 +253,35 @@ fn one_log_alone_is_not_enough() {
     assert_eq!(found.code, 2);
     assert!(found.stderr.contains("--holdout"), "{}", found.stderr);
 }
+
+/// What the shipped cell leaves near empty goes on for many rows: no reading is off, and a resistance that grows towards empty says it.
+#[test]
+fn a_knee_near_empty_is_a_formula_and_no_readings_that_are_off() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/measured/enertech-lco-2280mah");
+    let logs = ["discharge-0p5c.csv", "discharge-1c.csv", "--holdout", "discharge-0p1c.csv"];
+    let found = lab_in(&folder, &[&["propose", "--model", "enertech-lco-2280mah", "--format", "json", "--log"][..], &logs].concat());
+    assert_eq!(found.code, 0, "{}{}", found.stdout, found.stderr);
+    let json = found.json();
+    assert!(json["switching"].is_null(), "{}", found.stdout);
+    let rms = |of: &str| json["training"][0][of].as_f64().unwrap();
+    assert!(rms("rms_after") < 0.25 * rms("rms_before"), "{}", found.stdout);
+    // What the files alone leave is told for the logs of both kinds.
+    let files = json["files"].as_array().unwrap();
+    assert_eq!(files.iter().map(|file| file["holdout"].as_bool().unwrap()).collect::<Vec<_>>(), [false, true]);
+}
+
+/// A log under another name is the same log.
+#[test]
+fn what_was_learned_from_does_not_judge() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("base.toml"), CELL).unwrap();
+    for (name, seed) in [("a", 1), ("b", 2), ("copy", 2)] {
+        fs::write(folder.path().join(format!("{name}.csv")), log(CELL, seed)).unwrap();
+    }
+    for verb in ["propose", "discover", "diagnose"] {
+        let fixed = ["--model", "base.toml", "--log", "a.csv", "b.csv", "--holdout", "copy.csv", "--soc-initial", "1"];
+        let refused = lab_in(folder.path(), &[&[verb][..], &fixed].concat());
+        assert_eq!(refused.code, 2, "{verb}");
+        assert!(refused.stderr.contains("copy.csv holds the same readings as b.csv"), "{verb}: {}", refused.stderr);
+    }
+}
