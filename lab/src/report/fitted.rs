@@ -271,7 +271,7 @@ fn words(parameters: &[FittedParameter], logs: &[FittedLog], fit: &Fit) -> Vec<S
             State::Flat if certainty.silent[index] => {
                 let (before, now) = (quantity(p.before, p.unit), quantity(p.value, p.unit));
                 words.push(format!(
-                    "{} went from {before} to {now}, where no row of these logs depends on it any more: they fit better without what it stands for, and say no more about it.",
+                    "{} went from {before} to {now}, where no row of these logs depends on it any more: they say no more about it than that.",
                     name(p)
                 ));
             }
