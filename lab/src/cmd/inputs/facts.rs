@@ -13,7 +13,7 @@ use super::say;
 pub(in crate::cmd) struct FactArgs {
     /// Takes a channel from a column of another name or unit, e.g.
     /// temperature_degc=temp_K*1-273.15; a number alone stands for every row.
-    #[arg(long = "column", num_args = 1.., value_name = "CANONICAL=SOURCE[*SCALE][+/-OFFSET]")]
+    #[arg(long = "column", value_name = "CANONICAL=SOURCE[*SCALE][+/-OFFSET]")]
     columns: Vec<Mapping>,
     /// State of charge at the first row, 0 to 1.
     #[arg(long, allow_negative_numbers = true)]
