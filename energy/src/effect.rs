@@ -153,6 +153,17 @@ pub trait Physics: Send + Sync {
         &[]
     }
 
+    /// Why what these facts describe cannot have the effect, whatever its logs show; none where it can.
+    fn ruled_out(&self, _facts: &Facts) -> Option<&'static str> {
+        None
+    }
+
+    /// Share of a battery's capacity that must pass in one go, once out of it and once into it, for the effect to differ from what
+    /// follows the current alone.
+    fn reversal(&self) -> f64 {
+        0.0
+    }
+
     /// Calculates what depends on parameters and the length of a step only, such as
     /// `exp(-dt / tau)`. Called when one of these changes, not at every step.
     fn prepare<S: Real>(&self, _facts: &Facts, _dt_s: f64, _parameters: &[S], _prepared: &mut [S]) {}
@@ -198,6 +209,10 @@ pub trait Effect: Steps<f64> + Steps<Dual> {
     fn reads_curve(&self) -> bool;
     /// [`Physics::lumps`].
     fn lumps(&self) -> &'static [&'static str];
+    /// [`Physics::ruled_out`].
+    fn ruled_out(&self, facts: &Facts) -> Option<&'static str>;
+    /// [`Physics::reversal`].
+    fn reversal(&self) -> f64;
 }
 
 impl<T: Physics> Effect for T {
@@ -212,6 +227,12 @@ impl<T: Physics> Effect for T {
     }
     fn lumps(&self) -> &'static [&'static str] {
         Physics::lumps(self)
+    }
+    fn ruled_out(&self, facts: &Facts) -> Option<&'static str> {
+        Physics::ruled_out(self, facts)
+    }
+    fn reversal(&self) -> f64 {
+        Physics::reversal(self)
     }
 }
 

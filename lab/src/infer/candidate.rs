@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model, ParameterSpec, catalogue};
+use energy::units::S_PER_H;
+use energy::{Channel, EffectSpec, Facts, Model, ParameterSpec, catalogue};
 
 use super::frame::Frame;
+use crate::prepare::Prepared;
 
 /// An absent effect, in the model.
 #[derive(Debug, Clone)]
@@ -36,6 +38,7 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
     let base = Model::clone(&frame.model).with_values(&frame.values(x));
     let has = |id: &str| base.effects().any(|effect| effect.spec().id == id);
     let (mut able, mut unable) = (Vec::new(), Vec::new());
+    let passed = passed(&base.facts, &frame.evidence.logs);
     for effect in catalogue().iter().filter(|effect| effect.spec().system == base.system && !has(effect.spec().id)) {
         let spec = effect.spec();
         if let Some(part) = effect.lumps().iter().find(|part| has(part)) {
@@ -43,6 +46,15 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
                 effect: spec.id,
                 reason: format!("it is the sum of several effects, and the model has {part} by itself"),
             });
+            continue;
+        }
+        if let Some(reason) = effect.ruled_out(&base.facts) {
+            unable.push(Untested { effect: spec.id, reason: reason.to_owned() });
+            continue;
+        }
+        if let Some((way, _)) = ["out of", "into"].iter().zip(passed).find(|(_, passed)| *passed < effect.reversal()) {
+            let reason = format!("needs logs in which {:.1} % of the capacity pass {way} the battery in one go", 100.0 * effect.reversal());
+            unable.push(Untested { effect: spec.id, reason });
             continue;
         }
         let model = match base.with(spec.id) {
@@ -71,6 +83,25 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
         able.push(Candidate { spec, onsets: onsets(spec), model: Arc::new(model), first });
     }
     (able, unable)
+}
+
+/// Largest share of a battery's capacity that passed in one go in any log, out of it and into it: what flowed back in between is
+/// taken off.
+fn passed(facts: &Facts, logs: &[Prepared]) -> [f64; 2] {
+    let Facts::Battery(battery) = facts else { return [0.0; 2] };
+    let mut most = [0.0_f64; 2];
+    for log in logs {
+        let Some((_, current_a)) = log.inputs.iter().find(|(channel, _)| *channel == Channel::CurrentA) else { continue };
+        let mut since = [0.0_f64; 2];
+        for (times, current_a) in log.time_s.windows(2).zip(&current_a[1..]) {
+            let share = current_a * (times[1] - times[0]) / S_PER_H / battery.capacity_ah;
+            for (way, sign) in [1.0, -1.0].into_iter().enumerate() {
+                since[way] = (since[way] + sign * share).max(0.0);
+                most[way] = most[way].max(since[way]);
+            }
+        }
+    }
+    most
 }
 
 /// A channel that the model would predict and that is a measured input of a log, but not to be judged by: nothing would hold the

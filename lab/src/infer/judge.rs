@@ -83,9 +83,11 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout:
     let holds = |before: &[(Channel, f64)], after: &[(Channel, f64)]| holdout.is_none_or(|held| helps(held, before, after));
     // Slow noise that excuses an error keeps the most likely numbers from lowering it, and the least squares are
     // bent by what else is missing: one of them must be better off for the effect.
+    // The numbers told must not be worse off for it on logs that no fit has seen.
+    let worse = || holdout.is_some_and(|held| squares(held, &trial.holdout) > (1.0 + AS_WELL) * squares(held, before));
     let likely = || {
         let of = |state: &State| holdout.map_or_else(Vec::new, |held| held_out(state, held));
-        trains(base, &trial.state) && holds(&of(base), &of(&trial.state))
+        !worse() && trains(base, &trial.state) && holds(&of(base), &of(&trial.state))
     };
     let (trains, holds) = (trains(base.told(), trial.state.told()), holds(before, &trial.holdout));
     if trains && holds && (strong || explained(base)) || likely() {

@@ -189,3 +189,17 @@ fn a_log_with_fewer_rows_than_unknowns_is_refused() {
 fn two_searches_say_the_same() {
     assert_eq!(run(&["diagnose"], &[]).stdout, run(&["diagnose"], &[]).stdout);
 }
+
+/// Discharges of one cell: no string, and no change of direction by which hysteresis differs from a drop that stays.
+#[test]
+fn what_these_logs_or_this_pack_cannot_show_is_not_tried_and_the_reason_is_told() {
+    let json = run(&["diagnose"], &["--format", "json"]).json();
+    let reason = |effect: &str| {
+        let untested = json["untested"].as_array().unwrap();
+        untested.iter().find(|one| one["effect"] == effect).unwrap_or_else(|| panic!("{effect}: {}", json["untested"]))["reason"]
+            .as_str()
+            .unwrap()
+    };
+    assert!(reason("hysteresis").contains("into the battery"), "{}", reason("hysteresis"));
+    assert!(reason("weak_cell").contains("no string"), "{}", reason("weak_cell"));
+}

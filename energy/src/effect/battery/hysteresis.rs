@@ -65,6 +65,12 @@ impl Physics for Hysteresis {
         states[0] = channels[Channel::History];
     }
 
+    /// Half of a reversal at the usual rate, `ln 2 / gamma`. While the current only ever runs one way, h goes to one branch and stays
+    /// there: a drop that builds up and remains, which is what polarisation, a table or a sensor that is off do as well.
+    fn reversal(&self) -> f64 {
+        std::f64::consts::LN_2 / SPEC.parameters[1].default
+    }
+
     fn prepared_len(&self) -> usize {
         2
     }

@@ -74,6 +74,10 @@ impl Physics for WeakCell {
         true
     }
 
+    fn ruled_out(&self, facts: &Facts) -> Option<&'static str> {
+        matches!(facts, Facts::Battery(battery) if battery.series == 1).then_some("a single cell is no string")
+    }
+
     fn start<S: Real>(&self, _: &Facts, parameters: &[S], states: &mut [S], _: &Channels<S>) {
         states[0] = parameters[1];
     }
