@@ -47,7 +47,7 @@ pub fn enertech() -> Option<Set> {
     }
     set.train = vec!["discharge-0p1c.csv".to_owned(), "discharge-1c.csv".to_owned()];
     set.holdout = vec!["discharge-0p5c.csv".to_owned()];
-    set.flags = &["--target", "voltage_v"];
+    set.flags = &["--target", "voltage_v", "--every", "60"];
     Some(set)
 }
 
@@ -140,12 +140,15 @@ pub fn a123_one_way() -> Option<Set> {
     let facts = base("a123-lfp-26650-2p3ah", FREE);
     let (above, below) = facts.split_once("ocv_csv").unwrap();
     let model = format!("{above}{}{}", table(points), below.split_once('\n').unwrap().1);
-    let mut set = Set::new("a123, dynamic, one way, its first three hours", &model);
+    let mut set = Set::new("a123, dynamic, one way: first three hours; the next two held out", &model);
     let mut rows = battery(&Csv::read(&folder.join("dyn_p25_s1.csv")));
-    rows.retain(|row| row.time_s < 18_000.0);
     // The cycler's counters have 7.8 mA more than the samples of a faster profile.
     rows.iter_mut().for_each(|row| row.current_a += 0.0078);
-    set.train.push(write_battery(set.directory.path(), "dyn", &rows, 1.0, ""));
+    let (first, second) = rows.split_at(rows.partition_point(|row| row.time_s < 18_000.0));
+    let soc = 1.0 - drawn_ah(first)[first.len() - 1] / 2.0617;
+    let second = &second[..second.partition_point(|row| row.time_s < 24_000.0)];
+    set.train.push(write_battery(set.directory.path(), "first", first, 1.0, ""));
+    set.holdout.push(write_battery(set.directory.path(), "second", second, soc, ""));
     Some(set)
 }
 
