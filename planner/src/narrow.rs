@@ -7,19 +7,15 @@
 //!   sweep   each of the ways that leave room for a better plan is tried once        (search)
 //!     |  ^
 //!     v  |  every better plan leaves fewer
-//!   anew    what stations were seen to serve is put together, and one of them planned anew   (sets, together)
-//!     |  ^
-//!     v  |
-//!   beam    plans tick by tick among these ways, wider and wider
+//!   apart   stations one by one for all sets of robots, and these put together      (worth, site, pass, sets, together)
 //!     |  ^
 //!     v  |
 //!   search  the same moves as elsewhere, among these ways alone
-//!     |  ^
-//!     v  |
-//!   merge   the best plan that is made of ways of good plans
 //! ```
 //!
-//! Where the beam had room for everything, the plan is proven best.
+//! Where promises need some certainty, what a station can promise one by one it may not be able to promise in another order.
+//! Then all stations are gone through at a time (`beam.rs`), and after each search the best plan is looked for that is made of
+//! ways of good plans (`merge.rs`). Where passes had room for everything, the plan is proven best.
 
 mod apart;
 mod beam;
@@ -53,7 +49,7 @@ const WIDER: usize = 4;
 pub(crate) const WIDTH_MAX: usize = 1 << 16;
 /// Beginnings that a beam looks at in the time of a move of the search.
 const TO_A_MOVE: u64 = 3;
-/// Rounds of prices before a beam, and when another number of stranded robots is asked for.
+/// Rounds of prices before a pass, before the first one, and when another number of stranded robots is asked for.
 const ROUNDS: u32 = 2;
 const ROUNDS_FIRST: u32 = 20;
 const ROUNDS_ANEW: u32 = 40;
@@ -67,7 +63,7 @@ const ROOM: f64 = 0.04;
 const MORE_ROOM: f64 = 2.0;
 /// Moves in whose time all stations can be planned one by one: where there is less, all at a time is the better use of it.
 pub(crate) const APART_MOVES: u64 = 10_000;
-/// Part of the time that goes to stations one by one.
+/// Part of the time that goes to stations one by one: with 0.5 and 0.9 as many best plans were found, or fewer.
 const APART_SHARE: f64 = 0.7;
 /// Part of the time that goes to beams wider than the first. With more the best plan was found less often.
 const BEAM_SHARE: f64 = 0.25;

@@ -141,11 +141,6 @@ impl<'w, 'p> Prices<'w, 'p> {
         &self.best
     }
 
-    /// The price of a stranded robot, in units of cost.
-    pub(crate) fn stranded(&self) -> f64 {
-        self.best.last().copied().unwrap_or(0.0)
-    }
-
     /// Fewer ways of the same problem at these prices.
     pub(crate) fn from(ways: &'w Ways<'p>, level: Level, best: &[f64]) -> Self {
         let mut prices = Prices::new(ways, level);

@@ -8,6 +8,9 @@
 //! A beginning knows only its last service, and by it the ones before. What bays, lift and packs have left is made up
 //! from these when it is its turn, which takes less time than to book services and to strike them out again.
 
+#[cfg(test)]
+mod tests;
+
 use crate::narrow::site::{LIMITS_MAX, Service, Site};
 
 /// So many times as many beginnings as go on are kept at first, the most promising.

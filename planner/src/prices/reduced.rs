@@ -91,6 +91,11 @@ impl Reduced {
 }
 
 impl Prices<'_, '_> {
+    /// The price of a stranded robot, in units of cost.
+    pub(crate) fn stranded(&self) -> f64 {
+        self.best.last().copied().unwrap_or(0.0)
+    }
+
     /// The pieces at the best prices, for plans that cost less than this and strand as few as the level says.
     pub(crate) fn reduced(&self, below: i64) -> Reduced {
         let (costs, stranded_max) = self.level.weights();
