@@ -7,26 +7,25 @@
 //!   sweep   each of the ways that leave room for a better plan is tried once        (search)
 //!     |  ^
 //!     v  |  every better plan leaves fewer
-//!   anew    what stations were seen to serve is put together, and one of them planned anew   (sets, together)
-//!     |  ^
-//!     v  |
-//!   beam    plans tick by tick among these ways, wider and wider
+//!   apart   stations one by one for all sets of robots, and these put together      (worth, site, pass, sets, together)
 //!     |  ^
 //!     v  |
 //!   search  the same moves as elsewhere, among these ways alone
-//!     |  ^
-//!     v  |
-//!   merge   the best plan that is made of ways of good plans
 //! ```
 //!
-//! Where the beam had room for everything, the plan is proven best.
+//! Where promises need some certainty, what a station can promise one by one it may not be able to promise in another order.
+//! Then all stations are gone through at a time (`beam.rs`), and after each search the best plan is looked for that is made of
+//! ways of good plans (`merge.rs`). Where passes had room for everything, the plan is proven best.
 
-mod anew;
+mod apart;
 mod beam;
 mod lenient;
 mod merge;
+mod pass;
 mod sets;
+mod site;
 mod together;
+mod worth;
 
 use rand::Rng;
 
@@ -35,7 +34,7 @@ use crate::optimise::{Clock, heat};
 use crate::prices::{Level, Prices, Reduced};
 use crate::search::{SETTLED_MAX, Search};
 use crate::way::Ways;
-use anew::anew;
+use apart::{Apart, Asked, Came};
 use beam::beam;
 pub(crate) use lenient::fewer_leniently;
 pub(crate) use merge::Seen;
@@ -50,8 +49,9 @@ const WIDER: usize = 4;
 pub(crate) const WIDTH_MAX: usize = 1 << 16;
 /// Beginnings that a beam looks at in the time of a move of the search.
 const TO_A_MOVE: u64 = 3;
-/// Rounds of prices before a beam, and when another number of stranded robots is asked for.
+/// Rounds of prices before a pass, before the first one, and when another number of stranded robots is asked for.
 const ROUNDS: u32 = 2;
+const ROUNDS_FIRST: u32 = 20;
 const ROUNDS_ANEW: u32 = 40;
 /// Share of the time that those may take.
 const PRICED: f64 = 0.3;
@@ -61,6 +61,10 @@ const AIM: f64 = 1.3;
 /// Part of the bound that such a plan may cost beyond it at first, and by how much more when there is none.
 const ROOM: f64 = 0.04;
 const MORE_ROOM: f64 = 2.0;
+/// Moves in whose time all stations can be planned one by one: where there is less, all at a time is the better use of it.
+pub(crate) const APART_MOVES: u64 = 10_000;
+/// Part of the time that goes to stations one by one: with 0.5 and 0.9 as many best plans were found, or fewer.
+const APART_SHARE: f64 = 0.7;
 /// Part of the time that goes to beams wider than the first. With more the best plan was found less often.
 const BEAM_SHARE: f64 = 0.25;
 /// Moves of a search before sets are put together again: with 2500 and 10,000 the best plan was found less often.
@@ -83,17 +87,19 @@ pub(crate) fn cheaper<'w, 'p>(
     rng: &mut impl Rng,
     clock: &mut Clock<'_>,
 ) -> bool {
-    let mut width = WIDTH;
-    // All moves that went to beams, and those that went to the last one.
-    let (first, mut beams, mut last) = (clock.moves, 0, 0);
+    let mut ends = if is_certain(ways) { Ends::Apart(None) } else { Ends::Beams { width: WIDTH, last: 0 } };
+    // Moves before, and those that went to passes.
+    let (first, mut passes) = (clock.moves, 0);
     let mut swept = Score::default();
+    let mut rounds = ROUNDS_FIRST;
     while merge(ways, prices, search, clock) {}
     loop {
         let known = search.best_score;
         prices.cap_stranded(known.stranded);
-        for _ in 0..ROUNDS {
+        for _ in 0..rounds {
             clock.moves += prices.improve(known.cost);
         }
+        rounds = ROUNDS;
         let reduced = prices.reduced(known.cost);
         if reduced.room < 0 {
             return true;
@@ -105,27 +111,24 @@ pub(crate) fn cheaper<'w, 'p>(
         if (swept.stranded, swept.cost) < (known.stranded, known.cost) {
             continue;
         }
-        if let Some(chosen) = anew(ways, &reduced, prices, search, rng, clock)
-            && go_on_from(search, &chosen)
-        {
-            continue;
-        }
-        let affordable = (BEAM_SHARE * (clock.moves - first) as f64) as u64;
-        if width <= WIDTH_MAX && beams + WIDER as u64 * last <= affordable {
-            let began = clock.moves;
-            let found = beam(ways, &reduced, known.stranded, width, |seen| clock.used_with(began + seen / TO_A_MOVE) < 1.0);
-            last = found.seen / TO_A_MOVE;
-            beams += last;
-            clock.moves = began + last;
-            match found.chosen {
-                Some(chosen) if go_on_from(search, &chosen) => {
-                    if found.complete && search.best_score.stranded == known.stranded && is_certain(ways) {
-                        return true;
-                    }
-                }
-                None if found.complete && is_certain(ways) => return true,
-                _ => width *= WIDER,
+        let (began, gone) = (clock.moves, (clock.moves - first) as f64);
+        let came = match &mut ends {
+            Ends::Apart(apart) if passes <= (APART_SHARE * gone) as u64 => {
+                let asked = Asked { reduced: &reduced, stranded_price: prices.stranded(), below: known, until: 1.0 };
+                apart.get_or_insert_with(|| Apart::new(ways, &reduced, prices)).plan(ways, asked, search, clock)
             }
+            Ends::Beams { width, last } if *width <= WIDTH_MAX && passes + WIDER as u64 * *last <= (BEAM_SHARE * gone) as u64 => {
+                let came = one_beam(ways, &reduced, known.stranded, (width, 1.0), clock);
+                *last = clock.moves - began;
+                came
+            }
+            _ => Came::Unknown,
+        };
+        passes += clock.moves - began;
+        match came {
+            Came::Better(chosen) if go_on_from(search, &chosen) => continue,
+            Came::Proven => return true,
+            _ => {}
         }
         if clock.used() >= 1.0 {
             return false;
@@ -134,6 +137,30 @@ pub(crate) fn cheaper<'w, 'p>(
         while merge(ways, prices, search, clock) {}
         if clock.used() >= 1.0 {
             return false;
+        }
+    }
+}
+
+/// How an end is made.
+enum Ends {
+    /// Stations one by one.
+    Apart(Option<Apart>),
+    /// All stations at a time: the next width, and the moves of the last time. What a station can promise one by one it may
+    /// not be able to promise in another order, where promises need some certainty.
+    Beams { width: usize, last: u64 },
+}
+
+/// Goes through all stations at a time with beginnings as wide as this, which becomes wider unless that settles something.
+fn one_beam(ways: &Ways<'_>, reduced: &Reduced, stranded_max: i64, (width, until): (&mut usize, f64), clock: &mut Clock<'_>) -> Came {
+    let began = clock.moves;
+    let found = beam(ways, reduced, stranded_max, *width, |seen| clock.used_with(began + seen / TO_A_MOVE) < until);
+    clock.moves = began + found.seen / TO_A_MOVE;
+    match found.chosen {
+        Some(chosen) => Came::Better(chosen),
+        None if found.complete && is_certain(ways) => Came::Proven,
+        None => {
+            *width *= WIDER;
+            Came::Unknown
         }
     }
 }
@@ -176,7 +203,7 @@ fn anneal<'w, 'p>(ways: &'w Ways<'p>, prices: &Prices<'w, 'p>, search: &mut Sear
     draft.become_choice(&few.translated(ways, &search.best));
     let priced = Prices::from(&few, Level::Cost { stranded_max: known.stranded }, prices.best());
     let mut among = Search::new(draft);
-    among.seen = Some(Seen::new(&few, known.stranded));
+    among.seen = search.seen.as_ref().map(|_| Seen::new(&few, known.stranded));
     among.sets = search.sets.as_ref().map(|_| Sets::new(&few));
     let hot = (HOT * reduced.room_in_cost()).max(2.0 * COLD);
     for slice in 0..SLICES {
@@ -211,6 +238,7 @@ pub(crate) fn fewer_stranded<'w, 'p>(
     let mut rounds = ROUNDS_ANEW;
     let mut part = ROOM;
     let dearest = dearest(ways);
+    let mut apart: Option<Apart> = None;
     while search.best_score.stranded > least && clock.used() < until && *width <= WIDTH_MAX {
         let aim = search.best_score.stranded - 1;
         prices.cap_stranded(aim);
@@ -228,19 +256,24 @@ pub(crate) fn fewer_stranded<'w, 'p>(
         }
         let below = above(prices.bound());
         let reduced = prices.reduced(below);
-        let began = clock.moves;
-        let found = beam(ways, &reduced, aim, *width, |seen| clock.used_with(began + seen / TO_A_MOVE) < until);
-        clock.moves = began + found.seen / TO_A_MOVE;
-        match found.chosen {
-            Some(chosen) if go_on_from(search, &chosen) => {
-                rounds = ROUNDS_ANEW;
-                part = ROOM;
+        let is_long = clock.used_with(clock.moves + APART_MOVES) < until;
+        let came = if is_certain(ways) && is_long && apart.as_ref().is_none_or(Apart::goes_on) {
+            let below = Score { stranded: aim, cost: below, energy: 0 };
+            let asked = Asked { reduced: &reduced, stranded_price: prices.stranded(), below, until };
+            apart.get_or_insert_with(|| Apart::new(ways, &reduced, prices)).plan(ways, asked, search, clock)
+        } else {
+            one_beam(ways, &reduced, aim, (width, until), clock)
+        };
+        match came {
+            Came::Better(chosen) if go_on_from(search, &chosen) => {
+                (rounds, part, apart) = (ROUNDS_ANEW, ROOM, None);
                 *width = WIDTH;
             }
             // There is none at any cost.
-            None if found.complete && below > dearest => return if is_certain(ways) { aim + 1 } else { least },
-            None if found.complete => (part, *width) = (part * MORE_ROOM, WIDTH),
-            _ => *width *= WIDER,
+            Came::Proven if below > dearest => return if is_certain(ways) { aim + 1 } else { least },
+            Came::Proven => (part, apart, *width) = (part * MORE_ROOM, None, WIDTH),
+            Came::Better(_) => *width *= WIDER,
+            Came::Unknown => {}
         }
     }
     least
@@ -257,6 +290,6 @@ fn dearest(ways: &Ways<'_>) -> i64 {
 
 /// Whether what fits does not depend on the order in which it is entered: where promises need some certainty, those
 /// that are only held to need less, and may come in after others that would not after them.
-fn is_certain(ways: &Ways<'_>) -> bool {
+pub(crate) fn is_certain(ways: &Ways<'_>) -> bool {
     ways.problem().stations.iter().all(|station| station.chance.is_none())
 }

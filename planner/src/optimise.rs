@@ -52,9 +52,9 @@ impl<F: FnMut(u64) -> f64> Budget for F {
     }
 }
 
-/// Share of the budget after which the stranded are as few as they will be, in a small and in a large fleet: four of 1,000 robots
-/// ended with as many stranded by either share, and with less missed by the smaller one.
-const STRAND_SHARE: [f64; 2] = [0.4, 0.3];
+/// Share of the budget after which the stranded are as few as they will be, in a small fleet that has some time and in any other: four of
+/// 1,000 robots ended with as many stranded by either share, and with less missed by the smaller one.
+const STRAND_SHARE: [f64; 2] = [0.6, 0.3];
 /// The largest fleet for which orders are searched: beyond that, turning one into a plan takes too long.
 const TURNS_MAX: u64 = 64;
 /// Share of the time for few stranded that goes to orders.
@@ -62,10 +62,10 @@ const TURNS_SHARE: f64 = 0.9;
 /// Moves for each robot of a small fleet after which only what a better plan could still use is looked at:
 /// first for fewer stranded robots, then for less missed work.
 const TURNS_MOVES: u64 = 200;
-/// See [`TURNS_MOVES`].
-const WIDE_MOVES: u64 = 3000;
+/// See [`TURNS_MOVES`]; where stations cannot be planned one by one it takes more.
+const WIDE_MOVES: [u64; 2] = [750, 3000];
 /// Share of the time for few stranded in which a small fleet is searched as if running empty were only missed work.
-const LENIENT_SHARE: f64 = 0.6;
+const LENIENT_SHARE: f64 = 0.3;
 /// Share of the search's time that goes to prices.
 const PRICES_SHARE: f64 = 0.25;
 /// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
@@ -231,7 +231,8 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 few = draft;
             }
         }
-        let until = start + STRAND_SHARE[usize::from(self.is_large())] * (1.0 - start);
+        let is_short = self.is_large() || self.clock.used_with(self.clock.moves + 2 * narrow::APART_MOVES) >= 1.0;
+        let until = start + STRAND_SHARE[usize::from(is_short)] * (1.0 - start);
         let robots = self.ways.problem().robots.len() as u64;
         if robots <= TURNS_MAX {
             let first = start + TURNS_SHARE * (until - start);
@@ -256,8 +257,14 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 found.settle(SETTLED_MAX);
             }
             let lenient = start + LENIENT_SHARE * (until - start);
-            narrow::fewer_leniently(self.ways, prices, found, least, lenient, &mut self.rng, &mut self.clock);
-            least = narrow::fewer_stranded(self.ways, prices, found, least, until, &mut self.clock, &mut { narrow::WIDTH });
+            // Prices for fewer stranded than can be are of no use later.
+            let before = found.best_score.stranded;
+            let mut hard = Prices::new(self.ways, Level::Cost { stranded_max: before });
+            narrow::fewer_leniently(self.ways, &mut hard, found, least, lenient, &mut self.rng, &mut self.clock);
+            least = narrow::fewer_stranded(self.ways, &mut hard, found, least, until, &mut self.clock, &mut { narrow::WIDTH });
+            if found.best_score.stranded < before {
+                *prices = hard;
+            }
             return least;
         }
         let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
@@ -295,10 +302,16 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let heats = if robots <= REHEATED_MAX { HEATS } else { 1.0 };
         let mut heated = 0.0;
         if self.is_small() {
-            search.seen = Some(narrow::Seen::new(self.ways, search.best_score.stranded));
-            search.sets.get_or_insert_with(|| narrow::Sets::new(self.ways));
+            if narrow::is_certain(self.ways) {
+                search.sets.get_or_insert_with(|| narrow::Sets::new(self.ways));
+            } else {
+                search.seen = Some(narrow::Seen::new(self.ways, search.best_score.stranded));
+            }
         }
-        let (began, wide) = (self.clock.moves, if self.is_small() { WIDE_MOVES * robots as u64 } else { u64::MAX });
+        let (began, wide) = (
+            self.clock.moves,
+            if self.is_small() { WIDE_MOVES[usize::from(!narrow::is_certain(self.ways))] * robots as u64 } else { u64::MAX },
+        );
         let (mut priced, mut searched) = (0.0, 0.0);
         loop {
             let at = self.used();

@@ -35,8 +35,6 @@ pub(super) struct Set {
     pub(super) cost: i64,
     /// These ways.
     ways: Vec<(u32, u32)>,
-    /// The station was planned anew to serve them for this or less, in vain.
-    pub(super) in_vain: i64,
 }
 
 impl Sets {
@@ -67,6 +65,17 @@ impl Sets {
         }
     }
 
+    /// Whether some station may have been seen to serve a set that is not remembered.
+    pub(super) fn is_full(&self) -> bool {
+        self.stations.iter().any(|station| station.sets.len() >= SETS_MAX)
+    }
+
+    /// Another number for whatever is seen that is new.
+    pub(super) fn sum(&self) -> (usize, i64) {
+        let all = || self.stations.iter().flat_map(|station| &station.sets);
+        (all().count(), all().map(|set| set.cost).sum())
+    }
+
     /// The plan in which each station serves the set that stands here, and that its robots share with nobody.
     pub(super) fn plan(&self, places: &[u32], robots: usize) -> Vec<u32> {
         let mut chosen = vec![NONE; robots];
@@ -80,7 +89,7 @@ impl Sets {
 impl Seen {
     fn new() -> Self {
         let mut seen = Self { sets: Vec::new(), places: vec![0; PLACES] };
-        seen.add(Set { robots: 0, cost: 0, ways: Vec::new(), in_vain: i64::MIN });
+        seen.add(Set { robots: 0, cost: 0, ways: Vec::new() });
         seen
     }
 
@@ -95,11 +104,11 @@ impl Seen {
         at
     }
 
-    fn note(&mut self, robots: u32, cost: i64, ways: impl Iterator<Item = (u32, u32)>) {
+    pub(super) fn note(&mut self, robots: u32, cost: i64, ways: impl Iterator<Item = (u32, u32)>) {
         let place = self.places[self.place(robots)] as usize;
         if place == 0 {
             if self.sets.len() < SETS_MAX {
-                self.add(Set { robots, cost, ways: ways.collect(), in_vain: i64::MIN });
+                self.add(Set { robots, cost, ways: ways.collect() });
             }
             return;
         }

@@ -43,6 +43,22 @@ impl Reduced {
         cost * UNIT + self.earned[station] - least.sum::<i64>()
     }
 
+    /// Price of a unit of each row of a station, in the order of [`Book::left`].
+    pub(crate) fn prices(&self, station: usize) -> &[i64] {
+        &self.rows[station]
+    }
+
+    /// Who is in a station's crowd, how many there can be in each tick, and what each pays.
+    pub(crate) fn crowd(&self, station: usize) -> (Counted, &[i64], &[i64]) {
+        let (counted, there, prices) = &self.crowds[station];
+        (*counted, there, prices)
+    }
+
+    /// What a robot pays at least.
+    pub(crate) fn least(&self, robot: usize) -> i64 {
+        self.least[robot]
+    }
+
     /// What is left over in a tick, at its price; limits of energy count in the last tick before them.
     pub(crate) fn slack(&self, station: usize, ways: &Ways<'_>, book: &Book<'_>, tick: usize) -> i64 {
         let (rows, ticks) = (&self.rows[station], book.horizon() as usize);
@@ -75,6 +91,11 @@ impl Reduced {
 }
 
 impl Prices<'_, '_> {
+    /// The price of a stranded robot, in units of cost.
+    pub(crate) fn stranded(&self) -> f64 {
+        self.best.last().copied().unwrap_or(0.0)
+    }
+
     /// The pieces at the best prices, for plans that cost less than this and strand as few as the level says.
     pub(crate) fn reduced(&self, below: i64) -> Reduced {
         let (costs, stranded_max) = self.level.weights();

@@ -3,7 +3,10 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::thrift::Thrift;
-use crate::way::{Choices, Ways};
+use crate::way::{Choices, Way, Ways};
+
+/// The most that a way may cost where costs are made larger.
+const COST_MAX: i64 = 1 << 26;
 
 impl Ways<'_> {
     /// The same ways of the robots that would run empty, with what they take of their station in
@@ -34,6 +37,28 @@ impl Ways<'_> {
             OnceLock::from(Choices { strands: false, unserved_cost, ..all })
         });
         Self { problem: self.problem, choices: choices.collect() }
+    }
+
+    /// Of each robot only those of these ways that are at one station, `scale` times as dear and less the worth of the robot,
+    /// who may do without for nothing. Also the index of each here. None if that is too dear to be counted.
+    pub(crate) fn apart(&self, station: usize, kept: &[Vec<u32>], scale: i64, worth: &[i64]) -> Option<(Self, Vec<Vec<u32>>)> {
+        let mut places = Vec::with_capacity(kept.len());
+        let mut choices = Vec::with_capacity(kept.len());
+        for (robot, kept) in kept.iter().enumerate() {
+            let all = self.of(robot);
+            let mut here: Vec<u32> = kept.iter().copied().filter(|&way| usize::from(all.ways[way as usize].station) == station).collect();
+            here.sort_unstable();
+            let dearer = |&way: &u32| {
+                let way = all.ways[way as usize];
+                let cost = i64::from(way.cost) * scale - worth[robot];
+                (cost.abs() <= COST_MAX).then_some(Way { cost: cost as i32, ..way })
+            };
+            let ways = here.iter().map(dearer).collect::<Option<Vec<Way>>>()?;
+            let (runs, starts) = (Arc::clone(&all.runs), OnceLock::new());
+            choices.push(OnceLock::from(Choices { ways, runs, unserved_cost: 0, strands: false, held: false, starts, ..*all }));
+            places.push(here);
+        }
+        Some((Self { problem: self.problem, choices }, places))
     }
 
     /// Of each robot only some of its ways, which keep their order.
