@@ -18,6 +18,9 @@ const DAMPING_MAX: f64 = 1e14;
 /// of the cost, which is far above its number of rows while the model is far from right.
 const ENOUGH: (f64, f64) = (0.02, 1e-6);
 
+/// The same where the way is looked for, and not its end: a fraction of what makes effects unlike.
+const ON_THE_WAY: f64 = 0.2;
+
 /// Share of its height above a valley's bottom by which a place on its slopes may differ from what the derivatives
 /// there say. A place in another valley is as high as that only by chance; wider, and ways into neighbours are given
 /// up, narrower, and the end of a way that is known is gone again.
@@ -33,35 +36,64 @@ pub(super) struct Place {
     /// Derivatives of the predictions by the unknowns that move.
     pub(super) slopes: DMatrix<f64>,
     pub(super) lens: Lens,
+    pub(super) derived: Derived,
+}
+
+/// Of what a place's derivatives are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Derived {
+    /// Of this place, but that the open-circuit voltage is taken to be read at the mean charge.
+    Nearly,
+    /// Of this place.
+    Here,
 }
 
 impl Place {
     /// At given unknowns and noise.
-    pub(super) fn at(frame: &Frame, x: Vec<f64>, noise: Vec<(Channel, Noise)>, by: &[usize]) -> Place {
+    pub(super) fn at(frame: &Frame, x: Vec<f64>, noise: Vec<(Channel, Noise)>, by: &[usize], least: Derived) -> Place {
         let filters = filters(frame, &noise);
-        Place::through(frame, x, noise, filters, by)
+        Place::through(frame, x, noise, filters, by, least)
     }
 
     /// The same where the noise's filters are known.
-    fn through(frame: &Frame, x: Vec<f64>, noise: Vec<(Channel, Noise)>, filters: Vec<Filter>, by: &[usize]) -> Place {
-        let (residual, slopes) = linearised(frame, &x, by);
+    fn through(frame: &Frame, x: Vec<f64>, noise: Vec<(Channel, Noise)>, filters: Vec<Filter>, by: &[usize], least: Derived) -> Place {
+        let (residual, slopes, derived) = linearised(frame, &x, by, least);
+        Place::of(frame, x, noise, filters, by, (residual, slopes, derived))
+    }
+
+    /// The same where residuals and derivatives are known as well.
+    fn of(
+        frame: &Frame,
+        x: Vec<f64>,
+        noise: Vec<(Channel, Noise)>,
+        filters: Vec<Filter>,
+        by: &[usize],
+        (residual, slopes, derived): (Vec<f64>, DMatrix<f64>, Derived),
+    ) -> Place {
         let lens = Lens::new(frame, &x, by, &slopes, &residual, filters);
-        Place { x, noise, residual, slopes, lens }
+        Place { x, noise, residual, slopes, lens, derived }
     }
 
     /// At given unknowns, with the noise that is left there.
     fn with_what_is_left(frame: &Frame, x: Vec<f64>, by: &[usize]) -> Place {
-        let (residual, slopes) = linearised(frame, &x, by);
+        let (residual, slopes, derived) = linearised(frame, &x, by, Derived::Nearly);
         let noise = noises(frame, &residual);
-        let lens = Lens::new(frame, &x, by, &slopes, &residual, filters(frame, &noise));
-        Place { x, noise, residual, slopes, lens }
+        let filters = filters(frame, &noise);
+        Place::of(frame, x, noise, filters, by, (residual, slopes, derived))
+    }
+
+    /// The same place with derivatives of at least this kind.
+    fn with_derivatives(self, frame: &Frame, by: &[usize], least: Derived) -> Place {
+        if self.derived >= least { self } else { Place::through(frame, self.x, self.noise, self.lens.filters, by, least) }
     }
 }
 
 /// Observed minus predicted, and the derivatives of what is predicted.
-fn linearised(frame: &Frame, x: &[f64], by: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
-    let (predicted, slopes) = frame.linearise(x, by);
-    (observed(frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect(), slopes)
+fn linearised(frame: &Frame, x: &[f64], by: &[usize], least: Derived) -> (Vec<f64>, DMatrix<f64>, Derived) {
+    let whole = least == Derived::Here || !frame.reads_curve();
+    let (predicted, slopes) = if whole { frame.linearise(x, by) } else { frame.linearise_nearly(x, by) };
+    let residual = observed(frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect();
+    (residual, slopes, if whole { Derived::Here } else { Derived::Nearly })
 }
 
 /// Whether the noise is asked for again on the way.
@@ -110,7 +142,13 @@ impl<'a> Valley<'a> {
 
 /// The most likely values of some unknowns, from `start` on.
 pub(super) fn descend(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], by: &[usize], asked: Asked) -> Place {
-    descend_from(frame, Place::at(frame, within(frame, start, by), noise.to_vec(), by), by, asked)
+    descend_from(frame, Place::at(frame, within(frame, start, by), noise.to_vec(), by, Derived::Nearly), by, asked)
+}
+
+/// The same for who asks where the way ends, and not for the derivatives there.
+pub(super) fn descend_roughly(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], by: &[usize], asked: Asked) -> Place {
+    let place = Place::at(frame, within(frame, start, by), noise.to_vec(), by, Derived::Nearly);
+    descend_until(frame, place, by, asked, Derived::Nearly, |_, _| false).0
 }
 
 /// The same with the noise that is left at the start.
@@ -134,8 +172,8 @@ pub(super) fn descend_elsewhere(
         return None;
     }
     let noise = noise.map_or_else(|| noises(frame, &residual), <[_]>::to_vec);
-    let place = Place::at(frame, x, noise, &by);
-    let (place, ended) = descend_until(frame, place, &by, asked, |x, residual| valley.holds(frame, x, residual));
+    let place = Place::at(frame, x, noise, &by, Derived::Nearly);
+    let (place, ended) = descend_until(frame, place, &by, asked, Derived::Here, |x, residual| valley.holds(frame, x, residual));
     (ended == Ended::Below).then_some(place)
 }
 
@@ -148,7 +186,7 @@ fn within(frame: &Frame, start: &[f64], by: &[usize]) -> Vec<f64> {
 
 /// The same from a place whose derivatives by these unknowns are known.
 pub(super) fn descend_from(frame: &Frame, place: Place, by: &[usize], asked: Asked) -> Place {
-    descend_until(frame, place, by, asked, |_, _| false).0
+    descend_until(frame, place, by, asked, Derived::Here, |_, _| false).0
 }
 
 /// Where a way ended.
@@ -160,12 +198,15 @@ enum Ended {
     Known,
 }
 
-/// The same, until the way leads to what is known already.
+/// The same, until the way leads to what is known already, with derivatives of at least a kind at its end.
+///
+/// On the way, derivatives that are nearly right will do, as long as they lead down; better ones are asked for before it ends.
 fn descend_until(
     frame: &Frame,
     mut place: Place,
     by: &[usize],
     asked: Asked,
+    least: Derived,
     known_already: impl Fn(&[f64], &[f64]) -> bool,
 ) -> (Place, Ended) {
     let all = frame.bounds();
@@ -173,7 +214,7 @@ fn descend_until(
     let (mut scale, mut damping) = (vec![0.0_f64; by.len()], 1e-4);
     for _ in 0..STEPS_MAX {
         let Place { x, lens, .. } = &place;
-        let enough = ENOUGH.0 + ENOUGH.1 * lens.whitened.norm_squared();
+        let enough = if frame.evidence.shows_the_way { ON_THE_WAY } else { ENOUGH.0 } + ENOUGH.1 * lens.whitened.norm_squared();
         scale.iter_mut().zip(lens.normal.diagonal().iter()).for_each(|(scale, d)| *scale = scale.max(*d));
         let gradient = -&lens.pull;
         let here: Vec<f64> = by.iter().map(|&unknown| x[unknown]).collect();
@@ -196,14 +237,23 @@ fn descend_until(
                 next = Some((tried, residual, cost, unlikely));
                 break;
             }
+            if place.derived < least {
+                break;
+            }
             damping *= 10.0;
         }
-        let Some((x, residual, cost, unlikely)) = next else { break };
+        let Some((x, residual, cost, unlikely)) = next else {
+            if place.derived >= least {
+                break;
+            }
+            place = place.with_derivatives(frame, by, least);
+            continue;
+        };
         if known_already(&x, &residual) {
             return (place, Ended::Known);
         }
         let settled = lens.cost - cost <= enough;
-        let Place { mut noise, lens: Lens { mut filters, .. }, .. } = place;
+        let Place { mut noise, lens: Lens { mut filters, .. }, derived: had, .. } = place;
         if asked == Asked::Always {
             let new = noises(frame, &residual);
             let through = super::state::filters(frame, &new);
@@ -211,12 +261,12 @@ fn descend_until(
                 (noise, filters) = (new, through);
             }
         }
-        place = Place::through(frame, x, noise, filters, by);
-        if settled {
+        place = Place::through(frame, x, noise, filters, by, if settled { least } else { Derived::Nearly });
+        if settled && had >= least {
             break;
         }
     }
-    (place, Ended::Below)
+    (place.with_derivatives(frame, by, least), Ended::Below)
 }
 
 /// What is known of the rough numbers among these unknowns, against their values.

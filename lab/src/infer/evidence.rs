@@ -77,6 +77,8 @@ pub struct Evidence {
     pub whole: Option<Arc<Evidence>>,
     /// The same evidence in fewer means, walked in fewer steps: to find the way, not to judge.
     pub(super) coarse: Option<Arc<Evidence>>,
+    /// Whether it is such evidence.
+    pub(super) shows_the_way: bool,
 }
 
 /// How many rows go into a mean, and into a step of a walk.
@@ -143,7 +145,17 @@ impl Evidence {
         }
         let courses = || logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (courses, fine) = (courses(), courses());
-        Evidence { logs: Arc::new(logs), segments, floors, courses, fine, given: model.parameters().to_vec(), whole: None, coarse: None }
+        Evidence {
+            logs: Arc::new(logs),
+            segments,
+            floors,
+            courses,
+            fine,
+            given: model.parameters().to_vec(),
+            whole: None,
+            coarse: None,
+            shows_the_way: false,
+        }
     }
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
@@ -171,7 +183,11 @@ impl Evidence {
 
     fn of_whole(model: &Model, whole: Arc<Evidence>) -> Evidence {
         let fine = Evidence::in_means(model, &whole, FINE, false);
-        let coarse = (fine.rows() > FEW).then(|| Evidence { fine: Vec::new(), ..Evidence::in_means(model, &whole, COARSE, false) });
+        let coarse = (fine.rows() > FEW).then(|| Evidence {
+            fine: Vec::new(),
+            shows_the_way: true,
+            ..Evidence::in_means(model, &whole, COARSE, false)
+        });
         Evidence { whole: Some(whole), coarse: coarse.map(Arc::new), ..fine }
     }
 
@@ -192,7 +208,7 @@ impl Evidence {
         let courses = logs().zip(&steady).map(course).collect();
         let fine = logs().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (floors, given) = (whole.floors.clone(), whole.given.clone());
-        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, fine, given, whole: None, coarse: None }
+        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, fine, given, whole: None, coarse: None, shows_the_way: false }
     }
 
     /// Judged rows.

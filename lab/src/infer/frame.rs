@@ -62,6 +62,11 @@ impl Frame {
         Frame::new(Arc::clone(&self.model), Arc::clone(coarse))
     }
 
+    /// Whether the model reads its OCV table elsewhere than at the mean charge.
+    pub(super) fn reads_curve(&self) -> bool {
+        self.reads_curve
+    }
+
     /// Number of unknowns.
     #[must_use]
     pub fn unknowns(&self) -> usize {

@@ -11,7 +11,7 @@ use energy::EffectSpec;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate::onset;
-use super::descent::{Asked, Place, descend};
+use super::descent::{Asked, Derived, Place, descend_roughly};
 use super::frame::Frame;
 use super::lens::Lens;
 use super::state::{State, all};
@@ -43,14 +43,14 @@ pub(super) fn handed_over(base: &State, has: &State, effect: &EffectSpec, other:
     let kept = |share: f64| -> Vec<(usize, f64)> {
         sizes.iter().map(|&(unknown, null)| (unknown, (1.0 - share) * (null - whole[unknown]))).collect()
     };
-    let place = Place::at(&both, whole.clone(), has.noise.clone(), &all(&both));
+    let place = Place::at(&both, whole.clone(), has.noise.clone(), &all(&both), Derived::Nearly);
     if expected(&place.lens, &kept(SHARES[0]), &others) > at_best + BY_DERIVATIVES * rise {
         return None;
     }
     let (mut x, mut noise) = (whole.clone(), has.noise.clone());
     for share in SHARES {
         kept(share).into_iter().for_each(|(unknown, change)| x[unknown] = whole[unknown] + change);
-        let place = descend(&both, &x, &noise, &others, Asked::Always);
+        let place = descend_roughly(&both, &x, &noise, &others, Asked::Always);
         if place.lens.cost > at_best + rise {
             return None;
         }

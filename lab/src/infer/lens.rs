@@ -65,9 +65,19 @@ pub(super) fn whiten_all(frame: &Frame, filters: &[Filter], mut slopes: DMatrix<
     slopes
 }
 
-/// A matrix times its transpose.
+/// A matrix times its transpose: of what lies beside the diagonal, a part is the mirror image of another.
 pub(super) fn square(rows: &DMatrix<f64>) -> DMatrix<f64> {
-    product(rows, rows)
+    let (size, half) = (rows.nrows(), rows.nrows() / 2);
+    let mut sum = DMatrix::zeros(size, size);
+    for begin in (0..rows.ncols()).step_by(COLUMNS) {
+        let part = rows.columns(begin, COLUMNS.min(rows.ncols() - begin));
+        let turned = part.transpose();
+        sum.view_mut((0, 0), (half, half)).gemm(1.0, &part.rows(0, half), &turned.columns(0, half), 1.0);
+        sum.view_mut((half, 0), (size - half, size)).gemm(1.0, &part.rows(half, size - half), &turned, 1.0);
+    }
+    let mirrored = sum.view((half, 0), (size - half, half)).transpose();
+    sum.view_mut((0, half), (half, size - half)).copy_from(&mirrored);
+    sum
 }
 
 /// Columns that fit a processor's near cache, where one of two factors lies transposed meanwhile.

@@ -66,6 +66,8 @@ pub struct Scoring<'a> {
     white: View,
     /// Cost of the base model, refitted as the linear theory would.
     linear_cost: f64,
+    /// The same on coarser evidence, which tells the best of many shapes.
+    coarse: Option<Box<Scoring<'a>>>,
 }
 
 /// The rows through one kind of noise, and what a refit leaves of them.
@@ -100,6 +102,16 @@ struct Look {
     cross: DMatrix<f64>,
 }
 
+/// What is seen of an onset: with the sensors' noise alone, and the statistic beside slow noise.
+struct Seen {
+    white: Look,
+    statistic: f64,
+    at: Vec<f64>,
+}
+
+/// Shapes from which on coarser evidence is asked first.
+const SHAPES: usize = 3;
+
 /// What an effect must explain, in units of twice the log-likelihood, to be asked which slow noise
 /// it leaves.
 const WORTH_ASKING: f64 = 6.0;
@@ -116,9 +128,16 @@ impl<'a> Scoring<'a> {
     pub fn new(state: &'a State) -> Self {
         let white = View::new(state, state.lens(&State::white(&state.frame)));
         let slow = state.is_slow().then(|| View::new(state, state.lens(&state.noise)));
-        let mut scoring = Scoring { state, slow, white, linear_cost: 0.0 };
+        let mut scoring = Scoring { state, slow, white, linear_cost: 0.0, coarse: None };
         scoring.linear_cost = left_cost(state, &scoring.white.base.left, &scoring.white.base.change);
         scoring
+    }
+
+    /// The same, with the state on coarser evidence.
+    #[must_use]
+    pub(super) fn with_coarse(state: &'a State, coarse: &'a State) -> Self {
+        let coarse = coarse.frame.evidence.shows_the_way.then(|| Box::new(Scoring::new(coarse)));
+        Scoring { coarse, ..Scoring::new(state) }
     }
 
     /// The best of a candidate's onsets; none when the logs do not excite it.
@@ -132,57 +151,79 @@ impl<'a> Scoring<'a> {
             (null, parameter.min - null, parameter.max - null)
         };
         let sides: Vec<(f64, f64, f64)> = own.iter().map(side).collect();
-        let onsets = self.onsets(candidate, &own);
-        let seen = |view: &View, onset: &Onset| view.look(self.state, onset, &sides);
+        let shapes = match &self.coarse {
+            Some(coarse) if candidate.onsets.len() > SHAPES => {
+                let onsets = coarse.onsets(candidate, &own, &candidate.onsets);
+                let looks = coarse.looks(&onsets, &sides);
+                let best: Vec<Vec<f64>> = best(&looks).into_iter().map(|place| looks[place].at.clone()).collect();
+                if best.is_empty() { candidate.onsets[..1].to_vec() } else { best }
+            }
+            _ => candidate.onsets.clone(),
+        };
+        let onsets = self.onsets(candidate, &own, &shapes);
+        let looks = self.looks(&onsets, &sides);
+        let places = best(&looks);
+        if places.is_empty() {
+            let first = onsets.iter().find(|onset| onset.slopes.iter().any(|slope| *slope != 0.0));
+            return first.map(|onset| self.absorbed(candidate, &own, onset));
+        }
+        let scores = places.into_iter().map(|place| self.of(candidate, &own, &sides, &looks[place]));
+        scores.max_by(|a, b| a.gain.total_cmp(&b.gain))
+    }
+
+    /// What is seen of onsets that can be seen.
+    fn looks(&self, onsets: &[Onset], sides: &Sides) -> Vec<Seen> {
+        let seen = |view: &View, onset: &Onset| view.look(self.state, onset, sides);
         let look = |onset: &Onset| {
             let white = seen(&self.white, onset)?;
             let statistic = match &self.slow {
                 Some(slow) => seen(slow, onset)?.statistic,
                 None => white.statistic,
             };
-            Some((white, statistic, onset.at.clone()))
+            Some(Seen { white, statistic, at: onset.at.clone() })
         };
-        let looks: Vec<(Look, f64, Vec<f64>)> = onsets.iter().filter_map(look).collect();
-        // What slow noise leaves is asked of the shape that explains most, with it and without.
-        let best = |by: fn(&(Look, f64, Vec<f64>)) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
-        let Some((white, slow)) = best(|look| look.0.statistic).zip(best(|look| look.1)) else {
-            let seen = onsets.iter().any(|onset| onset.slopes.iter().any(|slope| *slope != 0.0));
-            return seen.then(|| self.absorbed(candidate));
-        };
-        let places = if white == slow { vec![white] } else { vec![white, slow] };
-        let scores = places.into_iter().map(|place| self.of(candidate, &own, &sides, &looks[place]));
-        scores.max_by(|a, b| a.gain.total_cmp(&b.gain))
+        onsets.iter().filter_map(look).collect()
     }
 
     /// Of an effect that the base model, bent as it is, does altogether: the logs say nothing of it beside
     /// the base, and a refit that puts the base back may.
-    fn absorbed(&self, candidate: &Candidate) -> Score {
-        let parameters = candidate.spec.parameters.iter();
-        let rows = self.white.lens.whitened.len();
+    fn absorbed(&self, candidate: &Candidate, own: &[usize], onset: &Onset) -> Score {
+        let View { lens, base } = &self.white;
+        let parameters = candidate.spec.parameters;
+        let sizes = own.iter().map(|&index| usual(&parameters[index]) - parameters[index].null.unwrap_or(0.0));
+        let seen = whiten_all(&self.state.frame, &lens.filters, onset.slopes.clone());
+        let pull = product(&lens.design, &seen) * DVector::from_iterator(own.len(), sizes);
+        let rows = lens.whitened.len();
         Score {
             spec: candidate.spec,
             statistic: 0.0,
             explained: 0.0,
             freedom: 0,
             uniqueness: 0.0,
-            expected: parameters.map(usual).collect(),
-            base_x: self.state.x.clone(),
+            expected: parameters.iter().map(usual).collect(),
+            base_x: self.changed(&-base.solve(pull)),
             gain: 0.0,
             whole: DVector::zeros(rows),
             absorbed: DVector::zeros(self.state.x.len()),
         }
     }
 
+    /// The state's unknowns after a change of them.
+    fn changed(&self, change: &DVector<f64>) -> Vec<f64> {
+        let bounds = self.state.frame.bounds();
+        self.state.x.iter().zip(change.iter()).zip(bounds).map(|((x, change), (min, max))| (x + change).clamp(min, max)).collect()
+    }
+
     /// What each of a candidate's onsets adds to the rows. An effect of one size is walked at its
     /// onset, and what that changes divided by the size; the others with their derivatives. An effect
     /// that does not begin with its size (a delay far below a step does nothing) is looked at where it
     /// has usual ones.
-    fn onsets(&self, candidate: &Candidate, own: &[usize]) -> Vec<Onset> {
+    fn onsets(&self, candidate: &Candidate, own: &[usize], shapes: &[Vec<f64>]) -> Vec<Onset> {
         let shows_the_same = predicted_channels(&candidate.model) == predicted_channels(&self.state.frame.model);
         let (only, parameters) = (if let [only] = own { Some(*only) } else { None }, candidate.spec.parameters);
         let secant = only.filter(|_| shows_the_same);
         let mut all = Vec::new();
-        for at in &candidate.onsets {
+        for at in shapes {
             let onset = self.onset(candidate, own, secant, at.clone());
             let begins = onset.slopes.iter().any(|slope| *slope != 0.0);
             match secant {
@@ -226,7 +267,7 @@ impl<'a> Scoring<'a> {
         Onset { at, slopes }
     }
 
-    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, (white, statistic, at): &(Look, f64, Vec<f64>)) -> Score {
+    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, Seen { white, statistic, at }: &Seen) -> Score {
         let mut expected = at.clone();
         for ((&index, (null, _, _)), change) in own.iter().zip(sides).zip(&white.change) {
             expected[index] = null + change;
@@ -236,14 +277,12 @@ impl<'a> Scoring<'a> {
         let pull = &white.cross * &white.free;
         let change = &base.change - base.solve(pull.clone());
         let left = &lens.whitened - &whole - lens.design.tr_mul(&change);
-        let bounds = self.state.frame.bounds();
-        let base_x = self.state.x.iter().zip(change.iter()).zip(bounds).map(|((x, change), (min, max))| (x + change).clamp(min, max));
         // Noise that is asked for again never makes much of what explains next to nothing.
         let worth = white.statistic.max(*statistic) > WORTH_ASKING;
         Score {
             spec: candidate.spec,
             gain: if worth { self.linear_cost - left_cost(self.state, &left, &change) } else { *statistic },
-            base_x: base_x.collect(),
+            base_x: self.changed(&change),
             statistic: *statistic,
             explained: white.statistic,
             freedom: white.freedom,
@@ -253,6 +292,14 @@ impl<'a> Scoring<'a> {
             whole,
         }
     }
+}
+
+/// The one or two that explain most, beside the sensors' noise alone and beside slow noise.
+fn best(looks: &[Seen]) -> Vec<usize> {
+    let best = |by: fn(&Seen) -> f64| (0..looks.len()).max_by(|&a, &b| by(&looks[a]).total_cmp(&by(&looks[b])));
+    let mut places: Vec<usize> = best(|look| look.white.statistic).into_iter().chain(best(|look| look.statistic)).collect();
+    places.dedup();
+    places
 }
 
 /// Twice the negative log-likelihood of residuals in units of the sensors' noise, with the most

@@ -72,12 +72,12 @@ impl Sketches {
     pub(super) fn new(base: &State) -> Sketches {
         let (able, untested) = candidates(&base.frame, &base.x);
         let tried = able.len();
-        let scoring = Scoring::new(base);
+        let coarse = base.coarse();
+        let scoring = Scoring::with_coarse(base, &coarse);
         let mut scored: Vec<(Score, Candidate)> = able.into_iter().filter_map(|one| Some((scoring.score(&one)?, one))).collect();
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         let worth = worth_a_refit(base, &scored, tried);
-        let mut sketches =
-            Sketches { scored, untested, tried, base: base.coarse(), drawn: Vec::new(), handed_over: Vec::new(), seen: Vec::new() };
+        let mut sketches = Sketches { scored, untested, tried, base: coarse, drawn: Vec::new(), handed_over: Vec::new(), seen: Vec::new() };
         let places: Vec<usize> = (0..sketches.scored.len()).filter(|place| worth.contains(place)).collect();
         sketches.draw(&places);
         sketches.draw_what_looks_like_the_best();
@@ -218,7 +218,6 @@ fn worth_a_refit(base: &State, scored: &[(Score, Candidate)], tried: usize) -> V
         places
     };
     let best_gain = scored.first().map_or(0.0, |(score, _)| score.gain);
-    let most = scored.iter().map(|(score, _)| score.explained).fold(0.0, f64::max);
     let near = (0..scored.len()).filter(|&place| {
         let gain = scored[place].0.gain;
         place < REFITTED && gain > 0.3 * best_gain || gain > best_gain - 2.0 * ALIKE
@@ -229,6 +228,7 @@ fn worth_a_refit(base: &State, scored: &[(Score, Candidate)], tried: usize) -> V
         let explains = |&place: &usize| scored[place].0.explained > 10.0 * threshold(tried);
         places.extend(by(|score| score.explained, BY_EXPLAINED).into_iter().filter(explains));
         // The base model may have bent itself to absorb an effect.
+        let most = scored.iter().map(|(score, _)| score.explained).fold(0.0, f64::max);
         let absorbed = |&place: &usize| scored[place].0.uniqueness < ABSORBED && scored[place].0.explained > SHARE * most;
         places.extend(by(|score| score.explained, scored.len()).into_iter().filter(explains).filter(absorbed).take(ABSORBED_MAX));
         // Or it does all of an effect's work already.

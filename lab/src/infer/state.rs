@@ -14,7 +14,7 @@ use energy::{Channel, EffectSpec, Model, ParameterSpec};
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate::usual;
-use super::descent::{Asked, Place, Valley, descend, descend_elsewhere, descend_from_left};
+use super::descent::{Asked, Derived, Place, Valley, descend, descend_elsewhere, descend_from_left};
 use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
 use super::lens::Lens;
@@ -185,7 +185,7 @@ impl State {
         State::of(frame, place)
     }
 
-    pub(super) fn of(frame: Arc<Frame>, Place { x, noise, residual, slopes, lens }: Place) -> State {
+    pub(super) fn of(frame: Arc<Frame>, Place { x, noise, residual, slopes, lens, .. }: Place) -> State {
         let free = frame.free.len();
         let sigmas: Vec<f64> = frame.known.iter().map(|known| known.sigma).collect();
         // 1 + S H S: the information holds the priors' share, 1/sigma^2, which becomes the 1.
@@ -209,7 +209,7 @@ impl State {
 
     /// The state at other unknowns that explain the rows as well; itself where they do not.
     pub(super) fn moved_to(self, x: Vec<f64>) -> State {
-        let place = Place::at(&self.frame, x, self.noise.clone(), &all(&self.frame));
+        let place = Place::at(&self.frame, x, self.noise.clone(), &all(&self.frame), Derived::Here);
         let moved = State::of(Arc::clone(&self.frame), place);
         if moved.cost <= self.cost + AS_GOOD { moved } else { self }
     }
@@ -222,6 +222,7 @@ impl State {
             residual: self.residual.clone(),
             slopes: DMatrix::clone(&self.slopes),
             lens: self.lens(&self.noise),
+            derived: Derived::Here,
         }
     }
 
@@ -233,6 +234,11 @@ impl State {
     /// Whether slow noise is left that is worth a second look.
     pub(super) fn is_slow(&self) -> bool {
         self.noise.iter().any(|(channel, noise)| noise.slow >= SLIGHT * self.frame.evidence.floor(*channel))
+    }
+
+    /// Minus twice the logarithm of how likely the rows are.
+    pub(super) fn likelihood(&self) -> f64 {
+        likelihood(&self.frame, &self.residual, &filters(&self.frame, &self.noise))
     }
 
     /// Unknowns that rest on a bound.

@@ -5,14 +5,15 @@ use std::sync::Arc;
 use energy::{Channel, EffectSpec, Model, Parameter, ParameterSpec};
 
 use super::candidate::{Candidate, usual};
-use super::descent::{Asked, descend};
+use super::descent::{Asked, descend_roughly};
+use super::discover::ALIKE;
 use super::evidence::Evidence;
 use super::frame::Frame;
 use super::judge::ABSORBED;
 use super::noise::Noise;
 use super::rough::Rough;
 use super::score::Score;
-use super::state::{State, filters, likelihood_of_log, look_for, residual, rms};
+use super::state::{State, filters, likelihood, likelihood_of_log, look_for, residual, rms};
 
 /// A refitted candidate.
 #[derive(Debug, Clone)]
@@ -138,6 +139,11 @@ pub(super) fn sketch(base: &State, candidate: &Candidate, score: &Score, rival: 
     // A second look is worth its time where the linear theory promised more, and that would do.
     let promised = base.cost - CONTENT * score.gain;
     let content = if promised < rival { promised } else { f64::INFINITY };
+    if score.freedom == 0 {
+        let start = beside_the_base(base, score, candidate, |x, own| from(x, own), &frame);
+        let state = State::search(Arc::clone(&frame), &start, content);
+        return if state.cost < base.cost - ALIKE { state.or_with_other_starts() } else { state };
+    }
     let mut state = State::search(Arc::clone(&frame), &from(&score.base_x, &score.expected), content);
     let better = |state: State, other: Option<State>| other.filter(|other| other.cost < state.cost).unwrap_or(state);
     if state.cost >= content {
@@ -149,7 +155,31 @@ pub(super) fn sketch(base: &State, candidate: &Candidate, score: &Score, rival: 
         let other = state.search_elsewhere(&from(&base.frame.start(), &usual), content);
         state = better(state, other);
     }
-    state.or_with_other_starts()
+    if state.cost < base.cost - ALIKE { state.or_with_other_starts() } else { state }
+}
+
+/// Shares of its usual size at which an effect is begun that the base does wholly, as it is.
+const BEGUN_AT: [f64; 4] = [1.0, 0.3, 0.1, 0.03];
+/// Rise of the cost up to which the base still makes up for it.
+const MADE_UP_FOR: f64 = 100.0;
+
+/// Where a refit begins of an effect whose work the base does wholly: as large as usual, or as large as the base can make up for in a straight line.
+fn beside_the_base(
+    base: &State,
+    score: &Score,
+    candidate: &Candidate,
+    from: impl Fn(&[f64], &[f64]) -> Vec<f64>,
+    frame: &Frame,
+) -> Vec<f64> {
+    let filters = filters(frame, &base.noise);
+    let at_base = base.likelihood();
+    let part = |share: f64| {
+        let x: Vec<f64> = base.x.iter().zip(&score.base_x).map(|(x, moved)| x + share * (moved - x)).collect();
+        let sized = |(spec, usual): (&ParameterSpec, &f64)| spec.null.map_or(*usual, |null| null + share * (usual - null));
+        from(&x, &candidate.spec.parameters.iter().zip(&score.expected).map(sized).collect::<Vec<_>>())
+    };
+    let near = |x: &Vec<f64>| likelihood(frame, &residual(frame, x), &filters) < at_base + MADE_UP_FOR;
+    BEGUN_AT.map(part).into_iter().find(near).unwrap_or_else(|| part(BEGUN_AT[BEGUN_AT.len() - 1]))
 }
 
 /// Cost of a first refit with the candidate at its usual size: cheap, and enough to see that an
@@ -188,7 +218,7 @@ fn with_clocks(frame: &Frame, x: &[f64], noise: &[(Channel, Noise)], own: &[usiz
         let mut tried = x.to_vec();
         let clocks = own.iter().copied().filter(|&place| is_clock(belongs(place).what));
         clocks.for_each(|place| tried[place] = belongs(place).sigma * f64::from(look) / LOOKS_PER_SIGMA);
-        let there = descend(frame, &tried, noise, &rest, Asked::Never);
+        let there = descend_roughly(frame, &tried, noise, &rest, Asked::Never);
         for (log, best) in best.iter_mut().enumerate() {
             let cost = likelihood_of_log(frame, &there.residual, &filters, log);
             if cost < best.0 {
@@ -203,7 +233,7 @@ fn with_clocks(frame: &Frame, x: &[f64], noise: &[(Channel, Noise)], own: &[usiz
         }
     });
     look_for(frame, &mut x, is_clock);
-    descend(frame, &x, noise, own, Asked::Never).x
+    descend_roughly(frame, &x, noise, own, Asked::Never).x
 }
 
 /// Unknowns at which a refit begins: the base model's, and the candidate's own.
@@ -237,7 +267,7 @@ pub fn held_out_residual(state: &State, evidence: &Arc<Evidence>) -> Vec<f64> {
     let weights = state.weights();
     let of = |wanted| weights.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
     let noise: Vec<_> = evidence.floors.iter().map(|&(channel, floor)| (channel, of(channel).unwrap_or(Noise::white(floor)))).collect();
-    let mut x = descend(&frame, &x, &noise, &own, Asked::Never).x;
+    let mut x = descend_roughly(&frame, &x, &noise, &own, Asked::Never).x;
     if frame.known.iter().any(|known| is_clock(known.what)) {
         x = with_clocks(&frame, &x, &noise, &own);
     }

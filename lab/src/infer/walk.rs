@@ -11,23 +11,27 @@ use crate::prepare::predicted_channels;
 pub(super) struct Drive<'a, S> {
     channel: Channel,
     values: &'a [f64],
-    /// Offset and gain beyond 1; none when the sensor is taken at its word.
+    /// Offset, and one over the gain; none when the sensor is taken at its word.
     shift: Option<(S, S)>,
     /// Its sensor shows 0 for readings up to here, whatever it adds.
     dead_band: f64,
 }
 
 /// The inputs of a log that the model does not predict itself.
-pub(super) fn drives<'a, S: Copy>(
+pub(super) fn drives<'a, S: Lane>(
     model: &Model,
     inputs: &'a [(Channel, Vec<f64>)],
     shift: impl Fn(Channel) -> Option<(S, S)>,
 ) -> Vec<Drive<'a, S>> {
     let predicted = predicted_channels(model);
     let inputs = inputs.iter().filter(|(channel, _)| !predicted.contains(channel));
-    inputs
-        .map(|(channel, values)| Drive { channel: *channel, values, shift: shift(*channel), dead_band: model.sensor(*channel).dead_band })
-        .collect()
+    let drive = |(channel, values): &'a (Channel, Vec<f64>)| Drive {
+        channel: *channel,
+        values,
+        shift: shift(*channel).map(|(offset, gain)| (offset, (gain + 1.0).recip())),
+        dead_band: model.sensor(*channel).dead_band,
+    };
+    inputs.map(drive).collect()
 }
 
 /// Steps the model along the log and shows the channels of every row.
@@ -46,7 +50,7 @@ pub(super) fn walk<S: Lane>(
             run.channels[drive.channel] = match drive.shift {
                 None => S::from(value),
                 Some(_) if value == 0.0 && drive.dead_band > 0.0 => S::from(0.0),
-                Some((offset, gain)) => (S::from(value) - offset) / (gain + 1.0),
+                Some((offset, inverse)) => (S::from(value) - offset) * inverse,
             };
         }
         if row > 0 {

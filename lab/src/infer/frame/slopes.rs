@@ -29,12 +29,10 @@ struct Share<S> {
     segment: usize,
     /// The judged row.
     row: usize,
-    /// What is shown.
+    /// What is shown, times its weight in the row.
     shown: S,
-    /// State of charge.
-    soc: f64,
-    /// Its weight in the row.
-    weight: f64,
+    /// State of charge where a step ends or begins, and the weight in the row of what is shown there.
+    nodes: [(f64, f64); 3],
 }
 
 impl Frame {
@@ -58,13 +56,29 @@ impl Frame {
 
     /// Adds what is shown at once in one log.
     fn predict_log(&self, log: usize, x: &[f64], model: &Arc<Model>, all: &mut [f64]) {
-        self.shares(log, x, self.values(x), model, |_, value| value, |share: &Share<f64>| all[share.row] += share.shown * share.weight);
+        self.shares(log, x, self.values(x), model, |_, value| value, |share: &Share<f64>| all[share.row] += share.shown);
     }
 
     /// What the model predicts for every judged row, and its derivatives by some of the unknowns: one
     /// row of the matrix for each of them, one column for each judged row.
     #[must_use]
     pub fn linearise(&self, x: &[f64], by: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
+        let (mut all, soc, mut slopes) = self.linearise_prompt(x, by);
+        self.table_differences(x, &all, &soc, by, &mut slopes);
+        self.delay(x, &mut all);
+        (all, slopes)
+    }
+
+    /// The same as if the model read its OCV table at the mean charge.
+    #[must_use]
+    pub(in crate::infer) fn linearise_nearly(&self, x: &[f64], by: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
+        let (mut all, _, slopes) = self.linearise_prompt(x, by);
+        self.delay(x, &mut all);
+        (all, slopes)
+    }
+
+    /// The same before what is shown is delayed, with the state of charge at every row.
+    fn linearise_prompt(&self, x: &[f64], by: &[usize]) -> (Vec<f64>, Vec<f64>, DMatrix<f64>) {
         let mut all = vec![0.0; self.evidence.rows()];
         let mut soc = vec![0.0; all.len()];
         let mut slopes = DMatrix::zeros(by.len(), all.len());
@@ -81,9 +95,9 @@ impl Frame {
                     &model,
                     |_, value| value,
                     |share: &Share<f64>| {
-                        all[share.row] += share.shown * share.weight;
-                        soc[share.row] = share.soc;
-                        added.add(share.segment, share.soc, share.shown, share.weight, slopes.column_mut(share.row).as_mut_slice());
+                        all[share.row] += share.shown;
+                        soc[share.row] = share.nodes[0].0;
+                        added.add(share.segment, share.shown, share.nodes, slopes.column_mut(share.row).as_mut_slice());
                     },
                 );
             }
@@ -99,21 +113,19 @@ impl Frame {
                     let mut of_row = slopes.column_mut(share.row);
                     let of_row = of_row.as_mut_slice();
                     for (lane, &(place, _)) in lanes.iter().enumerate() {
-                        of_row[place] += derivative(&share.shown, lane) * share.weight;
+                        of_row[place] += derivative(&share.shown, lane);
                     }
                     if pass == 0 {
-                        all[share.row] += share.shown.re * share.weight;
-                        soc[share.row] = share.soc;
-                        added.add(share.segment, share.soc, share.shown.re, share.weight, of_row);
+                        all[share.row] += share.shown.re;
+                        soc[share.row] = share.nodes[0].0;
+                        added.add(share.segment, share.shown.re, share.nodes, of_row);
                     }
                 });
             }
         }
         self.delay_slopes(x, &all, by, &mut slopes);
         self.differences(x, &all, by, &mut slopes);
-        self.table_differences(x, &all, &soc, by, &mut slopes);
-        self.delay(x, &mut all);
-        (all, slopes)
+        (all, soc, slopes)
     }
 
     /// Derivatives that are taken by differences, one walk for each.
@@ -213,16 +225,17 @@ impl Frame {
             }
             for share in course.shows(step) {
                 let index = own.iter().position(|seen| seen.place == share.segment).unwrap_or(0);
-                let mut nodes = shown[index];
+                let nodes = &shown[index];
+                let soc_at = nodes.map(|(_, soc)| soc);
+                // What has no weight may not be a number yet.
+                let weighted = nodes.iter().zip(share.weights).filter(|(_, weight)| *weight != 0.0);
+                let mut sum = weighted.fold(S::from(0.0), |sum, ((shown, _), weight)| sum + *shown * weight);
                 if share.weights[1] > 0.0 && segments[share.segment].channel == Channel::VoltageV {
-                    let (volts, slope) = bend(model, share, nodes.map(|(_, soc)| soc));
-                    nodes[0].0 += soc.chain(volts, slope) * (cells / share.weights[0]);
+                    let (volts, slope) = bend(model, share, soc_at);
+                    sum += soc.chain(volts * cells, slope * cells);
                 }
-                for ((shown, soc), weight) in nodes.into_iter().zip(share.weights) {
-                    if weight != 0.0 {
-                        at(&Share { segment: share.segment, row: share.row, shown, soc, weight });
-                    }
-                }
+                let nodes = std::array::from_fn(|node| (soc_at[node], share.weights[node]));
+                at(&Share { segment: share.segment, row: share.row, shown: sum, nodes });
             }
         });
     }
@@ -302,9 +315,14 @@ struct Added<'a> {
     gains: Vec<Option<(usize, f64)>>,
     /// By knot of the OCV table.
     knots: Vec<Option<usize>>,
-    /// The last state of charge and the knots about it: where one step ends the next begins.
-    last: (f64, [(usize, f64); 4]),
+    /// The last states of charge and the knots about them: where one step ends the next begins.
+    last: [(f64, About); 3],
+    /// Which of them is the oldest.
+    oldest: usize,
 }
+
+/// Knots about a state of charge, and their weights.
+type About = [(usize, f64); 4];
 
 impl<'a> Added<'a> {
     fn new(frame: &'a Frame, x: &[f64], by: &[usize]) -> Added<'a> {
@@ -316,28 +334,39 @@ impl<'a> Added<'a> {
                 .map(|segment| Some((place(Rough::Gain(segment.channel))?, frame.error(x, Rough::Gain(segment.channel)))))
                 .collect(),
             knots: (0..frame.knots.len()).map(|knot| place(Rough::Ocv(knot))).collect(),
-            last: (f64::NAN, [(0, 0.0); 4]),
+            last: [(f64::NAN, [(0, 0.0); 4]); 3],
+            oldest: 0,
             frame,
         }
     }
 
     /// Adds the derivatives of one share to those of its row.
-    fn add(&mut self, segment: usize, soc: f64, shown: f64, weight: f64, of_row: &mut [f64]) {
+    fn add(&mut self, segment: usize, shown: f64, nodes: [(f64, f64); 3], of_row: &mut [f64]) {
         if let Some(place) = self.offsets[segment] {
-            of_row[place] += weight;
+            of_row[place] += nodes.iter().map(|(_, weight)| weight).sum::<f64>();
         }
         if let Some((place, gain)) = self.gains[segment] {
-            of_row[place] += weight * shown / (1.0 + gain);
+            of_row[place] += shown / (1.0 + gain);
         }
         if self.frame.evidence.segments[segment].channel == Channel::VoltageV && !self.knots.is_empty() {
-            let scale = weight * self.frame.cells();
-            let about = if self.last.0 == soc { self.last.1 } else { weights(&self.frame.knots, soc) };
-            self.last = (soc, about);
-            for (knot, share) in about {
-                if let Some(place) = self.knots[knot] {
-                    of_row[place] += scale * share;
+            let cells = self.frame.cells();
+            for (soc, weight) in nodes.into_iter().filter(|(_, weight)| *weight != 0.0) {
+                for (knot, share) in self.about(soc) {
+                    if let Some(place) = self.knots[knot] {
+                        of_row[place] += weight * cells * share;
+                    }
                 }
             }
         }
+    }
+
+    fn about(&mut self, soc: f64) -> About {
+        if let Some((_, about)) = self.last.iter().find(|(known, _)| *known == soc) {
+            return *about;
+        }
+        let about = weights(&self.frame.knots, soc);
+        self.last[self.oldest] = (soc, about);
+        self.oldest = (self.oldest + 1) % self.last.len();
+        about
     }
 }
