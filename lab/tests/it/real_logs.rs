@@ -49,6 +49,7 @@ impl Set {
         Set { name, directory, train: Vec::new(), holdout: Vec::new(), flags: &[] }
     }
 
+    #[expect(clippy::disallowed_methods, reason = "the table says how long it took")]
     fn discover(&self) -> Answer {
         let mut arguments = vec!["discover", "--model", "base.toml", "--format", "json", "--log"];
         arguments.extend(self.train.iter().map(String::as_str));
