@@ -15,6 +15,7 @@
 //!     |
 //!   state      the best unknowns and noise for one list of effects, and the evidence for it
 //!     |          descent    the way there
+//!     |          starts     where a log may have begun
 //!     |          certainty  how well the numbers are known
 //!     |          told       the numbers that are told and written
 //!     |
@@ -58,6 +59,7 @@ mod prune;
 pub mod rough;
 pub mod score;
 mod sketch;
+mod starts;
 pub mod state;
 mod steady;
 mod told;

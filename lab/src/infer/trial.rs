@@ -13,7 +13,8 @@ use super::judge::ABSORBED;
 use super::noise::Noise;
 use super::rough::Rough;
 use super::score::Score;
-use super::state::{State, filters, likelihood, likelihood_of_log, look_for, residual, rms};
+use super::starts::look_for;
+use super::state::{State, filters, likelihood, likelihood_of_log, residual, rms};
 
 /// A refitted candidate.
 #[derive(Debug, Clone)]
