@@ -257,14 +257,10 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 found.settle(SETTLED_MAX);
             }
             let lenient = start + LENIENT_SHARE * (until - start);
-            // Prices for fewer stranded than can be are of no use later.
-            let before = found.best_score.stranded;
-            let mut hard = Prices::new(self.ways, Level::Cost { stranded_max: before });
+            // Prices for fewer stranded than can be rise without end, and are of no use later.
+            let mut hard = Prices::new(self.ways, Level::Cost { stranded_max: found.best_score.stranded });
             narrow::fewer_leniently(self.ways, &mut hard, found, least, lenient, &mut self.rng, &mut self.clock);
             least = narrow::fewer_stranded(self.ways, &mut hard, found, least, until, &mut self.clock, &mut { narrow::WIDTH });
-            if found.best_score.stranded < before {
-                *prices = hard;
-            }
             return least;
         }
         let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
