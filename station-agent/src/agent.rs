@@ -1,18 +1,20 @@
 //! The station's side of a service, without clock, network or hardware.
 //!
-//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget.
+//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget, `tell.rs` what it
+//! says of itself and when.
 
 mod alone;
 mod memory;
+mod tell;
 
 use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::{Gauge as Estimator, Sample};
 use energy::selector::{PackSeen, Rule};
-use node::{Due, Ledger, Publish, Silence, gauge_message, refused, wire};
+use node::{Due, Ledger, Publish, Silence, refused, wire};
 use proto::{
-    BayId, BayPhase, BayState, CommandReply, Gauge, Outcome, PackId, PackState, Rejection, RobotId, RobotPhase, RobotState, SpareId,
-    SpareState, StationAction, StationCommand, StationId, StationState, Timestamp,
+    BayId, BayPhase, CommandReply, Gauge, Outcome, PackId, PackReturn, Rejection, RobotId, RobotPhase, RobotState, SpareId, SpareState,
+    StationAction, StationCommand, StationId, StationState, Timestamp,
 };
 
 pub use alone::Alone;
@@ -81,6 +83,7 @@ struct Pack {
     gauge: Box<dyn Estimator>,
     depleted: bool,
     connected: bool,
+    back: Option<PackReturn>,
     last: Option<Sample>,
 }
 
@@ -91,9 +94,9 @@ impl Pack {
     }
 }
 
-/// What was last told of power and packs: whether there is power, the active pack, whose pack is being
-/// exchanged, and which packs are in their places.
-type ToldPower = (bool, Option<PackId>, Option<RobotId>, Vec<bool>);
+/// What was last told of power, packs and place: whether there is power, the active pack, whose pack is being
+/// exchanged, which packs are in their places, and when the station arrives.
+type ToldPower = (bool, Option<PackId>, Option<RobotId>, Vec<bool>, Option<Timestamp>);
 
 /// The station's side of a service.
 ///
@@ -111,6 +114,7 @@ pub struct Agent {
     active_pack: Option<PackId>,
     powered: bool,
     pack_power_w: f64,
+    arrives: Option<Timestamp>,
     last_command: Option<proto::CommandId>,
     silence: Silence,
     /// Robots that said they are here, and when.
@@ -136,7 +140,10 @@ impl Agent {
             bays: profile.bays.iter().map(|id| Bay { id: id.clone(), phase: BayPhase::Free, robot: None }).collect(),
             spares: profile.spares.iter().map(spare).collect(),
             active_pack: packs.first().map(|(id, _)| id.clone()),
-            packs: packs.into_iter().map(|(id, gauge)| Pack { id, gauge, depleted: false, connected: true, last: None }).collect(),
+            packs: packs
+                .into_iter()
+                .map(|(id, gauge)| Pack { id, gauge, depleted: false, connected: true, back: None, last: None })
+                .collect(),
             profile,
             ledger: Ledger::default(),
             lifts: VecDeque::new(),
@@ -144,6 +151,7 @@ impl Agent {
             swapping: None,
             powered: true,
             pack_power_w: 0.0,
+            arrives: None,
             last_command: None,
             silence: Silence::default(),
             here: BTreeMap::new(),
@@ -163,7 +171,7 @@ impl Agent {
     pub fn handle(&mut self, now: Timestamp, input: Input) {
         match input {
             Input::Observed(observation) => {
-                self.observed(observation);
+                self.observed(now, observation);
                 self.act_alone(now);
             }
             Input::Robot(robot, state) => self.robot_said(now, robot, &state),
@@ -301,10 +309,12 @@ impl Agent {
         }
     }
 
-    fn observed(&mut self, observation: Observation) {
+    fn observed(&mut self, now: Timestamp, observation: Observation) {
         for reading in observation.packs {
             if let Some(pack) = self.packs.iter_mut().find(|pack| pack.id == reading.pack) {
                 (pack.depleted, pack.connected) = (reading.depleted, reading.connected);
+                let was = pack.back.map(|back| back.at);
+                pack.back = reading.back.map(|(in_s, soc)| PackReturn { at: tell::again(was, now.plus_s(in_s)), soc: wire(soc) });
                 if let Some(soc) = reading.exchanged {
                     pack.gauge.exchange(soc);
                 }
@@ -320,6 +330,7 @@ impl Agent {
         }
         self.active_pack = observation.active_pack;
         self.powered = observation.powered;
+        self.arrives = observation.arrives_s.map(|in_s| tell::again(self.arrives, now.plus_s(in_s)));
         self.leave_a_low_pack();
         // What an agent before this one had begun and seen is not taken twice.
         if let Some(done) = observation.lifted.filter(|done| self.lifting && self.lifts.front() == Some(done)) {
@@ -343,55 +354,6 @@ impl Agent {
         }
         if self.restored && !observation.lift_active {
             self.begin_again();
-        }
-    }
-
-    /// Publishes what is due: gauges by their period, the state by its period and on change.
-    fn tell(&mut self, now: Timestamp) {
-        if self.gauge_due.is(now) && self.packs.iter().all(|pack| pack.last.is_some() || !pack.connected) {
-            self.gauge_due.done(now, self.profile.publish.gauge_period_s);
-            for pack in self.packs.iter_mut().filter(|pack| pack.connected) {
-                let Some(sample) = pack.last else { continue };
-                let reading = pack.gauge.reading();
-                self.gauge_seq += 1;
-                let series = pack.gauge.model().battery().series;
-                let gauge = gauge_message(now, self.gauge_seq, &sample, &reading, series, &self.profile.source);
-                self.outputs.push_back(Output::Gauge(pack.id.clone(), gauge));
-            }
-        }
-        let telling: Vec<_> = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
-        let here = self.packs.iter().map(|pack| pack.connected).collect();
-        let power = (self.powered, self.active_pack.clone(), self.swapping.as_ref().map(|(robot, _)| robot.clone()), here);
-        let changed = self.told.as_ref() != Some(&telling) || self.told_power.as_ref() != Some(&power);
-        if changed || self.state_due.is(now) {
-            (self.told, self.told_power) = (Some(telling), Some(power));
-            self.state_due.done(now, self.profile.publish.state_period_s);
-            let message = self.state_message(now);
-            self.outputs.push_back(Output::State(message));
-        }
-    }
-
-    fn why_down(&self) -> &'static str {
-        if self.packs.iter().all(|pack| pack.depleted || !pack.connected) { "every pack is depleted or away" } else { "it starts again" }
-    }
-
-    fn state_message(&mut self, now: Timestamp) -> StationState {
-        self.state_seq += 1;
-        let bay = |bay: &Bay| BayState { bay: bay.id.clone(), phase: bay.phase, robot: bay.robot.clone() };
-        let pack = |pack: &Pack| PackState { pack: pack.id.clone(), connected: pack.connected, depleted: pack.depleted };
-        StationState {
-            at: now,
-            seq: self.state_seq,
-            bays: self.bays.iter().map(bay).collect(),
-            lift_busy: self.lifting,
-            swapping: self.swapping.as_ref().map(|(robot, _)| robot.clone()),
-            packs: self.packs.iter().map(pack).collect(),
-            active_pack: self.active_pack.clone(),
-            powered: self.powered,
-            pack_power_w: self.pack_power_w,
-            spares: self.spares.clone(),
-            last_command: self.last_command.clone(),
-            note: (!self.powered).then(|| self.why_down().to_owned()),
         }
     }
 }

@@ -18,6 +18,8 @@ pub struct Observation {
     pub active_pack: Option<PackId>,
     /// Whether the bays have power.
     pub powered: bool,
+    /// While it is on its way to where it takes robots in: seconds until it is there.
+    pub arrives_s: Option<f64>,
     /// A lift movement that has just ended.
     pub lifted: Option<Lifted>,
     /// An exchange of a robot's pack that has just ended.
@@ -39,6 +41,8 @@ pub struct PackReading {
     pub depleted: bool,
     /// Whether it is in its place; the sample counts only then.
     pub connected: bool,
+    /// When it is not: in how many seconds a charged one will be, and how full.
+    pub back: Option<(f64, Estimate)>,
     /// Another pack was put in its place; its state of charge as written on it.
     pub exchanged: Option<Estimate>,
 }

@@ -49,8 +49,17 @@ pub struct SpareState {
     pub ready: bool,
 }
 
+/// The pack that will stand in a place which is empty now, say because its own was taken to a depot.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PackReturn {
+    /// When it is expected there.
+    pub at: Timestamp,
+    /// Its state of charge then, a fraction (-0.05 to 1.05).
+    pub soc: Estimate,
+}
+
 /// One energy store of the station. Its charge is told by its own [`Gauge`](crate::Gauge).
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PackState {
     /// Which pack.
     pub pack: PackId,
@@ -58,6 +67,9 @@ pub struct PackState {
     pub connected: bool,
     /// Whether it has reached the end of its discharge.
     pub depleted: bool,
+    /// What comes into its place while it is not plugged in, where that is known: plans count on it from then on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub back: Option<PackReturn>,
 }
 
 /// The state of one station.
@@ -83,6 +95,10 @@ pub struct StationState {
     pub powered: bool,
     /// Power drawn from the active pack, W; discharge positive.
     pub pack_power_w: f64,
+    /// When it will have arrived, while it is on its way: until then no robot can come in, and travel times are to where
+    /// it will stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arrives: Option<Timestamp>,
     /// Every spare, each once.
     pub spares: Vec<SpareState>,
     /// The last command it accepted.
@@ -105,6 +121,9 @@ impl Message for StationState {
             check::require(listed, "active_pack", active, "one of `packs`")?;
         }
         check::finite("pack_power_w", self.pack_power_w)?;
+        for (pack, back) in self.packs.iter().filter_map(|pack| Some((&pack.pack, pack.back?))) {
+            check::soc_estimate(format_args!("packs.{pack}.back.soc"), back.soc)?;
+        }
         for spare in &self.spares {
             check::soc_estimate(format_args!("spares.{}.soc", spare.spare), spare.soc)?;
         }

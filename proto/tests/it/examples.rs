@@ -72,17 +72,19 @@ pub fn robot_state() -> RobotState {
 
 pub fn station_state() -> StationState {
     let bay = |bay, phase, robot: Option<&str>| BayState { bay: id(bay), phase, robot: robot.map(id) };
-    let pack = |pack, depleted| PackState { pack: id(pack), connected: true, depleted };
+    let pack = |pack, depleted| PackState { pack: id(pack), connected: true, depleted, back: None };
+    let away = PackReturn { at: at(1_802), soc: Estimate::new(0.97, 0.01) };
     StationState {
         at: at(2),
         seq: 9,
         bays: vec![bay("b1", BayPhase::Loading, Some("r1")), bay("b2", BayPhase::Free, None)],
         lift_busy: true,
         swapping: None,
-        packs: vec![pack("p1", true), pack("p2", false)],
+        packs: vec![pack("p1", true), pack("p2", false), PackState { connected: false, back: Some(away), ..pack("p3", true) }],
         active_pack: Some(id("p2")),
         powered: true,
         pack_power_w: 31.5,
+        arrives: Some(at(302)),
         spares: vec![SpareState { spare: id("s1"), soc: Estimate::new(0.98, 0.01), ready: true }],
         last_command: Some(id("c8")),
         note: Some("fan of bay b2 is loud".to_owned()),

@@ -56,11 +56,13 @@ fn bench() -> Bench {
         source: "test".to_owned(),
     };
     let sample = Sample { dt_s: 1.0, current_a: 0.5, voltage_v: 12.0, temperature_degc: 25.0 };
-    let packs = [1, 2].map(|number| PackReading { pack: pack(number), sample, depleted: false, connected: true, exchanged: None });
+    let packs =
+        [1, 2].map(|number| PackReading { pack: pack(number), sample, depleted: false, connected: true, back: None, exchanged: None });
     let shown = Observation {
         packs: packs.into(),
         active_pack: Some(pack(1)),
         powered: true,
+        arrives_s: None,
         lifted: None,
         swapped: None,
         lift_active: false,
@@ -251,6 +253,25 @@ fn a_pack_that_is_away_is_told_of_and_not_selected_and_its_gauge_starts_anew() {
     let soc = bench.agent.socs().nth(1).unwrap().1;
     assert!((soc.value - 0.3).abs() < 0.01, "{soc:?}");
     assert_eq!(bench.ask(StationAction::SelectPack { pack: pack(2) }).0, Outcome::Accepted);
+}
+
+#[test]
+fn what_is_expected_is_told_with_its_time_and_that_moves_only_when_it_is_another() {
+    let mut bench = bench();
+    let mut told = |back_s: f64, arrives_s: Option<f64>| {
+        bench.observe(|shown| {
+            (shown.packs[1].connected, shown.packs[1].back) = (false, Some((back_s, energy::Estimate::new(0.97, 0.01))));
+            shown.arrives_s = arrives_s;
+        });
+        let state = bench.agent.state_message(bench.now);
+        let back = state.packs[1].back.unwrap();
+        assert_eq!(back.soc.value, 0.97);
+        [Some(back.at), state.arrives].map(|at| at.map(|at| at.seconds_since(Timestamp::from_unix_ms(0))))
+    };
+    // A second passes before each.
+    assert_eq!(told(600.0, Some(300.0)), [Some(601.0), Some(301.0)]);
+    assert_eq!(told(599.4, Some(298.7)), [Some(601.0), Some(301.0)], "the same but for rounding");
+    assert_eq!(told(700.0, None), [Some(703.0), None]);
 }
 
 /// What a robot at this station says.

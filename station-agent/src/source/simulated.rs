@@ -281,6 +281,7 @@ impl Source for StationBody {
             packs,
             active_pack: self.packs.get(self.active).map(|pack| pack.id.clone()),
             powered: self.powered,
+            arrives_s: self.drive.as_ref().and_then(Drive::left_s),
             lifted,
             swapped,
             lift_active,

@@ -43,6 +43,11 @@ impl Drive {
         (self.left_s > 0.0).then_some(self.power_w)
     }
 
+    /// How long it still drives, s; none while it stands for good.
+    pub(super) fn left_s(&self) -> Option<f64> {
+        (self.left_s > 0.0).then_some(self.left_s)
+    }
+
     pub(super) fn inputs<const N: usize>(&self, channels: [Channel; N]) -> [f64; N] {
         channels.map(|channel| self.load.channels[channel])
     }

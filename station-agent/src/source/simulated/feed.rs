@@ -93,6 +93,7 @@ impl StationBody {
             self.paths.count(&self.load, dt_s);
         }
         self.recharge(&mut samples, dt_s);
+        let label = self.depot.map(|depot| super::depot::label(&depot));
         let rest = |(pack, sample): (&mut Pack, Option<_>)| PackReading {
             pack: pack.id.clone(),
             sample: sample.unwrap_or_else(|| match pack.body.step(dt_s, Task::Rest) {
@@ -101,6 +102,7 @@ impl StationBody {
             }),
             depleted: pack.depleted,
             connected: pack.away_s.is_none(),
+            back: pack.away_s.zip(label),
             exchanged: pack.exchanged.take(),
         };
         self.packs.iter_mut().zip(samples).map(rest).collect()

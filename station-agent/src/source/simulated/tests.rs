@@ -274,7 +274,7 @@ fn a_station_that_drives_takes_it_from_its_pack_and_its_lift_waits() {
     let still = Stretch { time_s: f64::INFINITY, distance_m: 0.0, inputs: vec![(Channel::SpeedMps, 0.0)] };
     let mut body = StationBody::new(World { vehicle: Some((model("mds-vehicle"), vec![leg, still], 0.5)), ..world(&[1.0]) });
     body.act(&Act::Swap { robot: robot(1), spare: spare() });
-    body.advance(1.0);
+    assert_eq!(body.advance(1.0).unwrap().arrives_s, Some(9.0));
     // By hand: (12 kg x 9.80665 x 0.02 + 4 N) x 0.2 m/s / 0.5 + 0.5 W = 3.04 W.
     assert!((body.driving_w().unwrap() - 3.04).abs() < 0.05, "{:?}", body.driving_w());
     assert!((body.truth(Channel::PackPowerW) - 5.7).abs() < 1e-9, "the lift waits");

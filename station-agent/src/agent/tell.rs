@@ -1,0 +1,66 @@
+//! What a station says of itself, and when.
+
+use node::gauge_message;
+use proto::{BayState, PackState, StationState, Timestamp};
+
+use super::{Agent, Bay, Output, Pack};
+
+/// Expected times that differ by no more than this are the same one, s: nobody need plan anew for a rounding.
+const SAME_S: f64 = 1.0;
+
+/// A time that is expected, as it is told: as before, where nothing has changed.
+pub(super) fn again(told: Option<Timestamp>, expected: Timestamp) -> Timestamp {
+    told.filter(|told| told.seconds_since(expected).abs() <= SAME_S).unwrap_or(expected)
+}
+
+impl Agent {
+    /// Publishes what is due: gauges by their period, the state by its period and on change.
+    pub(super) fn tell(&mut self, now: Timestamp) {
+        if self.gauge_due.is(now) && self.packs.iter().all(|pack| pack.last.is_some() || !pack.connected) {
+            self.gauge_due.done(now, self.profile.publish.gauge_period_s);
+            for pack in self.packs.iter_mut().filter(|pack| pack.connected) {
+                let Some(sample) = pack.last else { continue };
+                let reading = pack.gauge.reading();
+                self.gauge_seq += 1;
+                let series = pack.gauge.model().battery().series;
+                let gauge = gauge_message(now, self.gauge_seq, &sample, &reading, series, &self.profile.source);
+                self.outputs.push_back(Output::Gauge(pack.id.clone(), gauge));
+            }
+        }
+        let telling: Vec<_> = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
+        let here = self.packs.iter().map(|pack| pack.connected).collect();
+        let power = (self.powered, self.active_pack.clone(), self.swapping.as_ref().map(|(robot, _)| robot.clone()), here, self.arrives);
+        let changed = self.told.as_ref() != Some(&telling) || self.told_power.as_ref() != Some(&power);
+        if changed || self.state_due.is(now) {
+            (self.told, self.told_power) = (Some(telling), Some(power));
+            self.state_due.done(now, self.profile.publish.state_period_s);
+            let message = self.state_message(now);
+            self.outputs.push_back(Output::State(message));
+        }
+    }
+
+    fn why_down(&self) -> &'static str {
+        if self.packs.iter().all(|pack| pack.depleted || !pack.connected) { "every pack is depleted or away" } else { "it starts again" }
+    }
+
+    pub(super) fn state_message(&mut self, now: Timestamp) -> StationState {
+        self.state_seq += 1;
+        let bay = |bay: &Bay| BayState { bay: bay.id.clone(), phase: bay.phase, robot: bay.robot.clone() };
+        let pack = |pack: &Pack| PackState { pack: pack.id.clone(), connected: pack.connected, depleted: pack.depleted, back: pack.back };
+        StationState {
+            at: now,
+            seq: self.state_seq,
+            bays: self.bays.iter().map(bay).collect(),
+            lift_busy: self.lifting,
+            swapping: self.swapping.as_ref().map(|(robot, _)| robot.clone()),
+            packs: self.packs.iter().map(pack).collect(),
+            active_pack: self.active_pack.clone(),
+            powered: self.powered,
+            pack_power_w: self.pack_power_w,
+            arrives: self.arrives,
+            spares: self.spares.clone(),
+            last_command: self.last_command.clone(),
+            note: (!self.powered).then(|| self.why_down().to_owned()),
+        }
+    }
+}
