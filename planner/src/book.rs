@@ -229,15 +229,25 @@ impl<'p> Book<'p> {
         let short = self.energy.iter().map(|limit| (limit.before, self.drawn(choices, way, limit.before) - limit.energy));
         let certain = short.into_iter().find(|&(_, short)| short > 0).map(|(before, short)| Clash::Energy(before, short));
         certain.or_else(|| {
-            let short = self.odds_short(choices, way);
-            (short > 0).then_some(Clash::Energy(self.horizon, short))
+            let (before, short) = self.odds_clash(choices, way);
+            (short > 0).then_some(Clash::Energy(before, short))
         })
     }
 
     /// What is missing for as much certainty as is asked for; 0 or less when there is enough.
     #[inline]
     fn odds_short(&self, choices: &Choices, way: &Way) -> i64 {
-        self.odds.as_ref().map_or(0, |odds| odds.short(choices, way))
+        self.odds_clash(choices, way).1
+    }
+
+    /// The same, and before which tick it is missing: the horizon, or when a pack comes for which the way is too early.
+    #[inline]
+    fn odds_clash(&self, choices: &Choices, way: &Way) -> (Tick, i64) {
+        let Some(odds) = &self.odds else { return (self.horizon, 0) };
+        let whole = (self.horizon, odds.short(choices, way));
+        let early = self.energy.iter().filter(|limit| limit.before < self.horizon && Tick::from(way.start) < limit.before);
+        let early = early.map(|&left| (left.before, odds.short_before(choices, way, left, self.drawn(choices, way, left.before))));
+        early.fold(whole, |worst, here| if here.1 > worst.1 { here } else { worst })
     }
 
     /// What a way draws before a tick.
@@ -386,10 +396,11 @@ impl<'p> Book<'p> {
     }
 
     /// What the packs hold beyond what is promised, and its standard deviation, once everything that is in
-    /// the book has ended: `(units, units)`. None where everything is known for certain.
+    /// the book has ended, or before a pack comes if that is less sure: `(units, units)`. None where everything
+    /// is known for certain.
     #[must_use]
     pub fn margin(&self) -> Option<(i64, f64)> {
-        self.odds.as_ref().map(Odds::margin)
+        self.odds.as_ref().map(|odds| odds.margin(&self.energy))
     }
 
     /// The station.

@@ -162,7 +162,13 @@ fn battery(raw: &raw::Battery) -> Result<Battery, InstanceError> {
     }
     range("number of battery.targets", raw.targets.len() as i64, 0, 250)?;
     let swap_energy = range("battery.swap_energy", raw.swap_energy, 0, capacity)?;
-    Ok(Battery { capacity, floor, min_gain, targets: raw.targets.clone(), chargers: vec![Charger { swap_energy, curve }] })
+    Ok(Battery {
+        capacity,
+        floor,
+        min_gain,
+        targets: raw.targets.clone(),
+        chargers: vec![Charger { swap_energy, curve, owed: Vec::new() }],
+    })
 }
 
 fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
@@ -206,6 +212,7 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
     Ok(Station {
         name: raw.id.to_string(),
         charger: 0,
+        opens: 0,
         bays: range(at("bays"), raw.bays, 0, 10_000)? as u32,
         lift_slots: range(at("lift_slots"), raw.lift_slots, 0, 10_000)?,
         swap_slots: range(at("swap_slots"), raw.swap_slots, 0, 10_000)?,
@@ -255,6 +262,7 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         not_before: 0,
         wanted: None,
         held: false,
+        lowest_target: 0,
         energy: range(at("energy"), raw.energy, 0, ENERGY_MAX)?,
         drain,
         drain_hi: range(at("drain_hi"), raw.drain_hi, drain.max(1), ENERGY_MAX / HORIZON_MAX)?,

@@ -51,6 +51,9 @@ pub struct Charger {
     pub swap_energy: i64,
     /// The taper: the first segment above the stored energy holds.
     pub curve: Vec<Segment>,
+    /// Ticks of work that a robot owes which is let go at each of [`Battery::targets`], because it comes again so much
+    /// sooner than from the highest; they count as missed. Empty where nothing is owed.
+    pub owed: Vec<Tick>,
 }
 
 /// A stretch of the charge curve.
@@ -73,6 +76,8 @@ pub struct Station {
     pub name: String,
     /// How it charges: index of [`Battery::chargers`].
     pub charger: usize,
+    /// First tick in which it takes robots in: a station that moves is on its way until then.
+    pub opens: Tick,
     /// Places to charge.
     pub bays: u32,
     /// Lift movements at once.
@@ -224,6 +229,8 @@ pub struct Robot {
     pub wanted: Option<Tick>,
     /// Whether an earlier plan promised it a service: then less certainty is asked for.
     pub held: bool,
+    /// Index of the lowest of [`Battery::targets`] at which a charge of it may end.
+    pub lowest_target: usize,
     /// Stations in reach.
     pub travel: Vec<Travel>,
 }
@@ -282,6 +289,12 @@ impl Problem {
     #[must_use]
     pub fn battery(&self, robot: usize) -> &Battery {
         &self.batteries[self.robots[robot].battery]
+    }
+
+    /// First tick in which a service can begin at the end of this way: the robot and the station must be there.
+    #[must_use]
+    pub fn soonest(&self, travel: &Travel) -> Tick {
+        travel.ticks.max(self.stations[travel.station].opens)
     }
 
     /// Ticks until a robot is empty by the cautious estimate, if it goes on working.

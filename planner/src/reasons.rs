@@ -28,6 +28,13 @@ pub enum Why {
         /// Ticks until the robot may be empty.
         endurance: i64,
     },
+    /// The robot may be empty before the station is where it takes robots in.
+    NotThere {
+        /// Ticks until it is.
+        opens: Tick,
+        /// Ticks until the robot may be empty.
+        endurance: i64,
+    },
     /// It has neither bay nor spare.
     NoPlace,
     /// No service that adds enough ends within the horizon.
@@ -117,8 +124,9 @@ fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
 fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     let station = &problem.stations[travel.station];
     let (who, battery, endurance) = (&problem.robots[robot], problem.battery(robot), problem.endurance(robot));
-    if i64::from(travel.ticks) > endurance || who.energy - who.drain_hi * i64::from(travel.ticks) < battery.floor {
-        return Why::TooFar { away: travel.ticks, endurance };
+    let soonest = problem.soonest(travel);
+    if i64::from(soonest) > endurance || who.energy - who.drain_hi * i64::from(soonest) < battery.floor {
+        return if soonest > travel.ticks { Why::NotThere { opens: soonest, endurance } } else { Why::TooFar { away: soonest, endurance } };
     }
     if station.bays == 0 && station.spares.is_empty() {
         return Why::NoPlace;
@@ -145,6 +153,9 @@ impl fmt::Display for Why {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Why::TooFar { away, endurance } => write!(f, "it is {away} ticks away, and the robot may be empty in {endurance}"),
+            Why::NotThere { opens, endurance } => {
+                write!(f, "it takes robots in from tick {opens}, and the robot may be empty in {endurance}")
+            }
             Why::NoPlace => write!(f, "it has neither bay nor spare"),
             Why::TooLate { min_gain, horizon } => write!(f, "no service of at least {min_gain} mWh ends by tick {horizon}"),
             Why::Pointless => write!(f, "a service there would cost more work than it gives"),

@@ -179,12 +179,12 @@ pub fn renew(
     let mut known = Draft::new(&ways);
     let mut in_order: Vec<&Session> = before.iter().collect();
     in_order.sort_by_key(|session| (!problem.robots[session.robot].held, session.start, session.robot));
+    // A charge that takes a tick more makes those behind it a little later, each in its turn; none becomes another.
     for session in in_order {
-        let choices = ways.of(session.robot);
-        if let Some(way) = choices.find(session.station, session.start, session.mode)
-            && known.chosen[session.robot] == NONE
-            && known.books[session.station].fits(choices, &choices.ways[way])
-        {
+        let (choices, book) = (ways.of(session.robot), &known.books[session.station]);
+        let fits = |start: u32| choices.find(session.station, start, session.mode).filter(|&way| book.fits(choices, &choices.ways[way]));
+        let place = (session.start..=session.start + SLIP_MAX).find_map(fits);
+        if let Some(way) = place.filter(|_| known.chosen[session.robot] == NONE) {
             known.serve(session.robot, way as u32);
         }
     }

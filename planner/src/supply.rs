@@ -41,12 +41,13 @@ fn eligible(station: &Station, horizon: Tick) -> (Vec<usize>, Option<usize>) {
     (usable, weak.max_by_key(|&pack| (packs[pack].usable(), std::cmp::Reverse(pack))))
 }
 
-/// What all the station's packs together can give, by when; empty when none is there at tick 0.
+/// What all the station's packs together can give, by when; empty when none is there at tick 0 and one must be.
 #[must_use]
 pub fn limits(station: &Station, horizon: Tick) -> Vec<Limit> {
     let (usable, weak) = eligible(station, horizon);
     let none_at_start = usable.first().is_none_or(|&pack| station.packs[pack].available_from > 0);
-    if none_at_start && weak.is_none() {
+    // A station that may go dark waits for the first.
+    if none_at_start && weak.is_none() && station.chance.is_none() {
         return Vec::new();
     }
     let arrivals = usable.iter().map(|&pack| station.packs[pack].available_from).filter(|&from| from > 0);

@@ -277,7 +277,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
         return made;
     }
-    let mut first = robot.travel.iter().map(|travel| travel.ticks).min().unwrap_or(0).max(robot.not_before);
+    let mut first = robot.travel.iter().map(|travel| problem.soonest(travel)).min().unwrap_or(0).max(robot.not_before);
     let mut last = robot.endurance(battery.floor).min(i64::from(horizon) - 1);
     if let Some(Only::This(commitment)) = only {
         (first, last) = (first.max(commitment.start), last.min(i64::from(commitment.start)));
@@ -293,9 +293,10 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
             break;
         }
         let energy = robot.energy - robot.drain * i64::from(start);
-        let wanted = battery.targets.partition_point(|target| target - energy < battery.min_gain);
+        let enough = battery.targets.partition_point(|target| target - energy < battery.min_gain);
+        let wanted = enough.max(robot.lowest_target.min(battery.targets.len()));
         let mut at: Vec<From> = Vec::new();
-        for travel in travels.iter().filter(|travel| travel.ticks <= start) {
+        for travel in travels.iter().filter(|travel| problem.soonest(travel) <= start) {
             let station = &problem.stations[travel.station];
             let place = at.iter().position(|from| from.charger == station.charger).unwrap_or_else(|| {
                 at.push(From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut runs));
@@ -306,12 +307,14 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
             let in_time = robot.wanted.map_or(start, |wanted| wanted.max(travel.ticks));
             let works_until = i64::from(start.min(in_time)) - away;
             let amiss = robot.weight * i64::from(start.abs_diff(in_time));
-            let cost = |end: Tick, stored: i64| {
+            let owed = &battery.chargers[station.charger].owed;
+            let cost = |mode: Mode, end: Tick, stored: i64| {
+                let owed = if let Mode::Charge(level) = mode { owed.get(usize::from(level)).copied().unwrap_or(0) } else { 0 };
                 let (from, to) = (i64::from(end) + away, i64::from(end) + (stored - battery.floor).div_euclid(robot.drain_served));
-                amiss + robot.missed([(0, works_until), (from, to)])
+                amiss + robot.weight * i64::from(owed) + robot.missed([(0, works_until), (from, to)])
             };
             let mut add = |mode, end: Tick, stored, ready, runs, energy| {
-                let cost = cost(end, stored);
+                let cost = cost(mode, end, stored);
                 // Who can do without is not serviced to no gain: that holds at every level.
                 if end <= horizon && (strands || cost < unserved) {
                     let (start, end, variance) = (start as u16, end as u16, travel.variance as f32);

@@ -1,6 +1,7 @@
 //! Whether a station's packs hold what is promised with the probability that is asked for.
 
 use crate::problem::{Chance, Station, Tick};
+use crate::supply::Limit;
 use crate::way::{Choices, Way};
 
 /// What is promised of the energy of a station whose packs are not known for certain.
@@ -9,6 +10,9 @@ pub(super) struct Odds<'p> {
     chance: &'p Chance,
     /// What the packs hold, less what services that have begun take.
     held: i64,
+    /// The same of the packs that are there before another one comes, for each that does. All of what has begun
+    /// counts, and the doubt of every pack: on the safe side.
+    held_before: Vec<Limit>,
     /// What the services in the book take.
     taken: i64,
     /// Variance of that which is their own, units². Whole, so that what is struck out leaves no trace.
@@ -25,21 +29,65 @@ pub(super) struct Odds<'p> {
 
 impl<'p> Odds<'p> {
     pub(super) fn new(chance: &'p Chance, station: &Station, horizon: Tick) -> Self {
-        let held = station.packs.iter().map(|pack| pack.usable().max(0)).sum::<i64>() - chance.begun;
+        let held = |before: Tick| {
+            let there = station.packs.iter().filter(|pack| pack.available_from < i64::from(before.max(1)));
+            there.map(|pack| pack.usable().max(0)).sum::<i64>() - chance.begun
+        };
+        let mut comes: Vec<i64> = station.packs.iter().map(|pack| pack.available_from).collect();
+        comes.sort_unstable();
+        comes.dedup();
+        let comes = comes.into_iter().filter(|from| (1..i64::from(horizon)).contains(from)).map(|from| from as Tick);
+        let held_before = comes.map(|before| Limit { before, energy: held(before) }).collect();
         let last = station.ongoing.iter().map(|ongoing| ongoing.until).max().unwrap_or(0);
-        Self { chance, held, taken: 0, variance: 0, new: 0, ends: vec![0; horizon as usize + 1], last, last_begun: last }
+        Self {
+            chance,
+            held: held(horizon),
+            held_before,
+            taken: 0,
+            variance: 0,
+            new: 0,
+            ends: vec![0; horizon as usize + 1],
+            last,
+            last_begun: last,
+        }
     }
 
     /// What is missing if this way is promised too; 0 or less when there is enough.
     pub(super) fn short(&self, choices: &Choices, way: &Way) -> i64 {
         let last = self.last.max(Tick::from(way.end));
         let (spare, sigma) = self.with(last, self.taken + way.energy, self.variance + way.variance as i64);
-        let quantile = if self.new == 0 && choices.held { self.chance.quantile_held } else { self.chance.quantile };
-        (quantile * sigma).ceil() as i64 - spare
+        (self.quantile(choices) * sigma).ceil() as i64 - spare
     }
 
-    pub(super) fn margin(&self) -> (i64, f64) {
-        self.with(self.last, self.taken, self.variance)
+    /// The same before a pack comes, when the packs that are there have so much left and the way draws so much by then.
+    pub(super) fn short_before(&self, choices: &Choices, way: &Way, left: Limit, drawn: i64) -> i64 {
+        let last = self.last.max(Tick::from(way.end));
+        let (spare, sigma) = self.before(left, last, drawn, self.variance + way.variance as i64);
+        (self.quantile(choices) * sigma).ceil() as i64 - spare
+    }
+
+    fn quantile(&self, choices: &Choices) -> f64 {
+        if self.new == 0 && choices.held { self.chance.quantile_held } else { self.chance.quantile }
+    }
+
+    /// What is left beyond what is promised, with its standard deviation, when that is least sure: in the end, or
+    /// before a pack comes. `left` is what the packs that are there before each tick have left.
+    pub(super) fn margin(&self, left: &[Limit]) -> (i64, f64) {
+        // Where nothing is drawn before, the station may even go dark until the pack comes.
+        let is_drawn = |limit: &&Limit| limit.before < self.last && (self.chance.begun > 0 || limit.energy < self.held_by(limit.before));
+        let between = left.iter().filter(is_drawn).map(|&limit| self.before(limit, self.last, 0, self.variance));
+        let sure = |&(spare, sigma): &(i64, f64)| spare as f64 / sigma.max(1.0);
+        let end = self.with(self.last, self.taken, self.variance);
+        between.chain([end]).min_by(|a, b| sure(a).total_cmp(&sure(b))).unwrap_or(end)
+    }
+
+    fn before(&self, left: Limit, last: Tick, drawn: i64, variance: i64) -> (i64, f64) {
+        let (until, held, left) = (left.before.min(last), self.held_by(left.before), left.energy - drawn);
+        (left - i64::from(until) * self.chance.hotel, self.chance.sigma(until, held - left, variance as f64))
+    }
+
+    fn held_by(&self, before: Tick) -> i64 {
+        self.held_before.iter().find(|held| held.before == before).map_or(self.held, |held| held.energy)
     }
 
     fn with(&self, last: Tick, taken: i64, variance: i64) -> (i64, f64) {

@@ -21,7 +21,7 @@ impl Policy for LeastSlack {
         let problem = ways.problem();
         in_order(ways, budget, |robot| {
             let who = &problem.robots[robot];
-            let nearest = who.travel.iter().map(|travel| i64::from(travel.ticks)).min().unwrap_or(0);
+            let nearest = who.travel.iter().map(|travel| i64::from(problem.soonest(travel))).min().unwrap_or(0);
             problem.endurance(robot) - nearest
         })
     }

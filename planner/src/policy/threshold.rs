@@ -58,6 +58,7 @@ fn first_come(draft: &Draft<'_, '_>, robot: usize, due: i64) -> Option<u32> {
     let limit = (UP_TO * battery.capacity as f64) as i64;
     // The lowest level, if there is none below.
     let level = battery.targets.partition_point(|&target| target <= limit).saturating_sub(1);
+    let level = level.max(problem.robots[robot].lowest_target);
     let choices = draft.ways.of(robot);
     let wanted = choices
         .ways

@@ -15,6 +15,7 @@ pub fn battery() -> Battery {
         chargers: vec![Charger {
             swap_energy: 960,
             curve: vec![segment(800, 60, 75, 66), segment(930, 40, 52, 45), segment(1000, 15, 24, 18)],
+            owed: Vec::new(),
         }],
     }
 }
@@ -32,13 +33,15 @@ fn pack(name: usize) -> impl Strategy<Value = Pack> {
 pub fn station() -> impl Strategy<Value = Station> {
     let packs = (pack(0), vec(pack(1), 0..4));
     let sizes = (0_u32..4, 0_i64..3, 0_i64..3, 0_i64..60, 0_u32..3, 0_u32..3, 0_u32..4);
-    (packs, sizes, 0_i64..300, vec(0_u32..40, 0..3), any::<bool>()).prop_map(
+    let opens = prop_oneof![3 => Just(0), 1 => 0_u32..20];
+    (packs, sizes, 0_i64..300, vec(0_u32..40, 0..3), any::<bool>(), opens).prop_map(
         |(
             (mut first, mut more),
             (bays, lift_slots, swap_slots, switch_cost, load_ticks, unload_ticks, swap_ticks),
             power,
             spares,
             busy,
+            opens,
         )| {
             let ongoing = Ongoing { bay: Some(0), from: 0, load_ticks: 0, until: 7, draw: 60, unload_ticks: 1 };
             let ongoing = if busy && bays > 0 && lift_slots > 0 { vec![ongoing] } else { Vec::new() };
@@ -48,6 +51,7 @@ pub fn station() -> impl Strategy<Value = Station> {
             Station {
                 name: "any".to_owned(),
                 charger: 0,
+                opens,
                 bays,
                 lift_slots,
                 swap_slots,
@@ -72,13 +76,15 @@ pub fn station() -> impl Strategy<Value = Station> {
 
 fn robot(stations: usize) -> impl Strategy<Value = Robot> {
     let critical = proptest::option::of((0_i64..40, 0_i64..12, 1_i64..5));
-    (0_i64..=1000, 0_i64..30, 1_i64..8, 0_i64..60, 1_i64..4, critical, vec(proptest::option::of(0_u32..9), stations)).prop_map(
-        |(energy, drain, caution, mission_end, weight, critical, travel)| Robot {
+    let travel = vec(proptest::option::of(0_u32..9), stations);
+    (0_i64..=1000, 0_i64..30, 1_i64..8, 0_i64..60, 1_i64..4, critical, travel, 0_usize..3).prop_map(
+        |(energy, drain, caution, mission_end, weight, critical, travel, lowest_target)| Robot {
             name: "any".to_owned(),
             battery: 0,
             not_before: 0,
             wanted: None,
             held: false,
+            lowest_target,
             energy,
             drain,
             drain_hi: drain + caution,
@@ -97,14 +103,18 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
 
 /// A problem that can be planned.
 pub fn problem() -> impl Strategy<Value = Problem> {
-    vec(station(), 0..3).prop_flat_map(|stations| {
+    let owed = prop_oneof![Just(Vec::new()), Just(vec![6, 3, 0])];
+    (vec(station(), 0..3), owed).prop_flat_map(|(stations, owed)| {
         vec(robot(stations.len()), 0..14).prop_map(move |robots| Problem {
             name: "any".to_owned(),
             tick_s: 60,
             horizon: 40,
             capacity_target: 1,
             units_per_wh: 1000,
-            batteries: vec![battery()],
+            batteries: vec![Battery {
+                chargers: battery().chargers.into_iter().map(|charger| Charger { owed: owed.clone(), ..charger }).collect(),
+                ..battery()
+            }],
             stations: stations.clone(),
             robots,
         })
@@ -117,7 +127,8 @@ pub fn doubtful() -> impl Strategy<Value = Problem> {
     (problem(), doubt, vec(any::<bool>(), 14), vec(0.0_f64..60.0, 14)).prop_map(|(mut problem, (sigma, share, hotel, begun), held, own)| {
         for station in &mut problem.stations {
             (station.hotel, station.switch_cost) = (0, 0);
-            station.packs.iter_mut().for_each(|pack| pack.available_from = 0);
+            // So little that what is there at first is short now and then, and what comes later is needed.
+            station.packs.iter_mut().for_each(|pack| pack.remaining /= 3);
             let mut shared = [[0.0; 3]; 3];
             shared[2][2] = share * share;
             station.chance = Some(Chance { quantile: 1.645, quantile_held: 0.0, hotel, begun, variance: sigma * sigma, shared });

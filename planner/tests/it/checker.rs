@@ -23,6 +23,7 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
     let battery = &problem.batteries[0];
     let swap_energy = battery.chargers[0].swap_energy;
     let (mut energy, mut packs) = (0, 0);
+    let mut owed = vec![0; problem.robots.len()];
     let mut outcome: Vec<Option<(i64, i64, i64, i64)>> = vec![None; problem.robots.len()];
     for (at, station) in problem.stations.iter().enumerate() {
         let mut load = vec![station.hotel; horizon];
@@ -42,11 +43,14 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
             let travel = robot.travel.iter().find(|travel| travel.station == at).expect("in reach");
             let start = session.start as usize;
             assert!(session.start >= travel.ticks, "arrives before it can");
+            assert!(session.start >= station.opens, "is taken in before the station is there");
             assert!(robot.energy - robot.drain_hi * start as i64 >= battery.floor, "may be empty before");
             assert!(outcome[session.robot].is_none(), "serviced twice");
             let arrived = robot.energy - robot.drain * start as i64;
             let (stored, end) = if let Mode::Charge(level) = session.mode {
                 let target = battery.targets[usize::from(level)];
+                assert!(usize::from(level) >= robot.lowest_target, "ends below what is on offer");
+                owed[session.robot] = battery.chargers[0].owed.get(usize::from(level)).map_or(0, |&ticks| i64::from(ticks));
                 assert!(target - arrived >= battery.min_gain, "gains too little");
                 let (stored, draws) = charged(problem, arrived, target, false);
                 let (loading, unloading) = (station.load_ticks as usize, station.unload_ticks as usize);
@@ -99,7 +103,8 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
         packs += touched;
     }
     let (mut stranded, mut cost) = (0, 0);
-    for (robot, outcome) in problem.robots.iter().zip(&outcome) {
+    for ((robot, outcome), owed) in problem.robots.iter().zip(&outcome).zip(owed) {
+        cost += robot.weight * owed;
         let until_empty = |energy: i64| (energy - battery.floor).div_euclid(robot.drain_hi);
         let alone = until_empty(robot.energy).max(0);
         stranded += i64::from(outcome.is_none() && alone < robot.mission_end.min(i64::from(problem.horizon)));

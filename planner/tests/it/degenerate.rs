@@ -10,7 +10,7 @@ fn station() -> planner::problem::Station {
     use proptest::strategy::{Strategy as _, ValueTree as _};
     let mut station = any::station().new_tree(&mut proptest::test_runner::TestRunner::deterministic()).expect("a station").current();
     station.ongoing.clear();
-    (station.bays, station.lift_slots, station.swap_slots, station.p_max) = (2, 1, 1, 400);
+    (station.opens, station.bays, station.lift_slots, station.swap_slots, station.p_max) = (0, 2, 1, 1, 400);
     (station.load_ticks, station.unload_ticks, station.swap_ticks) = (1, 1, 2);
     station.packs[0].remaining = 9000;
     station
@@ -31,6 +31,7 @@ fn robot(energy: i64) -> Robot {
         not_before: 0,
         wanted: None,
         held: false,
+        lowest_target: 0,
         travel,
     }
 }

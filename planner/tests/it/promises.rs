@@ -38,12 +38,29 @@ proptest! {
                     let variance = robot.travel.iter().find(|travel| travel.station == at).expect("in reach").variance;
                     (taken, own, last) = (taken + way.energy, own + variance, last.max(session.end));
                 }
-                let held: i64 = station.packs.iter().map(|pack| (pack.remaining - pack.reserve).max(0)).sum();
-                let spare = (held - chance.begun - taken - i64::from(last) * chance.hotel) as f64;
-                let sigma = (chance.variance + own + chance.shared[2][2] * (taken as f64).powi(2)).sqrt();
                 let asked = if sessions.iter().all(|session| problem.robots[session.robot].held) { 0.0 } else { 1.645 };
-                // Variances are kept as whole numbers: a part in a thousand either way.
-                prop_assert!(sessions.is_empty() || spare >= 0.999 * asked * sigma - 1.0, "{}: {spare} of {sigma}", policy.name());
+                let spare = |before: u32, taken: i64| {
+                    let there = station.packs.iter().filter(|pack| pack.available_from < i64::from(before));
+                    let held: i64 = there.map(|pack| (pack.remaining - pack.reserve).max(0)).sum();
+                    let sigma = (chance.variance + own + chance.shared[2][2] * (taken as f64).powi(2)).sqrt();
+                    // Variances are kept as whole numbers: a part in a thousand either way.
+                    (held - chance.begun - taken - i64::from(last.min(before)) * chance.hotel) as f64 - 0.999 * asked * sigma
+                };
+                let end = spare(problem.horizon, taken);
+                prop_assert!(sessions.is_empty() || end >= -1.0, "{}: {end}", policy.name());
+                // Nor is anything drawn that only a pack holds which has still to come.
+                for comes in station.packs.iter().map(|pack| pack.available_from).filter(|from| (1..40).contains(from)) {
+                    let mut drawn = 0;
+                    for session in sessions.iter().filter(|session| i64::from(session.start) < comes) {
+                        let choices = ways.of(session.robot);
+                        let way = &choices.ways[choices.find(at, session.start, session.mode).expect("a way")];
+                        choices.draws(way, station, problem.horizon, |from, to, draw| {
+                            drawn += (to.min(comes as usize)).saturating_sub(from) as i64 * draw;
+                        });
+                    }
+                    let before = spare(comes as u32, drawn);
+                    prop_assert!(drawn == 0 || before >= -1.0, "{}: {before} before tick {comes}", policy.name());
+                }
             }
         }
     }
