@@ -69,6 +69,9 @@ pub struct PolicyConfig {
     pub serve_below_soc: f64,
     /// Level at which a recharge is done.
     pub charge_to_soc: f64,
+    /// Where charging everybody to `charge_to_soc` would leave a robot without a place, a charge may end at this level
+    /// already; at `charge_to_soc` none ever does.
+    pub charge_at_least_soc: f64,
     /// A service must add at least this much charge.
     pub min_gain_soc: f64,
     /// A promised service is moved only if that saves this much work, s.
@@ -95,6 +98,7 @@ impl Default for PolicyConfig {
             confidence: 0.95,
             serve_below_soc: 0.2,
             charge_to_soc: 0.98,
+            charge_at_least_soc: 0.5,
             min_gain_soc: 0.1,
             loyalty_s: 120.0,
             moves_per_robot: 100,
@@ -166,6 +170,8 @@ impl PolicyConfig {
             confidence: self.confidence,
             serve_below_soc: fraction("serve_below_soc", self.serve_below_soc)?,
             charge_to_soc: fraction("charge_to_soc", self.charge_to_soc)?,
+            // Who charges everybody to less than the usual need not say that nobody is charged to less.
+            charge_at_least_soc: fraction("charge_at_least_soc", self.charge_at_least_soc)?.min(self.charge_to_soc),
             min_gain_soc: fraction("min_gain_soc", self.min_gain_soc)?,
             loyalty_s: {
                 ensure!(

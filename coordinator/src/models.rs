@@ -20,6 +20,8 @@ pub struct Settings {
     pub serve_below_soc: f64,
     /// Level at which a recharge is done.
     pub charge_to_soc: f64,
+    /// Lowest level at which one may end where there is no room for all.
+    pub charge_at_least_soc: f64,
     /// A service must add at least this much charge.
     pub min_gain_soc: f64,
     /// A promised service is moved only if that saves this much work, s.

@@ -12,6 +12,7 @@
 //!   solve.rs      the planner, beginning from the last plan
 //!      |
 //!   plan.rs       its sessions as services: bay, spare, packs, times, probability
+//!   cover.rs      how surely the packs last until then, along the load of that plan
 //!   words.rs      why, why not, and what would have to change
 //!
 //!   capacity.rs   how many robots each pack can still service, and how certainly
@@ -19,6 +20,7 @@
 
 pub mod capacity;
 pub mod charging;
+mod cover;
 mod plan;
 mod problem;
 mod solve;
@@ -28,7 +30,7 @@ mod words;
 
 pub use charging::Tables;
 pub use plan::{Plan, Planned, Rejected};
-pub use problem::{Begun, PackView, RobotView, SpareView, StationView, View};
+pub use problem::{Begun, PackState, PackView, RobotView, SpareView, StationView, View};
 pub use solve::{Effort, Solved, WHOLE_FLEET_MAX, solve};
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts};

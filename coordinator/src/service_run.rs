@@ -26,6 +26,14 @@ pub enum How {
     },
 }
 
+impl How {
+    /// Level at which a recharge is done.
+    #[must_use]
+    pub fn to_soc(&self) -> Option<f64> {
+        if let How::Recharge { to_soc, .. } = self { Some(*to_soc) } else { None }
+    }
+}
+
 /// Where a service stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {

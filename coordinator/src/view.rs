@@ -26,6 +26,8 @@ const HELD_CAUTION: f64 = 0.5;
 pub const HANDOVER_S: f64 = 60.0;
 /// A spare that should have been charged by now is counted on after this time, s.
 const SPARE_LATE_S: f64 = 300.0;
+/// The same for a pack that should have been brought, and a station that should have arrived by now, s.
+const COMES_LATE_S: f64 = 60.0;
 
 /// Everything that a view is made from.
 pub struct Basis<'a> {
@@ -155,6 +157,7 @@ impl Basis<'_> {
         let mut view = StationView {
             station: id.clone(),
             out_of_order: None,
+            opens_s: 0.0,
             handling: models.handling,
             bays: Vec::new(),
             begun: Vec::new(),
@@ -173,6 +176,7 @@ impl Basis<'_> {
         if !state.powered {
             view.out_of_order = Some("it has no power".to_owned());
         }
+        view.opens_s = state.arrives.map_or(0.0, |at| self.comes_s(at));
         let here: Vec<&ServiceRun> = self.running.values().filter(|run| run.station == *id).collect();
         self.spares(&mut view, models, station, state, &here);
         view.bays = state.bays.iter().filter(|bay| self.usable(&bay.bay, bay.phase, &here)).map(|bay| bay.bay.clone()).collect();
@@ -184,6 +188,12 @@ impl Basis<'_> {
         }
         view.packs = self.packs(id, models, station, state);
         view
+    }
+
+    /// When something comes that is expected at a time, s: soon, if it is late.
+    fn comes_s(&self, at: Timestamp) -> f64 {
+        let left_s = at.seconds_since(self.now);
+        if left_s > 0.0 { left_s } else { COMES_LATE_S }
     }
 
     /// Spares that can be handed out, now or when they are charged again.
@@ -253,7 +263,8 @@ impl Basis<'_> {
         let charging = belief.filter(|(_, state)| state.phase == RobotPhase::Charging).and_then(|(gauge, state)| {
             let (models, battery) = (self.models.stations.get(&run.station)?, self.models.battery(&run.robot, &state.battery)?);
             let table = self.table(&run.station, models, battery, gauge.temperature_degc);
-            Some(table.at(gauge.soc.value).charge_s + models.handling.unload_s)
+            let to_soc = run.how.to_soc().unwrap_or(table.target_soc());
+            Some(table.between(gauge.soc.value, to_soc).charge_s + models.handling.unload_s)
         });
         charging.map_or(planned_s, |left_s| left_s.max(1.0))
     }
@@ -281,34 +292,41 @@ impl Basis<'_> {
 
     /// What a service that has begun still takes: the charge that the robot still lacks.
     fn still_needs(&self, run: &ServiceRun, models: &StationModels) -> Need {
-        let How::Recharge { .. } = run.how else { return run.need.clone() };
+        let Some(to_soc) = run.how.to_soc() else { return run.need.clone() };
         let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
         let factor = self.watch.wider(&Subject::Station(run.station.clone()));
-        self.table(&run.station, models, battery, gauge.temperature_degc).need(from_wire(gauge.soc), factor)
+        self.table(&run.station, models, battery, gauge.temperature_degc).need_to(from_wire(gauge.soc), to_soc, factor)
     }
 
     /// Packs that hold something, in the order in which they are drained: the active one, then
-    /// the fullest last, so that full packs stay full.
+    /// the fullest last, so that full packs stay full. Those that are still to come, last.
     fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
         let draw = self.working_draw(models, state);
         let mut packs: Vec<PackView> = state
             .packs
             .iter()
-            .filter(|pack| pack.connected && !pack.depleted)
             .filter_map(|pack| {
-                let (gauge, model) = (station.packs.get(&pack.pack)?, models.packs.get(&pack.pack)?);
-                let usable_wh = self.tables.usable.wh(model, from_wire(gauge.soc), gauge.temperature_degc, draw.power_w);
-                let gain_wh = self.tables.gain_wh(models, state.bays.len(), model, gauge.temperature_degc, &draw);
+                let gauge = station.packs.get(&pack.pack);
+                let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
+                let (soc, available_s) = match pack.back {
+                    _ if pack.connected => (gauge.filter(|_| !pack.depleted)?.soc, 0.0),
+                    back => (back?.soc, self.comes_s(back?.at)),
+                };
+                let model = models.packs.get(&pack.pack)?;
+                let usable_wh = self.tables.usable.wh(model, from_wire(soc), temperature_degc, draw.power_w);
+                let gain_wh = self.tables.gain_wh(models, state.bays.len(), model, temperature_degc, &draw);
                 let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
                 let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh })
+                let state = Some(crate::scheduler::PackState { model: Arc::clone(model), soc: soc.value, temperature_degc });
+                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, state, available_s })
             })
             .collect();
         let active = |pack: &PackId| state.active_pack.as_ref() == Some(pack);
         packs.sort_by(|a, b| {
-            let key = |pack: &PackView| (!active(&pack.pack), pack.usable_wh.value);
-            key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)).then_with(|| a.pack.cmp(&b.pack))
+            let key = |pack: &PackView| (!active(&pack.pack), [pack.available_s, pack.usable_wh.value]);
+            let ((a_is, [a_s, a_wh]), (b_is, [b_s, b_wh])) = (key(a), key(b));
+            a_is.cmp(&b_is).then(a_s.total_cmp(&b_s)).then(a_wh.total_cmp(&b_wh)).then_with(|| a.pack.cmp(&b.pack))
         });
         // Only the last one sees the end of the last charge. The others are left a little before they give out.
         let left_wh = HANDOVER_S / S_PER_H * draw.power_w;

@@ -97,6 +97,20 @@ impl Table {
         }
     }
 
+    /// The charge from a state of charge to a level below the target, with the lift.
+    #[must_use]
+    pub fn between(&self, soc: f64, to_soc: f64) -> Point {
+        let (from, to) = (self.at(soc), self.at(to_soc));
+        let share = if from.need_wh > self.lift_wh { (from.need_wh - to.need_wh).max(0.0) / (from.need_wh - self.lift_wh) } else { 0.0 };
+        Point {
+            soc,
+            charge_s: (from.charge_s - to.charge_s).max(0.0),
+            need_wh: (from.need_wh - to.need_wh).max(0.0) + self.lift_wh,
+            own_variance: share * share * from.own_variance,
+            bare_wh: (from.bare_wh - to.bare_wh).max(0.0),
+        }
+    }
+
     /// The end of a charge, from when it takes less than this power (W): how long (s) and how much (W), in
     /// order, without the lift.
     #[must_use]
@@ -114,7 +128,16 @@ impl Table {
     /// the station's model.
     #[must_use]
     pub fn need(&self, soc: Estimate, wider: f64) -> Need {
-        self.with_doubt(self.at(soc.value).need_wh, self.own_variance(soc), wider)
+        self.need_to(soc, self.target_soc(), wider)
+    }
+
+    /// The same to a level below the target.
+    #[must_use]
+    pub fn need_to(&self, soc: Estimate, to_soc: f64, wider: f64) -> Need {
+        let whole = self.at(soc.value);
+        let part = self.between(soc.value, to_soc);
+        // What a charge begins with counts in full, wherever it ends.
+        self.with_doubt(part.need_wh, self.own_variance(soc) - whole.own_variance + part.own_variance, wider)
     }
 
     /// The part of that need's variance that is the robot's own: its battery's, and that of its state of charge, Wh².

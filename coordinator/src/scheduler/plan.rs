@@ -7,8 +7,8 @@ use energy::Need;
 use energy::units::S_PER_H;
 use planner::{Levels, Mode, Session};
 use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
-use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::cover::Cover;
 use super::problem::{SpareView, StationView};
 use super::translate::Task;
 use super::words::{self, Grounds};
@@ -88,7 +88,7 @@ impl Plan {
     /// The planner's plan in the fleet's terms. Who has no service as before, and was not asked about, has
     /// none for the reasons that `before` holds.
     #[must_use]
-    pub fn new(task: &Task, found: &planner::Replanned, before: &Self, to_soc: f64, confidence: f64) -> Self {
+    pub fn new(task: &Task, found: &planner::Replanned, before: &Self, confidence: f64) -> Self {
         let plan = &found.plan;
         let moved = found.moved.iter().map(|&robot| task.view.robots[robot].robot.clone()).collect();
         let mut planned: Vec<Planned> = Vec::new();
@@ -97,7 +97,7 @@ impl Plan {
             let mut here: Vec<&Session> = plan.sessions.iter().filter(|session| session.station == index).collect();
             here.sort_by_key(|session| (session.start, session.robot));
             let mut ledger = Ledger::new(task, station, index, &here, &promised);
-            planned.extend(here.into_iter().enumerate().map(|(place, session)| ledger.planned(place, session, to_soc)));
+            planned.extend(here.into_iter().enumerate().map(|(place, session)| ledger.planned(place, session)));
         }
         planned.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
         let told: BTreeMap<&RobotId, &Rejected> = before.rejected.iter().map(|rejected| (&rejected.robot, rejected)).collect();
@@ -157,8 +157,8 @@ struct Ledger<'a> {
     /// What the plan before told of each robot.
     told: &'a BTreeMap<&'a RobotId, &'a Planned>,
     spares: Vec<SpareView>,
-    /// When each service draws, s from now, and what it takes.
-    draws: Vec<(f64, f64, Need)>,
+    /// How surely the packs last.
+    cover: Cover<'a>,
     /// Everything that is promised so far.
     need: Need,
     /// When the last of it ends, s from now.
@@ -175,26 +175,12 @@ impl<'a> Ledger<'a> {
     ) -> Self {
         let mut spares = station.spares.clone();
         spares.sort_by(|a, b| b.soc.total_cmp(&a.soc).then_with(|| a.spare.cmp(&b.spare)));
-        let draw = |session: &&Session| {
-            let [start_s, end_s] = [session.start, session.end].map(|tick| task.grid.time(tick).seconds_since(task.view.now));
-            (start_s, end_s, task.need(session.robot, index, session.start, session.mode))
-        };
-        let draws = here.iter().map(draw).collect();
-        Self { task, station, index, told, spares, draws, need: station.committed.clone(), until_s: station.committed_until_s }
-    }
-
-    /// Probability that the packs last until then: a service that ends with others beside it is as sure as they are,
-    /// for when the packs give out, all of them end.
-    fn covered(&self, until_s: f64) -> f64 {
-        let mut need = self.station.committed.plus(&self.overhead(until_s.max(self.station.committed_until_s)));
-        for (start_s, end_s, draws) in self.draws.iter().filter(|(start_s, ..)| *start_s < until_s) {
-            need.add(draws, ((until_s - start_s) / (end_s - start_s)).min(1.0));
-        }
-        covered(self.station, &need)
+        let cover = Cover::new(task, index, here);
+        Self { task, station, index, told, spares, cover, need: station.committed.clone(), until_s: station.committed_until_s }
     }
 
     /// The service at this place in order.
-    fn planned(&mut self, place: usize, session: &Session, to_soc: f64) -> Planned {
+    fn planned(&mut self, place: usize, session: &Session) -> Planned {
         let (task, now) = (self.task, self.task.view.now);
         let robot = &task.view.robots[session.robot];
         let [start, end] = [session.start, session.end].map(|tick| task.grid.time(tick));
@@ -204,7 +190,7 @@ impl<'a> Ledger<'a> {
         // Who comes in the first tick in which it can be there, and is late already, leaves at once: the
         // rest of a tick is the planner's rounding, and each new plan would round up anew.
         let at_once = session.start <= first && who.not_before < first;
-        let need = self.draws[place].2.clone();
+        let need = self.cover.draws[place].2.clone();
         let need_wh = need.mean_wh;
         let (start_s, end_s) = (start.seconds_since(now), end.seconds_since(now));
         let before_wh = self.need.mean_wh + self.overhead(self.until_s.max(start_s)).mean_wh;
@@ -212,7 +198,7 @@ impl<'a> Ledger<'a> {
         self.until_s = self.until_s.max(end_s);
         let total = self.need.plus(&self.overhead(self.until_s));
         let packs = self.paying(before_wh, total.mean_wh);
-        let (covered, arrives) = (self.covered(end_s), robot.arrives(start_s));
+        let (covered, arrives) = (self.cover.until(end_s), robot.arrives(start_s));
         let spare = if session.mode == Mode::Swap || session.mode == Mode::SwapAndRecharge { self.spare(session) } else { None };
         let mut planned = Planned {
             robot: robot.robot.clone(),
@@ -220,7 +206,7 @@ impl<'a> Ledger<'a> {
             mode: session.mode,
             bay: session.bay.and_then(|bay| self.station.bays.get(bay as usize).cloned()),
             spare,
-            to_soc,
+            to_soc: task.to_soc(session.mode),
             leave: if at_once { now } else { start.plus_s(-travel_s).max(now) },
             start,
             end,
@@ -254,8 +240,7 @@ impl<'a> Ledger<'a> {
 
     /// Until the pack that the robot leaves is charged, s from the beginning of the exchange.
     fn recharged_s(&self, session: &Session) -> f64 {
-        let (view, who) = (&self.task.view.robots[session.robot], &self.task.problem.robots[session.robot]);
-        let soc = (who.energy - who.drain * i64::from(session.start)) as f64 / self.task.problem.battery(session.robot).capacity as f64;
+        let (view, soc) = (&self.task.view.robots[session.robot], self.task.soc_at(session.robot, session.start));
         let table = view.travel.iter().find(|(station, _, _)| *station == self.index);
         self.station.handling.swap_s + table.map_or(0.0, |(_, _, table)| table.at(soc).charge_s)
     }
@@ -273,11 +258,4 @@ impl<'a> Ledger<'a> {
         }
         paying
     }
-}
-
-/// Probability that the station's packs cover a need.
-fn covered(station: &StationView, need: &Need) -> f64 {
-    let usable = station.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
-    let need = need.estimate();
-    Normal::standard().cdf((usable.value - need.value) / usable.sigma.hypot(need.sigma).max(1e-9))
 }

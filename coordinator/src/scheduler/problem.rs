@@ -80,6 +80,8 @@ pub struct StationView {
     pub station: StationId,
     /// Whether it takes part at all, or why not.
     pub out_of_order: Option<String>,
+    /// When it is where it takes robots in, s: 0 or less unless it is on its way there.
+    pub opens_s: f64,
     /// How long it takes to handle a robot.
     pub handling: Handling,
     /// Bays that work and are free or held by a service that has begun.
@@ -126,6 +128,17 @@ pub struct SpareView {
     pub ready_s: f64,
 }
 
+/// A pack to begin with.
+#[derive(Debug, Clone)]
+pub struct PackState {
+    /// What it is.
+    pub model: Arc<Model>,
+    /// Its state of charge.
+    pub soc: f64,
+    /// Its temperature, °C.
+    pub temperature_degc: f64,
+}
+
 /// A pack of a station.
 #[derive(Debug, Clone)]
 pub struct PackView {
@@ -136,4 +149,8 @@ pub struct PackView {
     pub usable_wh: Estimate,
     /// How much more it would give if it were the last, Wh.
     pub gain_wh: f64,
+    /// What it is and how it stands, for stepping its model; none where that is not known.
+    pub state: Option<PackState>,
+    /// When it can feed the station, s: 0 when it is in its place, later while another one is brought there.
+    pub available_s: f64,
 }

@@ -8,7 +8,7 @@ use proto::RobotId;
 
 use super::plan::Plan;
 use super::problem::View;
-use super::translate::{Task, worth};
+use super::translate::{Offer, Task, worth};
 use crate::models::Settings;
 
 /// Fleets up to this size are planned as a whole whatever happens.
@@ -73,19 +73,25 @@ impl Solved {
 /// must save as much work as the settings say.
 #[must_use]
 pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> Solved {
-    let gated = Task::new(view, settings, &before.planned, true);
-    let found = plan(&gated, settings, before, effort);
-    // Waiting until a service is wanted must not cost a robot its turn: if somebody strands for want of a
-    // place, all may come earlier. In a large fleet that comes into question with the next whole plan.
-    let strands_for_a_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
-    if strands_for_a_place && effort == Effort::Whole && settings.policy.name() == optimise::NAME {
-        let open = Task::new(gated.view.clone(), settings, &before.planned, false);
-        let early = plan(&open, settings, before, effort);
-        if early.plan.objective.stranded < found.plan.objective.stranded {
-            return solved(open, &early, before, settings);
+    let mut task = Task::new(view, settings, &before.planned, Offer::Usual);
+    let mut found = plan(&task, settings, before, effort);
+    // Neither waiting until a service is wanted nor charging to the usual level must cost another robot its turn: if
+    // somebody strands for want of a place, all may come earlier, and if that does not help, leave with less. In a large
+    // fleet that comes into question with the next whole plan.
+    let may_change = effort == Effort::Whole && settings.policy.name() == optimise::NAME;
+    for offer in [Offer::Early, Offer::Scarce] {
+        let strands_for_a_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
+        if !strands_for_a_place || !may_change {
+            break;
+        }
+        let other = Task::new(task.view.clone(), settings, &before.planned, offer);
+        let other_found = plan(&other, settings, before, effort);
+        if other_found.plan.objective.stranded < found.plan.objective.stranded {
+            (task, found) = (other, other_found);
         }
     }
-    solved(gated, &found, before, settings)
+    let plan = Plan::new(&task, &found, before, settings.confidence);
+    Solved { sessions: found.plan.sessions, plan, task }
 }
 
 fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Replanned {
@@ -106,9 +112,4 @@ fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Repl
             unreachable!("the policy was looked up, and stations that may go dark can always be planned")
         }
     }
-}
-
-fn solved(task: Task, found: &Replanned, before: &Plan, settings: &Settings) -> Solved {
-    let plan = Plan::new(&task, found, before, settings.charge_to_soc, settings.confidence);
-    Solved { sessions: found.plan.sessions.clone(), plan, task }
 }

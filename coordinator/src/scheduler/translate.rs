@@ -1,19 +1,19 @@
 //! A view as a `planner::Problem`: seconds become ticks of a grid, Wh become whole units.
 
 mod battery;
+mod station;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
-use planner::problem::{Battery, Chance, LeftPacks, Ongoing, Pack, Problem, Robot, Station, Tick, Travel};
+use planner::problem::{Battery, Problem, Robot, Station, Tick, Travel};
 use planner::{Mode, Session};
-use proto::{BayId, RobotId, Timestamp};
-use statrs::distribution::{ContinuousCDF, Normal};
+use proto::{RobotId, Timestamp};
 
 use super::charging::Table;
 use super::plan::Planned;
-use super::problem::{RobotView, StationView, View};
+use super::problem::{RobotView, View};
 use crate::models::Settings;
 
 /// Units of energy in a Wh: a robot that charges at 15 W takes some 4,000 of them in a tick of 10 s.
@@ -30,11 +30,6 @@ const TICKS_MAX: [f64; 2] = [300.0, 3000.0];
 pub(crate) const HORIZON_MAX_S: f64 = 48.0 * S_PER_H;
 /// Services after each other that are looked at beyond that.
 const QUEUE_MAX: Tick = 6;
-/// What a station may draw in a tick where nothing limits it.
-const NO_LIMIT: i64 = 1 << 40;
-/// A promise that was given is kept as long as it is more likely than not that it can be; what makes it
-/// less likely is measured, never planned ([`planner::hold`]).
-const KEEP_CONFIDENCE: f64 = 0.5;
 
 /// Where ticks lie in time: on the same grid for every plan, so that plans can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,13 +73,25 @@ pub struct Task {
     pub problem: Problem,
     /// Its ticks in time.
     pub grid: Grid,
+    /// Levels at which a charge may end, ascending; the last is the usual one.
+    pub levels_soc: Vec<f64>,
+}
+
+/// What is on offer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Offer {
+    /// Nobody is serviced before it wants to be, or charged to less than the usual level, but for who was promised that.
+    Usual,
+    /// There is no room for all in that way: everybody may come earlier.
+    Early,
+    /// Not in that way either: everybody may also leave with less.
+    Scarce,
 }
 
 impl Task {
-    /// The problem of a view. With `gates` nobody is serviced before it wants to be, but for who was
-    /// promised an earlier service by `before`.
+    /// The problem of a view, after a plan that promised the services of `before`.
     #[must_use]
-    pub fn new(view: View, settings: &Settings, before: &[Planned], gates: bool) -> Self {
+    pub fn new(view: View, settings: &Settings, before: &[Planned], offer: Offer) -> Self {
         let tick_s = tick_s(&view);
         let grid = Grid::at(view.now, tick_s);
         let mut kinds: Vec<(usize, i32)> = Vec::new();
@@ -113,24 +120,25 @@ impl Task {
         let charger_of = battery::share_chargers(&mut batteries, view.stations.len());
         let stations = view.stations.iter().enumerate().map(|(index, station)| {
             let lift_wh = tables.iter().find_map(|tables| tables.get(&index)).map_or(0.0, |table| table.lift_wh);
-            self::station(&view, station, charger_of[index], lift_wh, settings, grid)
+            station::station(&view, station, charger_of[index], lift_wh, settings, grid)
         });
         let stations: Vec<Station> = stations.collect();
         let before_of = before.iter().map(|planned| (&planned.robot, planned)).collect();
-        let places = Places { view: &view, grid, gates, before: before_of };
+        let levels_soc = battery::levels_soc(settings);
+        let places = Places { view: &view, grid, offer, levels_soc: &levels_soc, before: before_of };
         let robots: Vec<Robot> = view.robots.iter().zip(kind_of).map(|(robot, kind)| places.robot(robot, kind, &batteries[kind])).collect();
         let mut problem = Problem {
             name: String::new(),
             tick_s,
             units_per_wh: UNITS_PER_WH as i64,
             horizon: 0,
-            capacity_target: 0,
+            capacity_target: levels_soc.len() - 1,
             batteries,
             stations,
             robots,
         };
         close_horizon(&mut problem, &view);
-        let mut task = Self { view, problem, grid };
+        let mut task = Self { view, problem, grid, levels_soc };
         let sessions = task.sessions(before);
         planner::hold(&mut task.problem, &sessions);
         task
@@ -149,14 +157,20 @@ impl Task {
         before.iter().filter_map(session).collect()
     }
 
+    /// State of charge that a robot is expected to have at a tick.
+    #[must_use]
+    pub fn soc_at(&self, robot: usize, tick: Tick) -> f64 {
+        let who = &self.problem.robots[robot];
+        (who.energy - who.drain * i64::from(tick)) as f64 / self.problem.battery(robot).capacity as f64
+    }
+
     /// What a service takes: its energy with its doubt.
     #[must_use]
     pub fn need(&self, robot: usize, station: usize, start: Tick, mode: Mode) -> energy::Need {
         let (view, who) = (&self.view.robots[robot], &self.problem.robots[robot]);
         let Some((_, _, table)) = view.travel.iter().find(|(index, _, _)| *index == station) else { return energy::Need::default() };
-        let capacity = self.problem.battery(robot).capacity as f64;
-        let soc = (who.energy - who.drain * i64::from(start)) as f64 / capacity;
-        let at = table.at(soc);
+        let soc = self.soc_at(robot, start);
+        let at = table.between(soc, self.to_soc(mode));
         let there = &self.problem.stations[station];
         let swap_wh = self.problem.wh(i64::from(there.swap_ticks) * there.swap_draw);
         let mean_wh = match mode {
@@ -165,13 +179,27 @@ impl Task {
             Mode::SwapAndRecharge => swap_wh + at.bare_wh,
         };
         let own = who.travel.iter().find(|travel| travel.station == station).map_or(0.0, |travel| travel.variance);
-        let scale = if at.need_wh > 0.0 { mean_wh / at.need_wh } else { 0.0 };
+        let whole_wh = table.at(soc).need_wh;
+        let scale = if whole_wh > 0.0 { mean_wh / whole_wh } else { 0.0 };
         let shared = &self.view.stations[station].shared_per_wh;
         energy::Need {
             mean_wh,
             shared_wh: shared.iter().map(|change| change * mean_wh).collect(),
             own_variance: own / UNITS_PER_WH.powi(2) * scale * scale,
         }
+    }
+
+    /// Level at which a service ends, if it is a charge: else the usual one.
+    #[must_use]
+    pub fn to_soc(&self, mode: Mode) -> f64 {
+        let level = if let Mode::Charge(level) = mode { usize::from(level) } else { self.levels_soc.len() - 1 };
+        self.levels_soc[level.min(self.levels_soc.len() - 1)]
+    }
+
+    /// A charge to the usual level.
+    #[must_use]
+    pub fn full_charge(&self) -> Mode {
+        Mode::Charge((self.levels_soc.len() - 1) as u8)
     }
 
     /// Worth of work in seconds of it.
@@ -221,92 +249,12 @@ fn close_horizon(problem: &mut Problem, view: &View) {
     }
 }
 
-fn station(view: &View, station: &StationView, charger: usize, lift_wh: f64, settings: &Settings, grid: Grid) -> Station {
-    let ahead_s = view.now.seconds_since(grid.origin);
-    let tick = |seconds: f64| grid.up(seconds + ahead_s);
-    let [load_ticks, unload_ticks, swap_ticks] =
-        [station.handling.load_s, station.handling.unload_s, station.handling.swap_s].map(|seconds| grid.up(seconds));
-    // A service in a bay that has failed takes none of those that work.
-    let begun = station.begun.iter().filter_map(|begun| {
-        let place = |bay: &BayId| station.bays.iter().position(|known| known == bay).map(|place| place as u32);
-        let bay = begun.bay.as_ref().map(place);
-        if bay == Some(None) {
-            return None;
-        }
-        let bay = bay.flatten();
-        let (from, until) = (if begun.from_s > 0.0 { tick(begun.from_s) } else { 0 }, tick(begun.until_s));
-        let lift = |ticks: Tick, at: bool| if at && bay.is_some() { ticks } else { 0 };
-        Some(Ongoing {
-            bay,
-            from: from.min(until),
-            until,
-            draw: 0,
-            load_ticks: lift(load_ticks, begun.to_load),
-            unload_ticks: lift(unload_ticks, true),
-        })
-    });
-    let out = station.out_of_order.is_some();
-    let lifting = i64::from(load_ticks + unload_ticks).max(1);
-    let lift_draw = (lift_wh * UNITS_PER_WH / lifting as f64).round() as i64;
-    // What an exchange takes is at the power of the lift.
-    let handling_s = (station.handling.load_s + station.handling.unload_s).max(1e-9);
-    let swap_wh = lift_wh * station.handling.swap_s / handling_s;
-    let usable = |wh: f64| (wh.max(0.0) * UNITS_PER_WH) as i64;
-    Station {
-        name: station.station.to_string(),
-        charger,
-        bays: if out { 0 } else { station.bays.len() as u32 },
-        lift_slots: 1,
-        swap_slots: 1,
-        hotel: 0,
-        p_max: NO_LIMIT,
-        switch_cost: 0,
-        load_ticks,
-        load_draw: lift_draw,
-        unload_ticks,
-        unload_draw: lift_draw,
-        swap_ticks,
-        swap_draw: (swap_wh * UNITS_PER_WH / f64::from(swap_ticks.max(1))).round() as i64,
-        spares: battery::spares_alike(station).map(|spare| if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }).collect(),
-        left_packs: if station.charges_spares { LeftPacks::Charged } else { LeftPacks::PutAside },
-        packs: station
-            .packs
-            .iter()
-            .map(|pack| Pack { name: pack.pack.to_string(), remaining: usable(pack.usable_wh.value), reserve: 0, available_from: 0 })
-            .collect(),
-        ongoing: begun.filter(|begun| !out || begun.bay.is_none()).collect(),
-        chance: Some(chance(station, settings, grid)),
-    }
-}
-
-/// How certain it must be that the packs hold what is promised, in the problem's units.
-fn chance(station: &StationView, settings: &Settings, grid: Grid) -> Chance {
-    let tick_h = f64::from(grid.tick_s) / S_PER_H;
-    let (begun, hotel) = (&station.committed, station.overhead_per_h.scaled(tick_h));
-    let parts = [&begun.shared_wh, &hotel.shared_wh, &station.shared_per_wh];
-    // What goes with a unit of service is a ratio, the others are Wh.
-    let scales = [UNITS_PER_WH, UNITS_PER_WH, 1.0];
-    let product = |a: usize, b: usize| {
-        let sum: f64 = parts[a].iter().zip(parts[b].iter()).map(|(x, y)| x * y).sum();
-        sum * scales[a] * scales[b]
-    };
-    let packs: f64 = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum();
-    let quantile = |confidence: f64| Normal::standard().inverse_cdf(confidence);
-    Chance {
-        quantile: quantile(settings.confidence),
-        quantile_held: quantile(KEEP_CONFIDENCE),
-        hotel: (hotel.mean_wh * UNITS_PER_WH).round() as i64,
-        begun: (begun.mean_wh * UNITS_PER_WH).round() as i64,
-        variance: (packs + begun.own_variance) * UNITS_PER_WH.powi(2),
-        shared: std::array::from_fn(|a| std::array::from_fn(|b| product(a, b))),
-    }
-}
-
 /// What robots are translated with.
 struct Places<'a> {
     view: &'a View,
     grid: Grid,
-    gates: bool,
+    offer: Offer,
+    levels_soc: &'a [f64],
     before: BTreeMap<&'a RobotId, &'a Planned>,
 }
 
@@ -319,14 +267,22 @@ impl Places<'_> {
         let drain = per_tick(robot.drain_soc_per_s);
         // At the begin of the grid a little more was stored.
         let energy = ((robot.soc.value.max(0.0) + robot.drain_soc_per_s * ahead_s) * capacity) as i64;
-        let nearest = robot.travel.iter().map(|(_, travel_s, _)| grid.up(travel_s + ahead_s)).min().unwrap_or(0);
+        let nearest = robot
+            .travel
+            .iter()
+            .map(|(station, travel_s, _)| grid.up(travel_s.max(self.view.stations[*station].opens_s) + ahead_s))
+            .min()
+            .unwrap_or(0);
         let endures = (robot.endures_s(f64::from(nearest) * tick_s - ahead_s) + ahead_s) / tick_s;
         // The least drain by which it is empty after that many whole ticks.
         let drain_hi = if endures.is_finite() { energy / (endures.min(1e9) as i64 + 1) + 1 } else { 1 };
         // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end.
         let wanted = grid.up(robot.wanted_s.min(HORIZON_MAX_S) + ahead_s);
-        let promised = self.before.get(&robot.robot).and_then(|planned| grid.tick(planned.start));
-        let gate = if self.gates { promised.map_or(wanted, |start| start.min(wanted)) } else { 0 };
+        let promised = self.before.get(&robot.robot).and_then(|planned| Some((grid.tick(planned.start)?, planned.mode)));
+        let full = self.levels_soc.len() - 1;
+        let was_promised = promised.and_then(|(_, mode)| if let Mode::Charge(level) = mode { Some(usize::from(level)) } else { None });
+        let lowest_target = if self.offer == Offer::Scarce { 0 } else { was_promised.map_or(full, |level| level.min(full)) };
+        let gate = if self.offer == Offer::Usual { promised.map_or(wanted, |(start, _)| start.min(wanted)) } else { 0 };
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
         let travel = robot.travel.iter().map(|(station, travel_s, table)| {
             let own_variance = table.own_variance(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma));
@@ -346,6 +302,7 @@ impl Places<'_> {
             not_before: gate,
             wanted: Some(wanted),
             held: robot.held,
+            lowest_target,
             travel: travel.collect(),
         }
     }

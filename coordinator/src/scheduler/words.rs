@@ -40,6 +40,8 @@ pub struct Grounds {
     comes: Comes,
     /// When the robot may be empty without it, or how likely it lasts until then, %.
     without: Without,
+    /// Level at which a charge ends below the usual one, %.
+    only_to: Option<i64>,
     /// What it takes, tenths of a Wh.
     need: i64,
     /// How likely the packs hold that, tenths of a percent.
@@ -91,7 +93,10 @@ impl Grounds {
         } else {
             Without::EmptyAt(task.grid.time(empty).unix_ms().div_euclid(60_000))
         };
-        Self { comes, without, need: (need_wh * 10.0).round() as i64, covered: (covered * 1000.0).round() as i64 }
+        let to_soc = task.to_soc(session.mode);
+        let only_to =
+            (session.mode != task.full_charge() && matches!(session.mode, Mode::Charge(_))).then(|| (to_soc * 100.0).round() as i64);
+        Self { comes, without, only_to, need: (need_wh * 10.0).round() as i64, covered: (covered * 1000.0).round() as i64 }
     }
 
     /// Why this service: what it saves, when it comes, and who pays.
@@ -109,7 +114,9 @@ impl Grounds {
         let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);
         let from = list(packs.iter().map(AsRef::as_ref), "no pack");
         let (need, covered) = (tenths(self.need), tenths(self.covered));
-        vec![format!("{comes}; {without}"), format!("takes {need} Wh from {from}; the packs hold it with probability {covered} %")]
+        let only = self.only_to.map(|percent| format!("is charged to {percent} % only, to leave its place to others"));
+        let takes = format!("takes {need} Wh from {from}; the packs hold it with probability {covered} %");
+        [format!("{comes}; {without}")].into_iter().chain(only).chain([takes]).collect()
     }
 }
 
@@ -137,6 +144,11 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
         Why::TooFar { away, endurance } => {
             format!("it is {:.0} min away, and the robot may be empty in {:.0} min", minutes(f64::from(away)), minutes(endurance as f64))
         }
+        Why::NotThere { opens, endurance } => format!(
+            "it is on its way and takes robots in from {}, and the robot may be empty in {:.0} min",
+            clock(task.grid.time(opens)),
+            minutes(endurance as f64)
+        ),
         Why::NoPlace => "no bay works, and no charged spare is left".to_owned(),
         Why::TooLate { .. } => "no service that adds enough ends in time".to_owned(),
         Why::Pointless => "a service there would cost more work than it gives".to_owned(),
@@ -171,7 +183,7 @@ fn energy(task: &Task, station: usize, short: i64, start: Tick) -> String {
 fn odds(task: &Task, sessions: &[Session], robot: usize, station: usize, start: Tick, short: i64, confidence: f64) -> (f64, f64) {
     let Some(chance) = &task.problem.stations[station].chance else { return (0.0, 1.0) };
     let here = sessions.iter().filter(|session| session.station == station);
-    let mut need = task.need(robot, station, start, Mode::Charge(0));
+    let mut need = task.need(robot, station, start, task.full_charge());
     let mut last = start;
     for session in here.clone() {
         need = need.plus(&task.need(session.robot, station, session.start, session.mode));

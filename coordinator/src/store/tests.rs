@@ -91,6 +91,7 @@ fn station_state(seq: u64) -> Record {
         active_pack: None,
         powered: true,
         pack_power_w: 31.5,
+        arrives: None,
         spares: Vec::new(),
         last_command: None,
         note: None,

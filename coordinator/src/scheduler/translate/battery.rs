@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use planner::problem::{Battery, Charger, Segment};
+use planner::problem::{Battery, Charger, Segment, Tick};
 
 use super::UNITS_PER_WH;
 use crate::models::Settings;
@@ -12,6 +12,23 @@ use crate::scheduler::problem::{RobotView, SpareView, StationView};
 
 /// Spares that hold this much less than the fullest wait until that is handed out, as a fraction.
 const SPARES_ALIKE_SOC: f64 = 0.1;
+
+/// Levels below the usual one that a charge may end at.
+const LOWER_LEVELS: u32 = 3;
+
+/// Levels at which a charge may end, ascending; the last is the usual one.
+pub(super) fn levels_soc(settings: &Settings) -> Vec<f64> {
+    let (least, full) = (settings.charge_at_least_soc, settings.charge_to_soc);
+    let lower = (0..LOWER_LEVELS).map(|level| least + (full - least) * f64::from(level) / f64::from(LOWER_LEVELS));
+    lower.filter(|&soc| soc < full).chain([full]).collect()
+}
+
+/// Time that a robot owes which leaves with so much less than the usual level, s: what charging it there would have
+/// taken, and the same part of the lift's time of a service from where one is wanted.
+fn owed_s(table: &Table, station: &StationView, settings: &Settings, soc: f64) -> f64 {
+    let part = (settings.charge_to_soc - soc) / (settings.charge_to_soc - settings.serve_below_soc);
+    table.at(soc).charge_s + part.clamp(0.0, 1.0) * (station.handling.load_s + station.handling.unload_s)
+}
 
 /// A battery like that of `robot`; `tables` says what charging it takes at the stations in reach.
 pub(super) fn battery(
@@ -22,18 +39,21 @@ pub(super) fn battery(
     tick_s: u32,
 ) -> Battery {
     let capacity = robot.battery.battery().stored_wh() * UNITS_PER_WH;
+    let levels = levels_soc(settings);
     let chargers = (0..stations.len()).map(|station| {
         let swap_soc = spares_alike(&stations[station]).map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
         let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
         let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, tick_s));
         let any = Segment { below: capacity as i64, gain: capacity as i64, draw: 0, draw_bare: 0 };
-        Charger { swap_energy, curve: if curve.is_empty() { vec![any] } else { curve } }
+        let owed = |&soc: &f64| tables.get(&station).map_or(0.0, |table| owed_s(table, &stations[station], settings, soc));
+        let owed = levels.iter().map(|soc| (owed(soc) / f64::from(tick_s) - 1e-9).ceil().max(0.0) as Tick).collect();
+        Charger { swap_energy, curve: if curve.is_empty() { vec![any] } else { curve }, owed }
     });
     Battery {
         capacity: capacity as i64,
         floor: 0,
         min_gain: (settings.min_gain_soc * capacity) as i64,
-        targets: vec![(settings.charge_to_soc * capacity) as i64],
+        targets: levels.iter().map(|soc| (soc * capacity) as i64).collect(),
         chargers: chargers.collect(),
     }
 }

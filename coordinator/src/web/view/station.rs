@@ -104,6 +104,9 @@ fn standing(station: &Station, state: &StationState) -> (String, Tone) {
         return ("without power".to_owned(), Tone::Bad);
     }
     let mut words = vec![format!("draws {:.1} W", state.pack_power_w)];
+    if let Some(at) = state.arrives {
+        words.push(format!("on its way, takes robots in from {}", clock_min(at)));
+    }
     if state.lift_busy {
         words.push("lift moves".to_owned());
     }
@@ -114,18 +117,22 @@ fn standing(station: &Station, state: &StationState) -> (String, Tone) {
     (words.join(", "), Tone::Good)
 }
 
+fn back_in_words(back: proto::PackReturn) -> String {
+    format!("away, a pack with {:.0} % comes at {}", back.soc.value * 100.0, clock_min(back.at))
+}
+
 fn pack_line(station: &Station, state: &StationState, pack: &proto::PackState, stack: Option<&Stack>) -> PackLine {
     let gauge = station.packs.get(&pack.pack);
     let active = state.active_pack.as_ref() == Some(&pack.pack);
     let (words, tone) = match (pack.connected, pack.depleted, active) {
-        (false, ..) => ("absent", Tone::Quiet),
-        (_, true, _) => ("depleted", Tone::Bad),
-        (.., true) => ("feeds the station", Tone::Active),
-        _ => ("", Tone::Quiet),
+        (false, ..) => (pack.back.map_or_else(|| "absent".to_owned(), back_in_words), Tone::Quiet),
+        (_, true, _) => ("depleted".to_owned(), Tone::Bad),
+        (.., true) => ("feeds the station".to_owned(), Tone::Active),
+        _ => (String::new(), Tone::Quiet),
     };
     PackLine {
         pack: pack.pack.clone(),
-        state: words.to_owned(),
+        state: words,
         tone,
         charge: gauge.map(|gauge| percent(from_wire(gauge.soc))),
         stack: stack.filter(|_| pack.connected).cloned(),

@@ -1,0 +1,104 @@
+//! A station for the planner: its places, its packs and how surely they must last.
+
+use energy::units::S_PER_H;
+use planner::problem::{Chance, LeftPacks, Ongoing, Pack, Station, Tick};
+use proto::BayId;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::{Grid, UNITS_PER_WH, battery};
+use crate::models::Settings;
+use crate::scheduler::problem::{StationView, View};
+
+/// What a station may draw in a tick where nothing limits it.
+const NO_LIMIT: i64 = 1 << 40;
+/// A promise that was given is kept as long as it is more likely than not that it can be; what makes it
+/// less likely is measured, never planned ([`planner::hold`]).
+const KEEP_CONFIDENCE: f64 = 0.5;
+
+/// The station of the view; `charger` is how it charges.
+pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_wh: f64, settings: &Settings, grid: Grid) -> Station {
+    let ahead_s = view.now.seconds_since(grid.origin);
+    let tick = |seconds: f64| grid.up(seconds + ahead_s);
+    let [load_ticks, unload_ticks, swap_ticks] =
+        [station.handling.load_s, station.handling.unload_s, station.handling.swap_s].map(|seconds| grid.up(seconds));
+    // A service in a bay that has failed takes none of those that work.
+    let begun = station.begun.iter().filter_map(|begun| {
+        let place = |bay: &BayId| station.bays.iter().position(|known| known == bay).map(|place| place as u32);
+        let bay = begun.bay.as_ref().map(place);
+        if bay == Some(None) {
+            return None;
+        }
+        let bay = bay.flatten();
+        let (from, until) = (if begun.from_s > 0.0 { tick(begun.from_s) } else { 0 }, tick(begun.until_s));
+        let lift = |ticks: Tick, at: bool| if at && bay.is_some() { ticks } else { 0 };
+        Some(Ongoing {
+            bay,
+            from: from.min(until),
+            until,
+            draw: 0,
+            load_ticks: lift(load_ticks, begun.to_load),
+            unload_ticks: lift(unload_ticks, true),
+        })
+    });
+    let out = station.out_of_order.is_some();
+    let lifting = i64::from(load_ticks + unload_ticks).max(1);
+    let lift_draw = (lift_wh * UNITS_PER_WH / lifting as f64).round() as i64;
+    // What an exchange takes is at the power of the lift.
+    let handling_s = (station.handling.load_s + station.handling.unload_s).max(1e-9);
+    let swap_wh = lift_wh * station.handling.swap_s / handling_s;
+    let usable = |wh: f64| (wh.max(0.0) * UNITS_PER_WH) as i64;
+    Station {
+        name: station.station.to_string(),
+        charger,
+        opens: if station.opens_s > 0.0 { tick(station.opens_s) } else { 0 },
+        bays: if out { 0 } else { station.bays.len() as u32 },
+        lift_slots: 1,
+        swap_slots: 1,
+        hotel: 0,
+        p_max: NO_LIMIT,
+        switch_cost: 0,
+        load_ticks,
+        load_draw: lift_draw,
+        unload_ticks,
+        unload_draw: lift_draw,
+        swap_ticks,
+        swap_draw: (swap_wh * UNITS_PER_WH / f64::from(swap_ticks.max(1))).round() as i64,
+        spares: battery::spares_alike(station).map(|spare| if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }).collect(),
+        left_packs: if station.charges_spares { LeftPacks::Charged } else { LeftPacks::PutAside },
+        packs: station
+            .packs
+            .iter()
+            .map(|pack| Pack {
+                name: pack.pack.to_string(),
+                remaining: usable(pack.usable_wh.value),
+                reserve: 0,
+                available_from: if pack.available_s > 0.0 { i64::from(tick(pack.available_s)) } else { 0 },
+            })
+            .collect(),
+        ongoing: begun.filter(|begun| !out || begun.bay.is_none()).collect(),
+        chance: Some(chance(station, settings, grid)),
+    }
+}
+
+/// How certain it must be that the packs hold what is promised, in the problem's units.
+fn chance(station: &StationView, settings: &Settings, grid: Grid) -> Chance {
+    let tick_h = f64::from(grid.tick_s) / S_PER_H;
+    let (begun, hotel) = (&station.committed, station.overhead_per_h.scaled(tick_h));
+    let parts = [&begun.shared_wh, &hotel.shared_wh, &station.shared_per_wh];
+    // What goes with a unit of service is a ratio, the others are Wh.
+    let scales = [UNITS_PER_WH, UNITS_PER_WH, 1.0];
+    let product = |a: usize, b: usize| {
+        let sum: f64 = parts[a].iter().zip(parts[b].iter()).map(|(x, y)| x * y).sum();
+        sum * scales[a] * scales[b]
+    };
+    let packs: f64 = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum();
+    let quantile = |confidence: f64| Normal::standard().inverse_cdf(confidence);
+    Chance {
+        quantile: quantile(settings.confidence),
+        quantile_held: quantile(KEEP_CONFIDENCE),
+        hotel: (hotel.mean_wh * UNITS_PER_WH).round() as i64,
+        begun: (begun.mean_wh * UNITS_PER_WH).round() as i64,
+        variance: (packs + begun.own_variance) * UNITS_PER_WH.powi(2),
+        shared: std::array::from_fn(|a| std::array::from_fn(|b| product(a, b))),
+    }
+}
