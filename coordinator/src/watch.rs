@@ -150,10 +150,11 @@ impl Watch {
             StationWatch::new(&models.load, gain_sigma)
         });
         let settled = self.settled.get(id).is_none_or(|settled| gauge.at >= *settled);
-        // How fast packs on the shelf are charged is not told.
+        // What driving takes is not its load's, and how fast packs on the shelf are charged is not told.
+        let drives = state.arrives.is_some();
         let shelf = models.spare_battery.is_some() && models.recharge_w <= 0.0 && state.spares.iter().any(|spare| !spare.ready);
         let robot = |robot: &RobotId| fleet.robots.get(robot).and_then(|robot| robot.known()).map(|(gauge, state)| (gauge, state.phase));
-        let situation = power::situation(state, gauge.voltage_v, gauge.at, robot).filter(|_| settled && state.powered && !shelf);
+        let situation = power::situation(state, gauge.voltage_v, gauge.at, robot).filter(|_| settled && state.powered && !drives && !shelf);
         let Some(situation) = situation else { return watch.interrupt() };
         if let Some((begin, z)) = watch.update(gauge.at, gauge.voltage_v * gauge.current_a, &situation) {
             self.add(Subject::Station(id.clone()), begin, z, news);

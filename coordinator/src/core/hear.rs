@@ -4,6 +4,7 @@ use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId
 
 use super::{Core, REFUSED_MAX};
 use crate::fleet::newer;
+use crate::scheduler;
 use crate::service_run::{How, Stage};
 use crate::store::Record;
 use crate::watch::{Change, News};
@@ -120,8 +121,9 @@ impl Core {
             self.replan(format!("{id} joined"));
             return true;
         };
-        let told =
-            |state: &StationState| (state.bays.clone(), state.lift_busy, state.powered, state.active_pack.clone(), state.packs.clone());
+        let told = |state: &StationState| {
+            (state.bays.clone(), state.lift_busy, [state.powered, state.arrives.is_some()], state.active_pack.clone(), state.packs.clone())
+        };
         if told(&before) != told(&state) {
             self.watch.station_changed(id, &before, &state);
         }
@@ -135,7 +137,14 @@ impl Core {
             self.event(now, EventKind::PackSelected, None, Some(id), Some(pack), format!("{id} runs on {pack}"));
             self.replan(format!("{id} switched to {pack}"));
         }
+        if before.arrives != state.arrives {
+            let when = state.arrives.map_or_else(|| "has arrived".to_owned(), |at| format!("arrives at {}", scheduler::clock(at)));
+            self.replan(format!("{id} {when}"));
+        }
         for (was, is) in before.packs.iter().zip(&state.packs) {
+            if is.back != was.back && is.connected == was.connected && is.pack == was.pack {
+                self.replan(format!("{} of {id} is expected at another time", is.pack));
+            }
             if is.connected != was.connected && is.pack == was.pack {
                 self.replan(format!("{} of {id} {}", is.pack, if is.connected { "is there again" } else { "is away" }));
             }

@@ -309,7 +309,7 @@ fn missed(more_s: f64) -> String {
 }
 
 /// The time of day, to the minute.
-pub(super) fn clock(at: Timestamp) -> String {
+pub(crate) fn clock(at: Timestamp) -> String {
     let minute = at.unix_ms().div_euclid(60_000);
     format!("{:02}:{:02}", minute.div_euclid(60).rem_euclid(24), minute.rem_euclid(60))
 }
