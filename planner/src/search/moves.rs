@@ -18,6 +18,8 @@ const FORCED_SHARE: f32 = 0.3;
 const RESCUE_SHARE: f32 = 0.75;
 /// One wish of so many is for any way at all: lists by price forget what rarely pays.
 const ANY_OF: u32 = 16;
+/// So few ways are looked at one by one, which finds the same: a tenth to a sixth of the time of 1,000 robots that have 96 each.
+const SCANNED_MAX: usize = 160;
 
 /// What a plan may come to that is accepted.
 #[derive(Debug, Clone, Copy)]
@@ -143,6 +145,9 @@ impl Search<'_, '_> {
             if let Some(place) = guide.listed[robot].iter().copied().find(fits) {
                 return Some(place);
             }
+        }
+        if choices.ways.len() <= SCANNED_MAX {
+            return self.draft.cheapest(robot, limit.saturating_add(1));
         }
         // Ways stand by cost, so the least place of those that fit is the cheapest.
         let starts = choices.starts(self.draft.problem().horizon);
