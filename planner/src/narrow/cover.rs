@@ -16,7 +16,7 @@ use crate::narrow::sets::{Seen, Set, Sets};
 use crate::narrow::{go_on_from, is_certain};
 use crate::optimise::Clock;
 use crate::search::Search;
-use crate::way::Ways;
+use crate::way::{Choices, Ways};
 
 /// What it counts not to serve a robot, and a temperature at which all walks are free but those to fewer robots.
 const PENALTY: i32 = 1000;
@@ -37,10 +37,37 @@ pub(crate) fn fewer_by_cover<'w, 'p>(
     rng: &mut impl Rng,
     clock: &mut Clock<'_>,
 ) {
-    if !is_certain(ways) || found.best_score.stranded <= least {
+    let stranded = |chosen: &[u32]| (0..chosen.len()).filter(|&robot| ways.of(robot).strands && chosen[robot] == NONE).count();
+    let asked = Asked { wanted: |choices: &Choices| choices.strands || choices.held, left: stranded, least: least as usize };
+    by_cover(ways, found, &asked, until, rng, clock);
+}
+
+/// Looks for a plan that breaks fewer promises than the best one known, until `until` of the time is used. Nobody else is
+/// served at first: who was promised nothing takes what is left.
+pub(crate) fn kept_by_cover<'w, 'p>(ways: &'w Ways<'p>, found: &mut Search<'w, 'p>, until: f64, rng: &mut impl Rng, clock: &mut Clock<'_>) {
+    let asked = Asked { wanted: |choices: &Choices| choices.held, left: |chosen: &[u32]| broken(ways.problem(), chosen), least: 0 };
+    by_cover(ways, found, &asked, until, rng, clock);
+}
+
+/// What is asked for: robots, and how many of them a plan leaves that are to be fewer, though never fewer than `least`.
+struct Asked<W, L> {
+    wanted: W,
+    left: L,
+    least: usize,
+}
+
+fn by_cover<'w, 'p, W: Fn(&Choices) -> bool, L: Fn(&[u32]) -> usize>(
+    ways: &'w Ways<'p>,
+    found: &mut Search<'w, 'p>,
+    Asked { wanted, left, least }: &Asked<W, L>,
+    until: f64,
+    rng: &mut impl Rng,
+    clock: &mut Clock<'_>,
+) {
+    if !is_certain(ways) || left(&found.best) <= *least {
         return;
     }
-    let few = ways.barely(PENALTY);
+    let few = ways.barely(PENALTY, wanted);
     let robots = ways.problem().robots.len();
     let wanted = (0..robots).filter(|&robot| !few.of(robot).ways.is_empty()).fold(0, |wanted, robot| wanted | 1 << robot);
     let guide = Guide::latest(&few);
@@ -48,7 +75,7 @@ pub(crate) fn fewer_by_cover<'w, 'p>(
     draft.become_choice(&few.translated(ways, &found.best));
     let mut search = Search::new(draft);
     search.sets = Some(Sets::new(&few));
-    while found.best_score.stranded > least && clock.used() < until {
+    while left(&found.best) > *least && clock.used() < until {
         for _ in 0..MOVES / LOOK {
             search.run(&guide, rng, LOOK, HEAT);
             clock.moves += LOOK;
@@ -59,8 +86,7 @@ pub(crate) fn fewer_by_cover<'w, 'p>(
         search.return_to_best();
         let Some(chosen) = search.sets.as_ref().map(|sets| cover(sets, wanted, robots)) else { return };
         let chosen = ways.translated(&few, &chosen);
-        let stranded = (0..robots).filter(|&robot| ways.of(robot).strands && chosen[robot] == NONE).count() as i64;
-        if stranded < found.best_score.stranded && broken(ways.problem(), &chosen) <= broken(ways.problem(), &found.best) {
+        if left(&chosen) < left(&found.best) {
             go_on_from(found, &chosen);
         }
     }

@@ -28,13 +28,13 @@ impl Ways<'_> {
         Self { problem: self.problem, choices: choices.collect() }
     }
 
-    /// The same ways of the robots that would run empty or were promised a service, as if nothing counted but `penalty` for
-    /// each that gets none. Those that hold their place for the shortest time come first.
+    /// The same ways of the robots that are wanted, as if nothing counted but `penalty` for each that gets none. Those that
+    /// hold their place for the shortest time come first.
     #[must_use]
-    pub(crate) fn barely(&self, penalty: i32) -> Self {
+    pub(crate) fn barely(&self, penalty: i32, is_wanted: impl Fn(&Choices) -> bool) -> Self {
         let choices = (0..self.choices.len()).map(|robot| {
             let all = self.of(robot);
-            let is_wanted = all.strands || all.held;
+            let is_wanted = is_wanted(all);
             let mut ways = if is_wanted { all.ways.clone() } else { Vec::new() };
             ways.iter_mut().for_each(|way| way.cost = 0);
             ways.sort_unstable_by_key(|way| (way.end - way.start, way.energy, way.start, way.station, way.mode));
