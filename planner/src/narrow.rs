@@ -19,6 +19,7 @@
 
 mod apart;
 mod beam;
+mod cover;
 mod lenient;
 mod merge;
 mod pass;
@@ -36,6 +37,7 @@ use crate::search::{SETTLED_MAX, Search};
 use crate::way::Ways;
 use apart::{Apart, Asked, Came};
 use beam::beam;
+pub(crate) use cover::{fewer_by_cover, kept_by_cover};
 pub(crate) use lenient::fewer_leniently;
 pub(crate) use merge::Seen;
 use merge::merge;

@@ -10,11 +10,14 @@
 //!     |
 //!   miss little      search by missed work, at most as many stranded,            (search)
 //!     |  ^            led by prices, which are bettered in between               (prices, guide)
-//!     |  |           in large fleets in two halves of the stations at a time   (halves)
+//!     |  |           in large fleets among few ways, in two halves of the
+//!     |  |           stations at a time                                   (large, halves)
 //!     |  +---- prices bound the missed work from below
 //!     |              in small fleets then: all that a better plan could still be (narrow)
 //!   tidy up          ways of equal cost that take less energy
 //! ```
+
+mod large;
 
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -64,6 +67,8 @@ const TURNS_SHARE: f64 = 0.9;
 const TURNS_MOVES: u64 = 200;
 /// See [`TURNS_MOVES`]; where stations cannot be planned one by one it takes more.
 const WIDE_MOVES: [u64; 2] = [750, 3000];
+/// Share of the time for few stranded in which a small fleet is searched for what stations can serve.
+const COVER_SHARE: f64 = 0.3;
 /// Share of the time for few stranded in which a small fleet is searched as if running empty were only missed work.
 const LENIENT_SHARE: f64 = 0.3;
 /// Share of the search's time that goes to prices.
@@ -84,11 +89,6 @@ const PROVEN_ROUNDS: u32 = 16;
 const PROVEN_ROBOTS_MAX: usize = 64;
 /// Rounds in which everybody may take a better place, when there is no time.
 const HASTY: u32 = 2;
-/// Moves for each robot in a half of a large fleet, until it is halved otherwise. One, two and four led to the same gap; with four
-/// threads wait for each other least often.
-const MOVES_IN_HALF: u64 = 4;
-/// So often a large fleet is halved for each round of prices: within seconds these are as good as they will be.
-const UNPRICED: u64 = 2;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
@@ -256,6 +256,11 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 found.go_on_from(&chosen);
                 found.settle(SETTLED_MAX);
             }
+            let cover = start + COVER_SHARE * (until - start);
+            narrow::fewer_by_cover(self.ways, found, least, cover, &mut self.rng, &mut self.clock);
+            if found.best_score.stranded <= least {
+                return least;
+            }
             let lenient = start + LENIENT_SHARE * (until - start);
             // Prices for fewer stranded than can be rise without end, and are of no use later.
             let mut hard = Prices::new(self.ways, Level::Cost { stranded_max: found.best_score.stranded });
@@ -274,7 +279,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
             let heat = heat(THRIFTY_HEAT, (at - start) / (until - start));
             if self.is_large() {
                 prices.cap_stranded(search.best_score.stranded.min(found.best_score.stranded));
-                self.search_halves(&mut search, Some(&guide), heat, prices, found.best_score.cost);
+                self.search_halves(&mut search, &guide, heat, prices, found.best_score.cost);
             } else {
                 self.search(&mut search, &guide, heat);
             }
@@ -322,7 +327,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
                 return narrow::cheaper(self.ways, prices, search, &mut self.rng, &mut self.clock);
             }
             if self.is_large() && prices.improved() {
-                self.search_halves(search, None, heat([hot, cold], gone), prices, score.cost);
+                self.search_few(search, prices, [hot, cold], start);
             } else if priced < PRICES_SHARE * (priced + searched) || !prices.improved() {
                 self.clock.moves += prices.improve(score.cost);
                 priced += self.used() - at;
@@ -346,17 +351,6 @@ impl<'w, 'p> Run<'w, 'p, '_> {
     /// Whether there is work for several threads.
     fn is_large(&self) -> bool {
         self.ways.problem().robots.len() >= SHARED_MIN
-    }
-
-    /// Searches both halves of the stations, led by this guide or by that of the prices, and betters prices now and then: their bound soon rises slowly.
-    fn search_halves(&mut self, search: &mut Search<'_, '_>, guide: Option<&Guide>, heat: f64, prices: &mut Prices<'w, 'p>, aim: i64) {
-        let moves = self.ways.problem().robots.len() as u64 * MOVES_IN_HALF;
-        self.halves.run(search, guide.unwrap_or(prices.guide()), &mut self.rng, moves, heat);
-        self.rounds += 1;
-        if self.rounds.is_multiple_of(UNPRICED) {
-            prices.improve(aim);
-        }
-        self.clock.moves += 2 * moves;
     }
 
     fn search(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64) {

@@ -7,7 +7,9 @@
 //! is proven and not merely computed.
 
 mod crowd;
+mod lists;
 mod reduced;
+mod steps;
 mod table;
 
 use std::ops::Range;
@@ -20,15 +22,6 @@ use table::{Layout, Table, Uses};
 
 /// Prices are whole numbers of this part of a unit of cost.
 pub(crate) const UNIT: i64 = 1 << 20;
-
-/// Rounds in which every step looks at all ways.
-const PLAIN_ROUNDS: u32 = 5;
-/// When steps have become shorter than this part of the gap, they begin anew at a longer one.
-const PULL_MIN: f64 = 0.01;
-/// See [`PULL_MIN`].
-const PULL_AGAIN: f64 = 0.15;
-/// Longest stretch of steps without a look at all ways.
-const PAUSE_MAX: u32 = 16;
 
 /// What is bounded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +54,8 @@ pub struct Prices<'w, 'p> {
     /// Price of each row, per unit of the row's scale; the last is that of a stranded robot.
     now: Vec<f64>,
     best: Vec<f64>,
+    /// The prices of the last steps, the last ones most: where those go to and fro, these lie between.
+    mean: Vec<f64>,
     direction: Vec<f64>,
     pull: f64,
     since_better: u32,
@@ -69,6 +64,8 @@ pub struct Prices<'w, 'p> {
     pause: u32,
     /// What is worth trying at the best prices.
     guide: Guide,
+    /// The same ways of each robot with their places, side by side in memory.
+    near: Vec<Vec<(Way, u32)>>,
     /// The greatest bound so far, in parts of `1 / UNIT`, and the bound's slope in `stranded_max`.
     bound: i128,
     best_stranded_price: i128,
@@ -120,12 +117,14 @@ impl<'w, 'p> Prices<'w, 'p> {
             level,
             now: vec![0.0; rows + 1],
             best: vec![0.0; rows + 1],
+            mean: vec![0.0; rows + 1],
             direction: vec![0.0; rows + 1],
             pull: 0.25,
             since_better: 0,
             rounds: 0,
             pause: 2,
             guide: Guide::empty(ways),
+            near: vec![Vec::new(); ways.problem().robots.len()],
             bound: i128::MIN,
             best_stranded_price: 0,
             bounded_at: 0,
@@ -174,38 +173,6 @@ impl<'w, 'p> Prices<'w, 'p> {
         self.level = Level::Cost { stranded_max };
     }
 
-    /// Takes a round of steps; `aim` is the value of the best plan known. Returns about how many
-    /// moves of a search that is worth.
-    ///
-    /// In the first rounds every step looks at all ways. Later one look at all of them gives a
-    /// bound and the lists of promising ways; the other steps of the round look at these alone,
-    /// which is nearly the same and much faster.
-    pub fn improve(&mut self, aim: i64) -> u64 {
-        let mut usage = vec![0.0; self.layout.rows()];
-        let robots = self.ways.problem().robots.len() as u64;
-        self.rounds += 1;
-        if self.rounds <= PLAIN_ROUNDS {
-            for _ in 0..8 {
-                let look = self.look_at_cheap(&mut usage);
-                self.judge(&look, 8);
-                self.step(&look, &usage, aim);
-            }
-            if self.rounds == 1 {
-                self.look_at_all(&mut usage);
-            }
-            return 4 * robots;
-        }
-        let look = self.look_at_all(&mut usage);
-        self.judge(&look, 2);
-        self.step(&look, &usage, aim);
-        for _ in 0..self.pause {
-            let look = self.look_at_listed(&mut usage);
-            self.step(&look, &usage, aim);
-        }
-        self.pause = (self.pause + 1).min(PAUSE_MAX);
-        4 * robots
-    }
-
     /// Whether any step has been taken.
     #[must_use]
     pub fn improved(&self) -> bool {
@@ -238,24 +205,6 @@ impl<'w, 'p> Prices<'w, 'p> {
         bounds.into_iter().max().unwrap_or(0).max(0) as i64
     }
 
-    /// Keeps the best prices; after some looks without a better bound the steps get shorter.
-    fn judge(&mut self, look: &Look, patience: u32) {
-        if self.note(look) {
-            self.since_better = 0;
-            return;
-        }
-        self.since_better += 1;
-        if self.since_better > patience {
-            self.since_better = 0;
-            self.pull *= 0.7;
-            if self.pull < PULL_MIN {
-                self.pull = PULL_AGAIN;
-            }
-            self.now.copy_from_slice(&self.best);
-            self.direction.fill(0.0);
-        }
-    }
-
     /// The promising ways at the prices of the last look.
     #[must_use]
     pub fn guide(&self) -> &Guide {
@@ -273,19 +222,6 @@ impl<'w, 'p> Prices<'w, 'p> {
         true
     }
 
-    /// Lets every robot take the best of all its ways at the prices of now, and lists them.
-    fn look_at_all(&mut self, usage: &mut [f64]) -> Look {
-        let mut guide = std::mem::take(&mut self.guide);
-        let problem = self.ways.problem();
-        let stranded = self.now.last().copied().unwrap_or(0.0) as f32;
-        let asked = Asked { table: Table::new(&self.layout, &self.now, UNIT), stranded };
-        let (costs, _) = self.level.weights();
-        guide.list(self.ways, |choices, way| i64::from(way.cost) * costs + asked.of(problem, choices, way));
-        guide.judge_by(asked);
-        self.guide = guide;
-        self.look_at_listed(usage)
-    }
-
     /// The same without lists, in the order of cost: no price is negative, so few need a look.
     fn look_at_cheap(&self, usage: &mut [f64]) -> Look {
         let problem = self.ways.problem();
@@ -296,22 +232,6 @@ impl<'w, 'p> Prices<'w, 'p> {
                 if cost >= least {
                     break;
                 }
-                if let Some(price) = price.table.below(problem, choices, way, least - cost) {
-                    (least, best) = (cost + price, Some((cost + price, place)));
-                }
-            }
-            best
-        })
-    }
-
-    /// The same with the listed ways alone: no bound.
-    fn look_at_listed(&self, usage: &mut [f64]) -> Look {
-        let problem = self.ways.problem();
-        self.look(&self.now, usage, |choices, robot, costs, price, mut least| {
-            let mut best = None;
-            for &place in &self.guide.listed[robot] {
-                let way = &choices.ways[place as usize];
-                let cost = i64::from(way.cost) * costs;
                 if let Some(price) = price.table.below(problem, choices, way, least - cost) {
                     (least, best) = (cost + price, Some((cost + price, place)));
                 }
@@ -362,37 +282,4 @@ impl<'w, 'p> Prices<'w, 'p> {
         uses.over(&self.layout, usage);
         Look { bound, stranded_price, stranded }
     }
-
-    /// Moves the prices towards what is asked for too much.
-    fn step(&mut self, look: &Look, usage: &[f64], aim: i64) {
-        const MEMORY: f64 = 0.6;
-        let rows = usage.len();
-        let over_stranded = match self.level {
-            Level::Stranded => 0.0,
-            Level::Cost { stranded_max } => (look.stranded - stranded_max) as f64 * STRANDED_SCALE,
-        };
-        let mut square = 0.0;
-        let over = usage.iter().copied().chain([over_stranded]);
-        for ((direction, price), over) in self.direction.iter_mut().zip(&self.now).zip(over) {
-            *direction = MEMORY * *direction + (1.0 - MEMORY) * over;
-            if *direction > 0.0 || *price > 0.0 {
-                square += *direction * *direction;
-            }
-        }
-        if square <= 0.0 {
-            return;
-        }
-        let value = look.bound as f64 / UNIT as f64;
-        let gap = (aim as f64 - value).max(0.002 * aim.abs() as f64).max(0.05);
-        let step = self.pull * gap / square;
-        let scales = std::iter::repeat_n(1.0, rows).chain([STRANDED_SCALE]);
-        // A direction that has nearly died away makes steps of any length.
-        let price_max = self.layout.price_max(UNIT);
-        for ((price, direction), scale) in self.now.iter_mut().zip(&self.direction).zip(scales) {
-            *price = (*price + step * scale * direction).clamp(0.0, price_max);
-        }
-    }
 }
-
-/// The price of a stranded robot is far above that of a tick in a bay, so it moves in larger steps.
-const STRANDED_SCALE: f64 = 3.0;

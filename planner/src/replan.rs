@@ -13,7 +13,8 @@ use crate::NoPlan;
 use crate::construct::greedy;
 use crate::draft::{Draft, NONE, broken};
 use crate::guide::Guide;
-use crate::optimise::{self, Budget, Moves};
+use crate::narrow;
+use crate::optimise::{self, Budget, Clock, Moves};
 use crate::plan::{Plan, Session};
 use crate::prices::{Level, Prices};
 use crate::problem::Problem;
@@ -26,6 +27,11 @@ const NEIGHBOURS_MAX: usize = 16;
 const SLIP_MAX: u32 = 6;
 /// Moves between two looks at the budget.
 const MOVES_AT_ONCE: u64 = 25;
+/// Parts of the budget between which a small fleet is searched for a plan that keeps promises which moves have not. After 20 good plans
+/// for 16 robots in two bays, of which two then came a tick late, that kept all promises in 82 of 100 runs, and moves alone in 27 %.
+const KEPT_FROM: f64 = 0.2;
+/// See [`KEPT_FROM`].
+const KEPT_UNTIL: f64 = 0.9;
 /// Greatest loyalty.
 const LOYALTY_MAX: u32 = 1_000_000;
 /// Rounds of prices that bound a whole plan.
@@ -143,10 +149,18 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
         (0..free.len()).filter(|&robot| free[robot] && !ways.of(robot).ways.is_empty()).map(|robot| robot as u32).collect();
     let guide = Guide::by_cost(&ways, movable.iter().map(|&robot| robot as usize));
     let mut search = Search::among(mended, movable);
-    let (mut rng, mut moves) = (Pcg64Mcg::seed_from_u64(seed), 0);
-    while budget.used(moves) < 1.0 && !search.idle() {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut clock = Clock { budget, moves: 0 };
+    // Where every place is in question, and moves alone do not keep all, what stations can serve is put together.
+    let is_open = |robot: usize| free[robot] || search.best[robot] == NONE;
+    let mut is_first = free.len() <= narrow::ROBOTS_MAX && (0..free.len()).all(is_open);
+    while clock.used() < 1.0 && !search.idle() {
+        if is_first && clock.used() >= KEPT_FROM {
+            narrow::kept_by_cover(&ways, &mut search, KEPT_UNTIL, &mut rng, &mut clock);
+            is_first = false;
+        }
         search.run(&guide, &mut rng, MOVES_AT_ONCE, 1.0);
-        moves += MOVES_AT_ONCE;
+        clock.moves += MOVES_AT_ONCE;
     }
     search.return_to_best();
     finished(problem, search.draft, &committed, &free)

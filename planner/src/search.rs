@@ -11,6 +11,7 @@ use rand::{Rng, RngExt};
 use crate::draft::{Draft, NONE, Score};
 use crate::guide::Guide;
 use crate::narrow::{Seen, Sets};
+use crate::way::Ways;
 use moves::Most;
 
 /// Robots among which the one with most cause to complain is moved.
@@ -99,6 +100,26 @@ impl<'w, 'p> Search<'w, 'p> {
         }
         self.draft.become_choice(&now);
         self.waiting = (0..now.len()).filter(|&robot| now[robot] != self.best[robot]).collect();
+    }
+
+    /// The same search among few ways of the same problem, which are those of these places.
+    pub(crate) fn among_few<'v>(&self, few: &'v Ways<'p>, kept: &[Vec<u32>]) -> Search<'v, 'p> {
+        let mut search = Search::among(self.draft.clone().among(few), self.movable.clone());
+        let place = |(&way, kept): (&u32, &Vec<u32>)| kept.binary_search(&way).map_or(NONE, |place| place as u32);
+        search.best = self.best.iter().zip(kept).map(place).collect();
+        search.best_score = self.best_score;
+        search.waiting = (0..search.best.len()).filter(|&robot| search.draft.chosen[robot] != search.best[robot]).collect();
+        search
+    }
+
+    /// Goes on from where a search among few ways has come to.
+    pub(crate) fn go_on_with(&mut self, few: &Search<'_, 'p>, kept: &[Vec<u32>]) {
+        let of = |chosen: &[u32]| -> Vec<u32> {
+            chosen.iter().zip(kept).map(|(&place, kept)| kept.get(place as usize).copied().unwrap_or(NONE)).collect()
+        };
+        self.draft.become_choice(&of(&few.draft.chosen));
+        (self.best, self.best_score) = (of(&few.best), few.best_score);
+        self.waiting = (0..self.best.len()).filter(|&robot| self.draft.chosen[robot] != self.best[robot]).collect();
     }
 
     /// Whether there is nobody to move.

@@ -34,7 +34,7 @@ pub(super) struct Set {
     /// What their ways cost at least, as far as is known.
     pub(super) cost: i64,
     /// These ways.
-    ways: Vec<(u32, u32)>,
+    pub(super) ways: Vec<(u32, u32)>,
 }
 
 impl Sets {

@@ -67,7 +67,7 @@ impl Layout {
             layout.inverse.extend(book.limits().iter().map(|_| 1.0 / service));
             let left = book.left();
             let rows = |row: usize| &left[row * ticks..][..ticks];
-            let crowd = Crowd::new(problem, station, [BAY, LIFT, SPARE, POWER].map(rows));
+            let crowd = Crowd::new(problem, station, [BAY, LIFT, SLOT, SPARE, POWER].map(rows));
             layout.there.extend(&crowd.there);
             layout.inverse.extend(crowd.there.iter().map(|_| 1.0));
             layout.crowds.push(crowd);

@@ -28,6 +28,22 @@ impl Ways<'_> {
         Self { problem: self.problem, choices: choices.collect() }
     }
 
+    /// The same ways of the robots that are wanted, as if nothing counted but `penalty` for each that gets none. Those that
+    /// hold their place for the shortest time come first.
+    #[must_use]
+    pub(crate) fn barely(&self, penalty: i32, is_wanted: impl Fn(&Choices) -> bool) -> Self {
+        let choices = (0..self.choices.len()).map(|robot| {
+            let all = self.of(robot);
+            let is_wanted = is_wanted(all);
+            let mut ways = if is_wanted { all.ways.clone() } else { Vec::new() };
+            ways.iter_mut().for_each(|way| way.cost = 0);
+            ways.sort_unstable_by_key(|way| (way.end - way.start, way.energy, way.start, way.station, way.mode));
+            let unserved_cost = if is_wanted { penalty } else { 0 };
+            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), unserved_cost, strands: false, starts: OnceLock::new(), ..*all })
+        });
+        Self { problem: self.problem, choices: choices.collect() }
+    }
+
     /// The same ways where a robot that runs empty counts as so much missed work, and as no more than that.
     #[must_use]
     pub(crate) fn lenient(&self, penalty: i32) -> Self {

@@ -44,7 +44,7 @@ fn a_charge_that_takes_a_tick_more_makes_those_behind_it_slip_and_breaks_no_prom
         station.ongoing.clear();
         station.packs.iter_mut().for_each(|pack| pack.remaining *= 10);
     }
-    let before = plan(&problem, "optimise", 1, &mut Moves(10_000)).expect("a plan");
+    let before = plan(&problem, "optimise", 1, &mut Moves(20_000)).expect("a plan");
     before.sessions.iter().for_each(|session| problem.robots[session.robot].held = true);
     let mut first: Vec<_> = before.sessions.iter().collect();
     first.sort_by_key(|session| (session.station, session.start));
@@ -54,8 +54,7 @@ fn a_charge_that_takes_a_tick_more_makes_those_behind_it_slip_and_breaks_no_prom
         let robot = &mut problem.robots[session.robot];
         robot.energy -= problem.batteries[robot.battery].chargers[problem.stations[session.station].charger].curve[0].gain;
     }
-    // A good plan leaves nobody time to wait: somebody must go elsewhere, and that is looked for. (After the very best one
-    // a million moves are needed, and a thousand are what there is time for.)
+    // A good plan leaves nobody time to wait: ten must go elsewhere for all to keep a place, and that is looked for.
     kept_after(&problem, &before, 2000);
     // Who has a little time waits.
     problem.robots.iter_mut().for_each(|robot| robot.energy += 2 * robot.drain_hi);
