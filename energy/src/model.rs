@@ -41,6 +41,14 @@ pub struct Parameter {
     pub max: f64,
 }
 
+impl Parameter {
+    /// Whether nobody stated its value: it is the catalogue's.
+    #[must_use]
+    pub fn is_catalogue_default(&self) -> bool {
+        self.source.starts_with(file::CATALOGUE_DEFAULT)
+    }
+}
+
 /// What is known of a sensor: the floor below which no residual can be explained.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]

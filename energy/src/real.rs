@@ -200,6 +200,13 @@ pub fn derivative(dual: &Dual, lane: usize) -> f64 {
     dual.lanes()[lane]
 }
 
+/// All derivatives, by lane.
+#[must_use]
+#[inline(always)]
+pub fn derivatives(dual: &Dual) -> [f64; LANES] {
+    dual.lanes()
+}
+
 /// Largest argument for the series of [`exp`]: its first missing term, x^8/8!, is 7e-17 there.
 const SERIES_MAX: f64 = 0.036;
 

@@ -57,9 +57,7 @@ impl Start<f64> {
 pub struct Run<S: Lane> {
     model: Arc<Model>,
     parameters: Vec<S>,
-    /// What effects prepared for steps of `prepared_dt_s`; NaN when they have not.
-    prepared: Vec<S>,
-    prepared_dt_s: f64,
+    prepared: Prepared<S>,
     states: Vec<S>,
     saved: (Vec<S>, Channels<S>),
     /// The value of every channel.
@@ -85,8 +83,8 @@ impl<S: Lane> Run<S> {
         assert_eq!(parameters.len(), model.parameters().len(), "one value per parameter of {}", model.name);
         let zero = S::from(0.0);
         let (states, channels) = (vec![zero; model.state_count()], Channels::filled(zero));
-        let prepared = vec![zero; model.prepared_count()];
-        let mut run = Run { saved: (states.clone(), channels), model, parameters, prepared, prepared_dt_s: f64::NAN, states, channels };
+        let prepared = Prepared::new(&model);
+        let mut run = Run { saved: (states.clone(), channels), model, parameters, prepared, states, channels };
         run.restart(start);
         run
     }
@@ -100,7 +98,7 @@ impl<S: Lane> Run<S> {
     /// Takes other parameter values, in the order of [`Model::parameters`]; states stay.
     pub fn set_parameters(&mut self, parameters: &[S]) {
         self.parameters.copy_from_slice(parameters);
-        self.prepared_dt_s = f64::NAN;
+        self.prepared.forget();
     }
 
     /// The model that runs.
@@ -167,11 +165,8 @@ impl<S: Lane> Run<S> {
     /// Steps what lies around a battery's cells: sensors and connection. `cells` goes from the
     /// current at the terminals to the voltage of all cells, in the channels it is given.
     pub(crate) fn step_around(&mut self, warms: bool, dt_s: f64, cells: impl FnOnce(&mut [S], &mut Channels<S>)) {
-        let Run { model, parameters, prepared, prepared_dt_s, states, channels, .. } = self;
-        if *prepared_dt_s != dt_s {
-            prepare(model, dt_s, parameters, prepared);
-            *prepared_dt_s = dt_s;
-        }
+        let Run { model, parameters, prepared, states, channels, .. } = self;
+        let prepared = prepared.of(dt_s, |prepared| prepare(model, dt_s, parameters, prepared));
         let mut parts = Lone { model, dt_s, parameters, prepared, states, channels, observe: |_: &Placed, _, _| {} };
         step::sensed(warms, &mut parts);
         step::drawn(model.facts.parallel(), &mut parts);
@@ -181,12 +176,59 @@ impl<S: Lane> Run<S> {
 
     #[inline]
     fn step_observed(&mut self, dt_s: f64, observe: impl FnMut(&Placed, S, S)) {
-        let Run { model, parameters, prepared, prepared_dt_s, states, channels, .. } = self;
-        if *prepared_dt_s != dt_s {
-            prepare(model, dt_s, parameters, prepared);
-            *prepared_dt_s = dt_s;
-        }
+        let Run { model, parameters, prepared, states, channels, .. } = self;
+        let prepared = prepared.of(dt_s, |prepared| prepare(model, dt_s, parameters, prepared));
         step::step(model, dt_s, &mut Lone { model, dt_s, parameters, prepared, states, channels, observe });
+    }
+}
+
+/// What effects prepared for steps of several lengths: a log in means of rows takes the same few lengths over and over,
+/// and exponentials are dear.
+#[derive(Clone)]
+struct Prepared<S> {
+    /// One behind the other for each length.
+    numbers: Vec<S>,
+    /// How many there are for a length.
+    count: usize,
+    /// The lengths, s; NaN where there is none yet.
+    lengths_s: [f64; LENGTHS],
+    /// The length of the last step among them, and the one that gives way to a new one.
+    last: usize,
+    oldest: usize,
+}
+
+/// Lengths of steps that are kept.
+const LENGTHS: usize = 8;
+
+impl<S: Lane> Prepared<S> {
+    fn new(model: &Model) -> Self {
+        let count = model.prepared_count();
+        Self { numbers: vec![S::from(0.0); LENGTHS * count], count, lengths_s: [f64::NAN; LENGTHS], last: 0, oldest: 0 }
+    }
+
+    /// Parameters have changed.
+    fn forget(&mut self) {
+        self.lengths_s = [f64::NAN; LENGTHS];
+    }
+
+    /// The numbers for steps of this length.
+    #[inline(always)]
+    fn of(&mut self, dt_s: f64, prepare: impl FnOnce(&mut [S])) -> &[S] {
+        if self.count == 0 {
+            return &[];
+        }
+        if self.lengths_s[self.last] != dt_s {
+            match self.lengths_s.iter().position(|&known| known == dt_s) {
+                Some(known) => self.last = known,
+                None => {
+                    self.last = self.oldest;
+                    self.oldest = (self.oldest + 1) % LENGTHS;
+                    self.lengths_s[self.last] = dt_s;
+                    prepare(&mut self.numbers[self.last * self.count..(self.last + 1) * self.count]);
+                }
+            }
+        }
+        &self.numbers[self.last * self.count..(self.last + 1) * self.count]
     }
 }
 

@@ -32,6 +32,7 @@
 //!     v
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |          prune   effects that a later one made needless
+//!     |          exchange   effects that stood in for another one
 //!     |
 //!   answer       all of that in numbers and names, for the terminal, JSON and the report
 //!
@@ -49,6 +50,7 @@ mod course;
 mod descent;
 pub mod discover;
 pub mod evidence;
+mod exchange;
 pub mod frame;
 mod handover;
 pub mod judge;

@@ -277,13 +277,16 @@ fn effect(document: &Document<'_>, system: System, facts: &Facts, entry: RawEffe
     Ok(ReadEffect { effect, parameters, rail })
 }
 
+/// How the source of a number begins that the model's text does not give.
+pub(super) const CATALOGUE_DEFAULT: &str = "catalogue default: ";
+
 pub(super) fn default_parameter(effect: &'static str, spec: &'static ParameterSpec) -> Parameter {
     Parameter {
         effect,
         name: spec.name,
         value: spec.default,
         sigma: 0.0,
-        source: format!("catalogue default: {}", spec.source),
+        source: format!("{CATALOGUE_DEFAULT}{}", spec.source),
         free: false,
         min: spec.min,
         max: spec.max,

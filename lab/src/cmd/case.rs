@@ -12,6 +12,7 @@ use lab::ModelSource;
 use lab::compare::compare;
 use lab::decision::{Decisions, Seen};
 use lab::infer::answer::Discovery;
+use lab::infer::candidate::held_at_defaults;
 use lab::infer::evidence::Evidence;
 use lab::infer::frame::Frame;
 use lab::infer::state::State;
@@ -51,6 +52,9 @@ impl<'a> Case<'a> {
         let source = model.load()?;
         let (train, holdout) = (inputs.train(&source.model)?, inputs.holdout(&source.model)?);
         unlike(&train, &holdout)?;
+        if let Some(held) = held_at_defaults(&source.model) {
+            eprintln!("lab: note: {held}");
+        }
         let evidence = |logs: &[Log]| {
             let prepared = inputs.ready(&source.model, logs)?;
             anyhow::Ok(Arc::new(Evidence::new(&source.model, prepared)))

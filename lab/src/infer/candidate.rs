@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
-use energy::{Channel, EffectSpec, Facts, Model, ParameterSpec, catalogue};
+use energy::{Channel, EffectSpec, Facts, Model, Parameter, ParameterSpec, catalogue};
 
 use super::frame::Frame;
 use crate::prepare::Prepared;
+use crate::report::quantity::{quantity, unit_of};
 
 /// An absent effect, in the model.
 #[derive(Debug, Clone)]
@@ -85,6 +86,27 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
     (able, unable)
 }
 
+/// Sizes of effects that nobody stated and no fit may change, in words: what is found beside them is the difference to a guess.
+#[must_use]
+pub fn held_at_defaults(model: &Model) -> Option<String> {
+    let sizes = model.effects().flat_map(|effect| {
+        let spec = effect.spec();
+        spec.parameters.iter().filter(|own| own.null.is_some_and(|null| own.default != null)).map(move |own| (spec.id, own.name))
+    });
+    let parameter = |(effect, name): (&str, &str)| model.parameters().iter().find(|one| one.effect == effect && one.name == name);
+    let held: Vec<&Parameter> = sizes.filter_map(parameter).filter(|one| !one.free && one.is_catalogue_default()).collect();
+    let told = held.iter().map(|one| format!("{}.{} at {}", one.effect, one.name, quantity(one.value, unit_of(one.name))));
+    let told: Vec<String> = told.collect();
+    (!told.is_empty()).then(|| {
+        format!(
+            "{}: held at the catalogue's default, since the model gives it neither a value nor `free = true`: {}. What is found beside it is \
+             the difference to it, and a resistance may come out below zero",
+            model.name,
+            told.join(", ")
+        )
+    })
+}
+
 /// Largest share of a battery's capacity that passed in one go in any log, out of it and into it: what flowed back in between is
 /// taken off.
 fn passed(facts: &Facts, logs: &[Prepared]) -> [f64; 2] {
@@ -161,4 +183,22 @@ fn grid(parameter: &ParameterSpec) -> Vec<f64> {
         }
     };
     (0..GRID).map(point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load_model;
+
+    #[test]
+    fn a_size_that_nobody_stated_and_that_is_held_is_told() {
+        let given = Model::clone(&load_model("enertech-lco-2280mah").unwrap().model);
+        assert_eq!(held_at_defaults(&given), None);
+        let more = given.with("contact_resistance").unwrap();
+        assert_eq!(held_at_defaults(&more), None, "what is added to be found is free");
+        let text = "schema = 1\nsystem = \"robot\"\nname = \"r\"\n[[effect]]\nid = \"idle\"\n";
+        let robot = Model::parse("r", text, &|_| unreachable!("no table")).unwrap();
+        let told = held_at_defaults(&robot).unwrap();
+        assert!(told.starts_with("r: held at the catalogue's default") && told.contains("idle."), "{told}");
+    }
 }

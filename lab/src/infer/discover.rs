@@ -6,6 +6,7 @@ use energy::{Channel, Model, catalogue};
 
 use super::candidate::Untested;
 use super::evidence::Evidence;
+use super::exchange::exchanged;
 use super::judge::{Refusal, STRONG, explained, falls, hardly_moves, refusals, squares, threshold};
 use super::prune::{shorter, taken};
 use super::score::Score;
@@ -228,6 +229,10 @@ pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<E
         steps.extend(found);
         state = steps[steps.len() - 1].trials[0].state.clone();
         while let Some(way) = shorter(&steps, holdout) {
+            steps = way;
+            state = steps[steps.len() - 1].trials[0].state.clone();
+        }
+        if let Some(way) = exchanged(&steps, holdout) {
             steps = way;
             state = steps[steps.len() - 1].trials[0].state.clone();
         }

@@ -33,7 +33,7 @@ const MAY_DO_THE_WORK: f64 = 0.4;
 /// Trials from whose end the base is refitted.
 const BEGUN_FROM: usize = 2;
 /// Fall of the cost that makes a base a better one, in units of two log-likelihoods.
-const BETTER: f64 = 1.0;
+pub(super) const BETTER: f64 = 1.0;
 
 /// Share of the best gain on coarser evidence from which on an effect may be the best on all of it. Means of many rows
 /// take something of a quick effect, and steps as long as they bend a curved one a little.

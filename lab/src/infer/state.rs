@@ -141,6 +141,15 @@ impl State {
         }
     }
 
+    /// This state without one of its effects, all other numbers beginning where it has them.
+    #[must_use]
+    pub(super) fn without(&self, effect: &EffectSpec) -> State {
+        let model = self.frame.model.without(|id| id == effect.id);
+        let frame = Arc::new(Frame::new(Arc::new(model), Arc::clone(&self.frame.evidence)));
+        let start = frame.like(self, None);
+        State::fit(frame, &start, &self.noise)
+    }
+
     /// This state refitted from where another ended.
     #[must_use]
     pub(super) fn begun_from(&self, other: &State) -> Option<State> {

@@ -10,6 +10,7 @@ use energy::{Channel, Facts, Model, catalogue};
 
 use super::times::usual_step_s;
 use super::{Column, Log};
+use crate::report::quantity::{quantity, unit_of};
 
 /// How a log may lose rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +64,7 @@ pub fn thin(log: &mut Log, model: &Model, thinning: Thinning) {
         _ => "those where inputs or targets change (--no-decimation keeps all)".to_owned(),
     };
     let inputs = inputs(log, model);
+    let hidden = hidden_changes(log, model, &inputs, &kept);
     let time_s = &log.time_s;
     let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
     for (channel, values) in &mut log.channels {
@@ -76,6 +78,38 @@ pub fn thin(log: &mut Log, model: &Model, thinning: Thinning) {
     }
     log.time_s = pick(&log.time_s);
     log.notes.push(format!("{}: {} rows kept as {}, {why}", log.file, thousands(rows), thousands(kept.len())));
+    log.notes.extend(hidden);
+}
+
+/// Share of the rows that may differ from the mean that stands for them before it is told: a few edges of a load hide little.
+const HIDDEN: f64 = 0.1;
+
+/// What means of inputs hide, in words: whatever answers a change within a step is then compared with the answer to its mean.
+fn hidden_changes(log: &Log, model: &Model, inputs: &[Channel], kept: &[usize]) -> Option<String> {
+    let worst = |&channel: &Channel| {
+        let values = &log.channels[&channel];
+        let sensor = model.sensor(channel);
+        let tolerance = INPUT_SIGMAS * sensor.sigma + sensor.quantum;
+        let (mut off, mut squares, mut known) = (0, 0.0, 0);
+        for (pair, mean) in kept.windows(2).zip(means(&log.time_s, values, kept).into_iter().skip(1)) {
+            for value in values[pair[0] + 1..=pair[1]].iter().filter(|value| !value.is_nan() && !mean.is_nan()) {
+                known += 1;
+                off += usize::from((value - mean).abs() > tolerance + 1e-9 * mean.abs());
+                squares += (value - mean).powi(2);
+            }
+        }
+        let share = off as f64 / f64::from(known.max(1));
+        (channel, share, (squares / f64::from(known.max(1))).sqrt())
+    };
+    let (channel, share, rms) = inputs.iter().map(worst).max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, share, _)| *share > HIDDEN)?;
+    Some(format!(
+        "{}: means hide changes of {}: {:.0} % of the rows differ from the mean that stands for them by more than the sensor's noise, by {} RMS \
+         over all. What answers within a step is told wrongly; fewer seconds, or every row, show it",
+        log.file,
+        channel.name(),
+        100.0 * share,
+        quantity(rms, unit_of(channel.name()))
+    ))
 }
 
 /// What the log holds that any effect of this system takes as an input. Also of effects that the
@@ -290,7 +324,22 @@ mod tests {
         assert_eq!(log.time_s, [0.0, 2.0, 4.0, 5.0]);
         assert_eq!(log.channels[&Channel::CurrentA], [9.0, 1.5, 3.0, 5.0]);
         assert_eq!(log.channels[&Channel::VoltageV], [4.0, 3.8, 3.6, 3.5]);
-        assert_eq!(log.notes.last().unwrap(), "a.csv: 6 rows kept as 4, one per 2 s, as asked for");
+        assert_eq!(log.notes[log.notes.len() - 2], "a.csv: 6 rows kept as 4, one per 2 s, as asked for");
+    }
+
+    #[test]
+    fn means_that_hide_changes_of_an_input_are_told_and_those_of_a_steady_load_are_not() {
+        let notes = |current: fn(u32) -> u32| {
+            let rows: String = (0..1000).map(|row| format!("{row},{},3.9\n", current(row))).collect();
+            let mut log = read_log("a.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), LogFacts::default()).unwrap();
+            thin(&mut log, &load_model("enertech-lco-2280mah").unwrap().model, Thinning::Every(10.0));
+            log.notes
+        };
+        let pulsed = notes(|row| row % 2);
+        let told = pulsed.last().unwrap();
+        assert!(told.contains("means hide changes of current_a: 100 % of the rows") && told.contains("500 mA RMS"), "{told}");
+        // Two steps of a load in a thousand rows: two means of ten.
+        assert!(notes(|row| row / 340).iter().all(|note| !note.contains("hide")));
     }
 
     #[test]

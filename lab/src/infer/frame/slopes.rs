@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use energy::effect::Lane;
-use energy::real::{Dual, LANES, derivative, variable};
+use energy::real::{Dual, LANES, derivatives, variable};
 use energy::{Channel, Channels, Facts, Model};
 use nalgebra::DMatrix;
 
@@ -112,8 +112,8 @@ impl Frame {
                 self.shares(log, x, parameters, &model, error, |share: &Share<Dual>| {
                     let mut of_row = slopes.column_mut(share.row);
                     let of_row = of_row.as_mut_slice();
-                    for (lane, &(place, _)) in lanes.iter().enumerate() {
-                        of_row[place] += derivative(&share.shown, lane);
+                    for (&(place, _), by_lane) in lanes.iter().zip(derivatives(&share.shown)) {
+                        of_row[place] += by_lane;
                     }
                     if pass == 0 {
                         all[share.row] += share.shown.re;
