@@ -30,16 +30,19 @@ proptest! {
             for (at, station) in problem.stations.iter().enumerate() {
                 let chance = station.chance.as_ref().expect("a doubtful station");
                 let sessions: Vec<_> = plan.sessions.iter().filter(|session| session.station == at).collect();
-                let (mut taken, mut own, mut last) = (0, 0.0, station.ongoing.iter().map(|ongoing| ongoing.until).max().unwrap_or(0));
-                for session in &sessions {
+                let way = |session: &planner::Session| {
                     let choices = ways.of(session.robot);
-                    let way = choices.ways[choices.find(at, session.start, session.mode).expect("a way")];
-                    let robot = &problem.robots[session.robot];
-                    let variance = robot.travel.iter().find(|travel| travel.station == at).expect("in reach").variance;
-                    (taken, own, last) = (taken + way.energy, own + variance, last.max(session.end));
-                }
-                let asked = if sessions.iter().all(|session| problem.robots[session.robot].held) { 0.0 } else { 1.645 };
+                    choices.ways[choices.find(at, session.start, session.mode).expect("a way")]
+                };
+                let taken = sessions.iter().map(|session| way(session).energy).sum();
+                // What services that begin before a tick may count on: those that begin later ask nothing of what is there until then,
+                // and while nobody is served the station may go dark.
                 let spare = |before: u32, taken: i64| {
+                    let mut early = sessions.iter().filter(|session| session.start < before);
+                    let last = station.ongoing.iter().map(|ongoing| ongoing.until).chain(early.clone().map(|session| session.end)).max().unwrap_or(0);
+                    let variance = |robot: usize| problem.robots[robot].travel.iter().find(|travel| travel.station == at).expect("in reach").variance;
+                    let own: f64 = early.clone().map(|session| variance(session.robot)).sum();
+                    let asked = if early.all(|session| problem.robots[session.robot].held) { 0.0 } else { 1.645 };
                     let there = station.packs.iter().filter(|pack| pack.available_from < i64::from(before));
                     let held: i64 = there.map(|pack| (pack.remaining - pack.reserve).max(0)).sum();
                     let sigma = (chance.variance + own + chance.shared[2][2] * (taken as f64).powi(2)).sqrt();
@@ -52,9 +55,7 @@ proptest! {
                 for comes in station.packs.iter().map(|pack| pack.available_from).filter(|from| (1..40).contains(from)) {
                     let mut drawn = 0;
                     for session in sessions.iter().filter(|session| i64::from(session.start) < comes) {
-                        let choices = ways.of(session.robot);
-                        let way = &choices.ways[choices.find(at, session.start, session.mode).expect("a way")];
-                        choices.draws(way, station, problem.horizon, |from, to, draw| {
+                        ways.of(session.robot).draws(&way(session), station, problem.horizon, |from, to, draw| {
                             drawn += (to.min(comes as usize)).saturating_sub(from) as i64 * draw;
                         });
                     }
