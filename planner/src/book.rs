@@ -240,31 +240,6 @@ impl<'p> Book<'p> {
         self.odds_clash(choices, way).1
     }
 
-    /// The same, and before which tick it is missing: the horizon, or when a pack comes for which the way is too early.
-    #[inline]
-    fn odds_clash(&self, choices: &Choices, way: &Way) -> (Tick, i64) {
-        let Some(odds) = &self.odds else { return (self.horizon, 0) };
-        let whole = (self.horizon, odds.short(choices, way));
-        let early = self.energy.iter().filter(|limit| limit.before < self.horizon && Tick::from(way.start) < limit.before);
-        let early = early.map(|&left| (left.before, odds.short_before(choices, way, left, self.drawn(choices, way, left.before))));
-        early.fold(whole, |worst, here| if here.1 > worst.1 { here } else { worst })
-    }
-
-    /// What a way draws before a tick.
-    fn drawn(&self, choices: &Choices, way: &Way, before: Tick) -> i64 {
-        if before >= self.horizon {
-            return way.energy;
-        }
-        if Tick::from(way.start) >= before {
-            return 0;
-        }
-        let mut sum = 0;
-        choices.draws(way, self.station, self.horizon, |from, to, draw| {
-            sum += to.min(before as usize).saturating_sub(from) as i64 * draw;
-        });
-        sum
-    }
-
     /// Whether a robot's way is among what causes a clash.
     #[must_use]
     pub fn takes_part(&self, clash: Clash, way: &Way) -> bool {

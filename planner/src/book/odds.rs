@@ -1,5 +1,6 @@
 //! Whether a station's packs hold what is promised with the probability that is asked for.
 
+use super::Book;
 use crate::problem::{Chance, Station, Tick};
 use crate::supply::Limit;
 use crate::way::{Choices, Way};
@@ -112,5 +113,32 @@ impl<'p> Odds<'p> {
         while self.last > self.last_begun && self.ends.get(self.last as usize).is_none_or(|&ends| ends == 0) {
             self.last -= 1;
         }
+    }
+}
+
+impl Book<'_> {
+    /// The same, and before which tick it is missing: the horizon, or when a pack comes for which the way is too early.
+    #[inline]
+    pub(super) fn odds_clash(&self, choices: &Choices, way: &Way) -> (Tick, i64) {
+        let Some(odds) = &self.odds else { return (self.horizon, 0) };
+        let whole = (self.horizon, odds.short(choices, way));
+        let early = self.energy.iter().filter(|limit| limit.before < self.horizon && Tick::from(way.start) < limit.before);
+        let early = early.map(|&left| (left.before, odds.short_before(choices, way, left, self.drawn(choices, way, left.before))));
+        early.fold(whole, |worst, here| if here.1 > worst.1 { here } else { worst })
+    }
+
+    /// What a way draws before a tick.
+    pub(super) fn drawn(&self, choices: &Choices, way: &Way, before: Tick) -> i64 {
+        if before >= self.horizon {
+            return way.energy;
+        }
+        if Tick::from(way.start) >= before {
+            return 0;
+        }
+        let mut sum = 0;
+        choices.draws(way, self.station, self.horizon, |from, to, draw| {
+            sum += to.min(before as usize).saturating_sub(from) as i64 * draw;
+        });
+        sum
     }
 }
