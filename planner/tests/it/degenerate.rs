@@ -6,7 +6,7 @@ use planner::{Instance, Moves, NoPlan, plan};
 use crate::any;
 use crate::checker::judged;
 
-fn station() -> planner::problem::Station {
+pub fn station() -> planner::problem::Station {
     use proptest::strategy::{Strategy as _, ValueTree as _};
     let mut station = any::station().new_tree(&mut proptest::test_runner::TestRunner::deterministic()).expect("a station").current();
     station.ongoing.clear();
@@ -16,7 +16,7 @@ fn station() -> planner::problem::Station {
     station
 }
 
-fn robot(energy: i64) -> Robot {
+pub fn robot(energy: i64) -> Robot {
     let travel = vec![Travel { station: 0, ticks: 2, variance: 0.0 }];
     Robot {
         name: "r".to_owned(),
@@ -36,7 +36,7 @@ fn robot(energy: i64) -> Robot {
     }
 }
 
-fn problem(robots: Vec<Robot>, stations: Vec<planner::problem::Station>) -> Problem {
+pub fn problem(robots: Vec<Robot>, stations: Vec<planner::problem::Station>) -> Problem {
     let batteries = vec![any::battery()];
     Problem { name: "degenerate".to_owned(), tick_s: 60, units_per_wh: 1000, horizon: 40, capacity_target: 1, batteries, stations, robots }
 }

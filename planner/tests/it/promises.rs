@@ -1,10 +1,30 @@
 //! No bay, lift movement, spare or joule is promised twice; the same seed gives the same plan.
 
+use planner::problem::{Chance, Pack};
 use planner::{Moves, Ways, capacity, plan, policies, renew, replan};
 use proptest::prelude::*;
 
 use crate::any;
 use crate::checker::judged;
+use crate::degenerate;
+
+#[test]
+fn what_begins_before_a_pack_comes_must_be_held_with_certainty_by_what_is_there() {
+    // A robot that lasts four ticks and takes at least 650 units, over long before tick 30; what is there is known to 100.
+    let served = |remaining: i64, comes: i64| {
+        let mut station = degenerate::station();
+        let pack = |name: &str, remaining, available_from| Pack { name: name.to_owned(), remaining, reserve: 0, available_from };
+        (station.hotel, station.switch_cost, station.spares) = (0, 0, Vec::new());
+        station.packs = vec![pack("0", remaining, 0), pack("1", 9000, comes)];
+        let shared = [[0.0; 3]; 3];
+        station.chance = Some(Chance { quantile: 1.645, quantile_held: 0.0, hotel: 0, begun: 0, variance: 100.0 * 100.0, shared });
+        let problem = degenerate::problem(vec![degenerate::robot(200)], vec![station]);
+        !plan(&problem, "optimise", 1, &mut Moves(400)).expect("a plan").sessions.is_empty()
+    };
+    // 650 and 1.645 x 100 are 815.
+    assert_eq!([600, 700, 900].map(|remaining| served(remaining, 30)), [false, false, true]);
+    assert!(served(700, 0), "both packs are there");
+}
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 160, ..ProptestConfig::default() })]
