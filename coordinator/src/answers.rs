@@ -11,9 +11,10 @@ use proto::{Capacity, Mode, PackId, Quality, RobotAction, RobotId, Schedule, Ser
 pub use self::explain::{Explainer, changes};
 use crate::forecast;
 use crate::models::from_wire;
-use crate::scheduler::capacity::{Holding, Question, capacity as count};
+use crate::scheduler::capacity::{Holding, Question, Wanted, capacity as count};
+use crate::scheduler::charging::{Course, Table};
 use crate::scheduler::translate::HORIZON_MAX_S;
-use crate::scheduler::{PackView, Plan, Planned, RobotView, StationView};
+use crate::scheduler::{PackView, Plan, Planned, RobotView, StationView, WHOLE_FLEET_MAX, packs_after_begun};
 use crate::service_run::{How, ServiceRun};
 use crate::view::{Basis, HANDOVER_S};
 
@@ -132,33 +133,39 @@ fn question(basis: &Basis<'_>, robots: &[(f64, &RobotView)], index: usize, stati
     let state = known.known()?;
     let table = basis.reference(id, models)?;
     let from_soc = basis.settings.serve_below_soc;
-    let service = table.at(from_soc);
     let with_doubt = |need: energy::Need| {
         let shared_wh = station.shared_per_wh.iter().map(|change| change * need.mean_wh).collect();
         energy::Need { shared_wh, ..need }
     };
     let begun = station.committed.plus(&station.overhead_per_h.scaled(station.committed_until_s / S_PER_H));
     let free = free_wh(&station.packs, begun.estimate());
+    let states = (basis.fleet.robots.len() <= WHOLE_FLEET_MAX).then(|| packs_after_begun(station)).flatten();
     let packs = state.packs.iter().filter(|pack| pack.connected).filter_map(|pack| {
         let gauge = known.packs.get(&pack.pack)?;
         // A pack that gave out, or that no model is known of, is in no plan.
         let usable_wh = free.get(&pack.pack).copied().unwrap_or(Estimate::exact(0.0));
-        let gain_wh = station.packs.iter().find(|planned| planned.pack == pack.pack).map_or(0.0, |planned| planned.gain_wh);
-        Some(Holding { pack: pack.pack.clone(), remaining_wh: from_wire(gauge.remaining_wh), usable_wh, gain_wh })
+        let planned = station.packs.iter().position(|planned| planned.pack == pack.pack);
+        let gain_wh = planned.map_or(0.0, |index| station.packs[index].gain_wh);
+        let state = planned.and_then(|index| Some(states.as_ref()?[index].clone()));
+        Some(Holding { pack: pack.pack.clone(), remaining_wh: from_wire(gauge.remaining_wh), usable_wh, gain_wh, state })
     });
+    let wanted = |table: &Table, soc: Estimate| Wanted {
+        need: with_doubt(table.need(soc, 1.0)),
+        time_s: table.at(soc.value).charge_s + models.handling.load_s + models.handling.unload_s,
+        course: Course::charge(table, soc.value, table.target_soc(), models.handling.load_s),
+    };
     let coming = robots.iter().filter_map(|(_, robot)| {
         let (_, travel_s, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
         let soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.max(*travel_s);
-        let need = with_doubt(table.need(Estimate::new(soc.max(0.0), robot.soc.sigma), 1.0));
-        Some((robot.robot.clone(), need, robot.wanted_s.max(*travel_s) - station.committed_until_s))
+        let wanted = wanted(table, Estimate::new(soc.max(0.0), robot.soc.sigma));
+        Some((robot.robot.clone(), wanted, robot.wanted_s.max(*travel_s) - station.committed_until_s))
     });
     Some(Question {
         station: id.clone(),
         packs: packs.collect(),
         robots: coming.collect(),
-        service: with_doubt(table.need(Estimate::exact(from_soc), 1.0)),
+        service: wanted(&table, Estimate::exact(from_soc)),
         breakdown_wh: table.breakdown_wh.clone(),
-        service_s: service.charge_s + models.handling.load_s + models.handling.unload_s,
         bays: state.bays.len() as u32,
         overhead_per_h: station.overhead_per_h.clone(),
         overhead_breakdown: forecast::overhead_breakdown(models),

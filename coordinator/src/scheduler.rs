@@ -13,12 +13,14 @@
 //!      |
 //!   plan.rs       its sessions as services: bay, spare, packs, times, probability
 //!   cover.rs      how surely the packs last until then, along the load of that plan
+//!   carry.rs      how much more than a load packs could carry, by stepping them
 //!   words.rs      why, why not, and what would have to change
 //!
 //!   capacity.rs   how many robots each pack can still service, and how certainly
 //! ```
 
 pub mod capacity;
+mod carry;
 pub mod charging;
 mod cover;
 mod plan;
@@ -28,6 +30,7 @@ pub(crate) mod translate;
 pub mod usable;
 mod words;
 
+pub use carry::packs_after_begun;
 pub use charging::Tables;
 pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, PackState, PackView, RobotView, SpareView, StationView, View};

@@ -7,7 +7,8 @@
 //! `Phi((usable - need_k) / sqrt(sigma_usable² + sigma_need_k²))`
 //!
 //! where `need_k` has the doubt that services share (a converter's efficiency) and what each has of its
-//! own (a gauge's error) added up as [`Need`] does.
+//! own (a gauge's error) added up as [`Need`] does. Where that is a close thing the difference is not counted at full
+//! power in every bay but found by stepping the packs' models along these services ([`Load::spare_wh`]).
 
 use std::collections::BTreeMap;
 
@@ -16,12 +17,22 @@ use energy::{Estimate, Need};
 use proto::{Capacity, PackCapacity, PackId, Promise, RobotId, StationCapacity, StationId, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::carry::{Load, Part, SIGMAS_MAX};
+use super::charging::Course;
+use super::problem::PackState;
+
 /// More services than this are not counted.
 const SERVICES_MAX: usize = 10_000;
 /// Services with less probability than this are not told one by one.
 const TOLD_MIN: f64 = 0.005;
 /// Neither are services without a robot of their own that come after so many.
 const TOLD_MAX: usize = 12;
+
+/// Packs are stepped along no more services than this: of many, what full bays and gentle endings leave over is little beside
+/// the doubt that they share.
+const STEPPED_MAX: usize = 32;
+/// Margins of this many standard deviations are told as certain: 99.95 %.
+const CERTAIN_SIGMAS: f64 = 3.3;
 
 /// What a station is asked.
 #[derive(Debug, Clone)]
@@ -32,19 +43,28 @@ pub struct Question {
     pub packs: Vec<Holding>,
     /// Robots in the order in which they will want a service, what each takes then, and when that is, s from when the services
     /// that have begun are over; 0 or less is at once.
-    pub robots: Vec<(RobotId, Need, f64)>,
+    pub robots: Vec<(RobotId, Wanted, f64)>,
     /// A service from where one is wanted to where it is done.
-    pub service: Need,
+    pub service: Wanted,
     /// The same by cause, Wh.
     pub breakdown_wh: BTreeMap<String, f64>,
-    /// Time of one service with handling, s.
-    pub service_s: f64,
     /// Services at once.
     pub bays: u32,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
     /// The same by cause, Wh.
     pub overhead_breakdown: BTreeMap<String, f64>,
+}
+
+/// A service.
+#[derive(Debug, Clone)]
+pub struct Wanted {
+    /// Energy from the station's packs.
+    pub need: Need,
+    /// Time that it takes with handling, s.
+    pub time_s: f64,
+    /// What it draws when.
+    pub course: Course,
 }
 
 /// What a pack holds.
@@ -58,6 +78,8 @@ pub struct Holding {
     pub usable_wh: Estimate,
     /// How much more it gives alone, Wh.
     pub gain_wh: f64,
+    /// How it stands when the services that have begun are over; none where that is not known, or would take too long.
+    pub state: Option<PackState>,
 }
 
 /// What one amount of energy is enough for.
@@ -85,13 +107,13 @@ pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capac
 
 fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapacity {
     let usable_wh = Estimate::new(holding.usable_wh.value + holding.gain_wh, holding.usable_wh.sigma);
-    let count = question.count(usable_wh, confidence);
-    let per_service_h = question.service_s / S_PER_H / f64::from(question.bays.max(1));
+    let count = question.count(usable_wh, std::slice::from_ref(holding), confidence);
+    let per_service_h = question.service.time_s / S_PER_H / f64::from(question.bays.max(1));
     let mut breakdown_wh = question.breakdown_wh.clone();
     for (cause, w) in &question.overhead_breakdown {
         *breakdown_wh.entry(cause.clone()).or_insert(0.0) += w * per_service_h;
     }
-    let service_wh = question.service.plus(&question.overhead_per_h.scaled(per_service_h)).estimate();
+    let service_wh = question.service.need.plus(&question.overhead_per_h.scaled(per_service_h)).estimate();
     PackCapacity {
         station: question.station.clone(),
         pack: holding.pack.clone(),
@@ -110,7 +132,7 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
 /// All packs of the station together: a service may begin on one and end on the next.
 fn of_station(question: &Question, confidence: f64) -> StationCapacity {
     let together = question.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
-    let count = question.count(together, confidence);
+    let count = question.count(together, &question.packs, confidence);
     StationCapacity {
         station: question.station.clone(),
         usable_wh: node::wire(together),
@@ -122,24 +144,37 @@ fn of_station(question: &Question, confidence: f64) -> StationCapacity {
 }
 
 impl Question {
-    fn count(&self, usable_wh: Estimate, confidence: f64) -> Count {
+    /// How many services these packs, which count as `usable_wh`, are enough for.
+    fn count(&self, usable_wh: Estimate, packs: &[Holding], confidence: f64) -> Count {
         let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
-        let (mut services, mut short_wh) = (Need::default(), None);
+        let (mut services, mut parts, mut short_wh) = (Need::default(), Vec::new(), None);
         let mut bays_free_s = vec![0.0_f64; self.bays.clamp(1, SERVICES_MAX as u32) as usize];
-        let mut ends_s = 0.0_f64;
+        let (mut ends_s, mut before) = (0.0_f64, 1.0_f64);
         for number in 1..=SERVICES_MAX {
             let robot = self.robots.get(number - 1);
-            services = services.plus(robot.map_or(&self.service, |(_, need, _)| need));
+            let wanted = robot.map_or(&self.service, |(_, wanted, _)| wanted);
+            services.add(&wanted.need, 1.0);
             // What the station takes by itself meanwhile, also while it waits for whoever wants nothing yet.
             if let Some(free_s) = bays_free_s.iter_mut().min_by(|a, b| a.total_cmp(b)) {
-                *free_s = free_s.max(robot.map_or(0.0, |(.., wanted_s)| *wanted_s)) + self.service_s;
+                let start_s = free_s.max(robot.map_or(0.0, |(.., wanted_s)| *wanted_s));
+                *free_s = start_s + wanted.time_s;
                 ends_s = ends_s.max(*free_s);
+                parts.extend(wanted.course.parts(start_s, *free_s));
             }
             let need = services.plus(&self.overhead_per_h.scaled(ends_s / S_PER_H)).estimate();
-            let (mut probability, short) = margin(usable_wh, need, confidence);
+            let sigma_wh = usable_wh.sigma.hypot(need.sigma).max(1e-9);
+            let counted_wh = usable_wh.value - need.value;
+            // Counted energy errs on the safe side: what it says is certain is certain.
+            let is_close = number <= STEPPED_MAX && (-SIGMAS_MAX..CERTAIN_SIGMAS).contains(&(counted_wh / sigma_wh));
+            let stepped_wh = || self.stepped_wh(packs, &parts, ends_s, sigma_wh);
+            let spare_wh = if is_close { stepped_wh().unwrap_or(counted_wh) } else { counted_wh };
+            let (mut probability, short) = margin(Estimate::new(spare_wh, sigma_wh), confidence);
             if self.bays == 0 {
                 probability = 0.0;
             }
+            // One more is never likelier.
+            probability = probability.min(before);
+            before = probability;
             expected += u32::from(probability >= 0.5);
             promised += u32::from(probability >= confidence);
             if probability < confidence {
@@ -154,37 +189,51 @@ impl Question {
         }
         Count { promises, expected, promised, short_wh: short_wh.unwrap_or(0.0) }
     }
+
+    /// How much more than these services the packs could carry, Wh, where that is known.
+    fn stepped_wh(&self, packs: &[Holding], parts: &[Part], until_s: f64, sigma_wh: f64) -> Option<f64> {
+        let holding = packs.iter().filter(|pack| pack.usable_wh.value > 0.0);
+        let there: Option<Vec<_>> = holding.map(|pack| Some((0.0, pack.state.as_ref()?))).collect();
+        let load = Load { parts, overhead_w: self.overhead_per_h.mean_wh, until_s };
+        there.map(|packs| load.spare_wh(&packs, sigma_wh))
+    }
 }
 
-/// Probability that `usable` exceeds `need` (both normal), and what is short at `confidence`, Wh.
-#[must_use]
-pub fn margin(usable: Estimate, need: Estimate, confidence: f64) -> (f64, f64) {
-    let sigma = usable.sigma.hypot(need.sigma).max(1e-9);
+/// Probability that what is spare (Wh, normal) is more than nothing, and what is short at `confidence`, Wh.
+fn margin(spare: Estimate, confidence: f64) -> (f64, f64) {
+    let sigma = spare.sigma.max(1e-9);
     let normal = Normal::standard();
-    let spare_wh = usable.value - need.value;
-    (normal.cdf(spare_wh / sigma), (normal.inverse_cdf(confidence) * sigma - spare_wh).max(0.0))
+    (normal.cdf(spare.value / sigma), (normal.inverse_cdf(confidence) * sigma - spare.value).max(0.0))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use energy::load::Terminals as _;
+    use energy::pack::Battery as _;
+
     use super::*;
 
     fn question(usable_wh: &[f64], bays: u32) -> Question {
         let pack = |(n, wh): (usize, &f64)| {
             let (pack, wh) = (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh));
-            Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: 0.0 }
+            Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: 0.0, state: None }
         };
         Question {
             station: StationId::new("s").unwrap(),
             packs: usable_wh.iter().enumerate().map(pack).collect(),
             robots: Vec::new(),
-            service: Need { mean_wh: 20.0, ..Need::default() },
+            service: wanted(20.0),
             breakdown_wh: BTreeMap::new(),
-            service_s: 3600.0,
             bays,
             overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
             overhead_breakdown: BTreeMap::from([("hotel".to_owned(), 6.0)]),
         }
+    }
+
+    fn wanted(wh: f64) -> Wanted {
+        Wanted { need: Need { mean_wh: wh, ..Need::default() }, time_s: 3600.0, course: Course { even_wh: wh, ..Course::default() } }
     }
 
     fn first(question: &Question) -> PackCapacity {
@@ -193,7 +242,7 @@ mod tests {
 
     #[test]
     fn a_margin_of_one_sigma_holds_with_84_percent() {
-        let (probability, short_wh) = margin(Estimate::new(50.0, 3.0), Estimate::new(45.0, 4.0), 0.95);
+        let (probability, short_wh) = margin(Estimate::new(50.0 - 45.0, 3.0_f64.hypot(4.0)), 0.95);
         assert!((probability - 0.8413).abs() < 1e-4);
         // 1.645 sigma are needed, one is there: 0.645 x 5 Wh short.
         assert!((short_wh - 0.6449 * 5.0).abs() < 1e-3);
@@ -222,7 +271,7 @@ mod tests {
     #[test]
     fn robots_come_first_and_each_with_its_own_need() {
         let mut asked = question(&[60.0], 3);
-        let robot = |name: &str, wh: f64| (RobotId::new(name).unwrap(), Need { mean_wh: wh, ..Need::default() }, 0.0);
+        let robot = |name: &str, wh: f64| (RobotId::new(name).unwrap(), wanted(wh), 0.0);
         asked.robots = vec![robot("a", 10.0), robot("b", 24.0)];
         // 10 + 24 + 20 + 6 = 60.
         let told: Vec<(Option<String>, f64)> =
@@ -233,7 +282,7 @@ mod tests {
     #[test]
     fn a_station_that_waits_for_a_robot_pays_for_itself_meanwhile() {
         let mut asked = question(&[70.0], 3);
-        let robot = |name: &str, wanted_s: f64| (RobotId::new(name).unwrap(), asked.service.clone(), wanted_s);
+        let robot = |name: &str, wanted_s: f64| (RobotId::new(name).unwrap(), wanted(20.0), wanted_s);
         asked.robots = vec![robot("a", 0.0), robot("b", 1800.0), robot("c", 5.0 * 3600.0)];
         // Services of 20 Wh and an hour; the station takes 6 Wh in each of 1, 1.5 and 6 hours.
         let told: Vec<f64> = first(&asked).promises.iter().map(|promise| promise.need_wh.value).collect();
@@ -244,5 +293,48 @@ mod tests {
     fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
         assert_eq!(first(&question(&[0.0], 3)).robots_expected, 0);
         assert_eq!(first(&question(&[70.0], 0)).robots_expected, 0);
+    }
+
+    /// Whether a pack carries services of 20 W for half an hour and 8 W for ten minutes, begun at these seconds, and 6 W beside
+    /// them, by stepping it second by second.
+    fn carries(pack: &Arc<energy::Model>, soc: f64, begun_s: &[i32]) -> bool {
+        let mut pack = energy::Pack::new(pack.clone(), energy::Start { temperature_degc: 25.0, ..energy::Start::at_soc(soc) });
+        let drawn_w = |since_s: i32| match since_s {
+            0..1800 => 20.0,
+            1800..2400 => 8.0,
+            _ => 0.0,
+        };
+        (0..begun_s.last().unwrap() + 2400).all(|second| {
+            let power_w = 6.0 + begun_s.iter().map(|begun_s| drawn_w(second - begun_s)).sum::<f64>();
+            pack.step_power(power_w, 1.0).is_ok() && !pack.is_empty()
+        })
+    }
+
+    #[test]
+    fn a_pack_that_just_carries_two_services_is_enough_for_them_at_even_odds_whatever_was_counted() {
+        let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
+        for (bays, begun_s) in [(2, [0, 0]), (1, [0, 2400])] {
+            let (mut low, mut high) = (0.05, 0.9);
+            for _ in 0..20 {
+                let middle = f64::midpoint(low, high);
+                if carries(&model, middle, &begun_s) { high = middle } else { low = middle }
+            }
+            let odds = |soc: f64, counted_wh: f64| {
+                let mut asked = question(&[0.0], bays);
+                let course = Course { charge: vec![(1800.0, 20.0), (600.0, 8.0)], ..Course::default() };
+                asked.service = Wanted { need: Need { mean_wh: 10.0 + 8.0 / 6.0, ..Need::default() }, time_s: 2400.0, course };
+                asked.packs[0].usable_wh = Estimate::new(counted_wh, 1.0);
+                asked.packs[0].state = Some(PackState { model: model.clone(), soc, temperature_degc: 25.0 });
+                first(&asked).promises.get(1).map_or(0.0, |second| second.probability)
+            };
+            let needed_wh = 2.0 * (10.0 + 8.0 / 6.0) + 6.0 * f64::from(begun_s[1] + 2400) / S_PER_H;
+            for counted_wh in [needed_wh - 3.0, needed_wh, needed_wh + 4.0] {
+                let even = odds(high, counted_wh);
+                assert!((even - 0.5).abs() < 0.06, "{bays} bays, {counted_wh} Wh counted: {even}");
+            }
+            // A hundredth of its charge more is 0.86 Wh, at a sigma of 1 Wh 80 %.
+            let more = odds(high + 0.01, needed_wh);
+            assert!((0.75..0.86).contains(&more), "{bays} bays: {more}");
+        }
     }
 }

@@ -111,15 +111,22 @@ impl Table {
         }
     }
 
-    /// The end of a charge, from when it takes less than this power (W): how long (s) and how much (W), in
-    /// order, without the lift.
+    /// The charge from a state of charge to a level: how long (s) and how much (W), in order, without the lift.
     #[must_use]
-    pub fn taper(&self, below_w: f64) -> Vec<(f64, f64)> {
+    pub fn stretches(&self, soc: f64, to_soc: f64) -> Vec<(f64, f64)> {
+        let inner = self.points.iter().map(|point| point.soc).filter(|&at| soc < at && at < to_soc);
+        let levels: Vec<Point> = std::iter::once(soc).chain(inner).chain([to_soc]).map(|soc| self.at(soc)).collect();
         let stretch = |pair: &[Point]| {
             let (time_s, wh) = (pair[0].charge_s - pair[1].charge_s, pair[0].need_wh - pair[1].need_wh);
             (time_s > 0.0).then(|| (time_s, wh.max(0.0) / time_s * S_PER_H))
         };
-        let stretches: Vec<(f64, f64)> = self.points.windows(2).filter_map(stretch).collect();
+        levels.windows(2).filter_map(stretch).collect()
+    }
+
+    /// The end of a charge, from when it takes less than this power (W), as such stretches.
+    #[must_use]
+    pub fn taper(&self, below_w: f64) -> Vec<(f64, f64)> {
+        let stretches = self.stretches(0.0, self.target_soc());
         let full = stretches.iter().rposition(|&(_, power_w)| power_w >= below_w).map_or(0, |last| last + 1);
         stretches[full..].to_vec()
     }
@@ -158,6 +165,37 @@ impl Table {
         let step = self.target_soc() / f64::from(STEPS);
         let low = soc.clamp(0.0, self.target_soc() - step);
         (self.at(low + step).need_wh - self.at(low).need_wh) / step
+    }
+}
+
+/// What a service draws when, from its beginning on.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Course {
+    /// Spread over all of it, Wh: the lift.
+    pub even_wh: f64,
+    /// The charge as it tapers off: how long (s) and how much (W), in order.
+    pub charge: Vec<(f64, f64)>,
+    /// When that begins, s.
+    pub charge_from_s: f64,
+}
+
+impl Course {
+    /// A charge from a state of charge to a level, in a bay that the robot is brought into for `load_s`.
+    #[must_use]
+    pub fn charge(table: &Table, soc: f64, to_soc: f64, load_s: f64) -> Self {
+        Self { even_wh: table.lift_wh, charge: table.stretches(soc, to_soc), charge_from_s: load_s }
+    }
+
+    /// The same of a service between two times, s: from when until when, and how much (W).
+    #[must_use]
+    pub fn parts(&self, start_s: f64, end_s: f64) -> Vec<(f64, f64, f64)> {
+        let mut from_s = start_s + self.charge_from_s;
+        let charge = self.charge.iter().map(|&(time_s, power_w)| {
+            let begin_s = from_s;
+            from_s += time_s;
+            (begin_s, from_s, power_w)
+        });
+        std::iter::once((start_s, end_s, self.even_wh / (end_s - start_s).max(1.0) * S_PER_H)).chain(charge).collect()
     }
 }
 

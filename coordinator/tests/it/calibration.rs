@@ -1,7 +1,7 @@
 //! Are promises kept as often as they say? Worlds are drawn from the sigmas that the coordinator's models
 //! state: every parameter of every model, the packs' capacity, and the charge that everybody begins
 //! with. Then three robots come to one pack, and what was promised at which probability is compared with
-//! what was kept.
+//! what was kept; so is what the pack was said to be enough for, before anybody came.
 //!
 //! A few worlds run always; `TENDER_CALIBRATION=1000` runs as many and prints the table. Judged is only
 //! that of the promises at 99 % and more nine in ten are kept: a few worlds do not tell more.
@@ -65,6 +65,8 @@ fn drawn(name: &str, folder: &Path, draw: &mut Draw) -> ModelRef {
 struct World {
     /// Stated probability of each promised service, and whether it was kept.
     promises: Vec<(f64, bool)>,
+    /// Stated probability that the station's energy is enough for as many services as were planned, and whether it was.
+    enough: Option<(f64, bool)>,
     /// Robots of which the first plan said that they would be served.
     safe: usize,
     /// How many of them stranded before that.
@@ -135,9 +137,12 @@ mission.inputs = {{ speed_mps = 0.1 }}
         });
         events.next().is_some_and(|event| event.kind == EventKind::PhaseChanged)
     };
+    let told = &outcome.measured.first_capacity.as_ref().expect("counted").stations[0].promises;
+    let last = first.services.len().checked_sub(1).and_then(|last| told.get(last));
     let certain = first.services.iter().filter(|service| service.probability.is_some_and(|p| p >= 0.95));
     World {
         promises: first.services.iter().map(|service| (service.probability.expect("planned"), done(&service.robot))).collect(),
+        enough: last.map(|last| (last.probability, first.services.iter().all(|service| done(&service.robot)))),
         safe: certain.clone().count(),
         stranded: certain.filter(|service| dry(&service.robot)).count(),
     }
@@ -164,28 +169,28 @@ fn promises_are_kept_as_often_as_they_say() {
     });
     let made = made.into_inner().unwrap();
     let all: Vec<(f64, bool)> = made.iter().flat_map(|world| world.promises.iter().copied()).collect();
-    let mut table = String::from("stated          promises   stated, mean   kept\n");
-    let bins = [(0.5, 0.7), (0.7, 0.85), (0.85, 0.93), (0.93, 0.97), (0.97, 0.99), (0.99, 1.1)];
-    for (from, to) in bins {
-        let here: Vec<_> = all.iter().filter(|(stated, _)| (from..to).contains(stated)).collect();
-        let count = here.len().max(1) as f64;
-        let (stated, kept) =
-            (here.iter().map(|(stated, _)| stated).sum::<f64>() / count, here.iter().filter(|(_, kept)| *kept).count() as f64 / count);
-        writeln!(
-            table,
-            "{:>4.0} to {:>3.0} %   {:>8}   {:>10.1} %   {:>4.1} %",
-            from * 100.0,
-            to.min(1.0) * 100.0,
-            here.len(),
-            stated * 100.0,
-            kept * 100.0
-        )
-        .unwrap();
-    }
+    let enough: Vec<(f64, bool)> = made.iter().filter_map(|world| world.enough).collect();
+    let mut table = format!("services\n{}\nthe station's energy is enough for all that was planned\n{}\n", kept(&all), kept(&enough));
     let (safe, stranded): (usize, usize) = (made.iter().map(|world| world.safe).sum(), made.iter().map(|world| world.stranded).sum());
     writeln!(table, "of {safe} robots promised at 95 % or more {stranded} ran empty before their service").unwrap();
     println!("{worlds} worlds\n{table}");
-    let sure: Vec<&(f64, bool)> = all.iter().filter(|(stated, _)| *stated >= 0.99).collect();
-    let kept = sure.iter().filter(|(_, kept)| *kept).count();
-    assert!(!sure.is_empty() && kept * 10 >= sure.len() * 9, "{kept} of {} promises at 99 % and more were kept\n{table}", sure.len());
+    for of in [&all, &enough] {
+        let sure: Vec<&(f64, bool)> = of.iter().filter(|(stated, _)| *stated >= 0.99).collect();
+        let kept = sure.iter().filter(|(_, kept)| *kept).count();
+        assert!(!sure.is_empty() && kept * 10 >= sure.len() * 9, "{kept} of {} at 99 % and more were kept\n{table}", sure.len());
+    }
+}
+
+/// How often what was said came true, in bands of what was said.
+fn kept(all: &[(f64, bool)]) -> String {
+    let mut table = String::from("stated            number   stated, mean   kept\n");
+    for (from, to) in [(0.05, 0.5), (0.5, 0.7), (0.7, 0.85), (0.85, 0.93), (0.93, 0.97), (0.97, 0.99), (0.99, 1.1)] {
+        let here: Vec<_> = all.iter().filter(|(stated, _)| (from..to).contains(stated)).collect();
+        let count = here.len().max(1) as f64;
+        let stated = here.iter().map(|(stated, _)| stated).sum::<f64>() / count;
+        let kept = here.iter().filter(|(_, kept)| *kept).count() as f64 / count;
+        let (from, to) = (from * 100.0, to.min(1.0) * 100.0);
+        writeln!(table, "{from:>4.0} to {to:>3.0} %   {:>8}   {:>10.1} %   {:>4.1} %", here.len(), stated * 100.0, kept * 100.0).unwrap();
+    }
+    table
 }

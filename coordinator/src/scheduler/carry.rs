@@ -1,0 +1,163 @@
+//! How much more than a load a station's packs could carry: their models, one after the other, stepped along it.
+
+use energy::load::Terminals as _;
+use energy::pack::Battery as _;
+use energy::units::S_PER_H;
+use energy::{Channel, Pack, Start};
+
+use super::problem::{PackState, StationView};
+
+/// Margins of more standard deviations than this are as good as certain, whatever the load looks like.
+pub(super) const SIGMAS_MAX: f64 = 6.0;
+/// Longest step of a pack along the load, s. A step holds the current that its end needs: at two minutes that is a
+/// thousandth too much for a pack that lasts two hours, whose voltage falls by a quarter.
+const STEP_MAX_S: f64 = 120.0;
+/// Shortest, where a pack gives out, s.
+const STEP_MIN_S: f64 = 4.0;
+/// The margin is found to this part of its standard deviation: off by half of it is a probability off by 1 % at most.
+const PRECISION: f64 = 0.05;
+/// The load is scaled by no more than this.
+const SCALE_MAX: f64 = 1.3;
+
+/// A part of the load: from when until when (s from now), and how much (W).
+pub(super) type Part = (f64, f64, f64);
+
+/// Packs in the order in which they are drained: from when each is there (s from now), and how it stands.
+pub(super) type Packs<'a> = [(f64, &'a PackState)];
+
+/// What is asked of packs until some time.
+pub(super) struct Load<'a> {
+    /// What services draw, in any order.
+    pub(super) parts: &'a [Part],
+    /// What the station takes beside them, W.
+    pub(super) overhead_w: f64,
+    /// Until then, s from now.
+    pub(super) until_s: f64,
+}
+
+impl Load<'_> {
+    /// How much more than this load the packs could carry, Wh, below 0 if they cannot carry it; no further from nothing
+    /// than [`SIGMAS_MAX`] of the given deviations, Wh. While no service draws, the station may go dark.
+    pub(super) fn spare_wh(&self, packs: &Packs<'_>, sigma_wh: f64) -> f64 {
+        let steps = self.steps(packs);
+        let energy_wh = steps.iter().map(|step| step.dt_s * step.power_w / S_PER_H).sum::<f64>().max(1e-9);
+        let lasts = |scale: f64| {
+            let mut bank = Bank::new(packs);
+            steps.iter().all(|step| bank.gives(step.power_w * scale, step.dt_s) || !step.serves)
+        };
+        let reach = (SIGMAS_MAX * sigma_wh / energy_wh).min(1.0 - SCALE_MAX.recip());
+        let (mut low, mut high) = (1.0 - reach, 1.0 + reach);
+        // Which side it is on mostly says that it is far on that side.
+        if lasts(1.0) {
+            low = 1.0;
+        } else {
+            high = 1.0;
+        }
+        if low == 1.0 && lasts(high) {
+            return reach * energy_wh;
+        }
+        if high == 1.0 && !lasts(low) {
+            return -reach * energy_wh;
+        }
+        while (high - low) * energy_wh > 2.0 * PRECISION * sigma_wh {
+            let middle = f64::midpoint(low, high);
+            if lasts(middle) { low = middle } else { high = middle }
+        }
+        (f64::midpoint(low, high) - 1.0) * energy_wh
+    }
+
+    /// The load as stretches of constant power, which also end where a pack comes.
+    fn steps(&self, packs: &Packs<'_>) -> Vec<Step> {
+        // When, by how much the load rises then, and how many services more draw.
+        let mut changes: Vec<(f64, f64, i32)> = Vec::with_capacity(2 * self.parts.len() + packs.len());
+        for &(from_s, to_s, power_w) in self.parts.iter().filter(|(from_s, to_s, _)| to_s > from_s) {
+            changes.extend([(from_s.max(0.0), power_w, 1), (to_s.max(0.0), -power_w, -1)]);
+        }
+        changes.extend(packs.iter().map(|&(from_s, _)| (from_s.max(0.0), 0.0, 0)));
+        changes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        changes.retain(|change| change.0 < self.until_s);
+        changes.push((self.until_s, 0.0, 0));
+        let (mut steps, mut from_s, mut drawn_w, mut drawing) = (Vec::new(), 0.0, 0.0, 0);
+        for (at_s, more_w, more) in changes {
+            if at_s - from_s > 1e-6 {
+                steps.push(Step { dt_s: at_s - from_s, power_w: self.overhead_w + drawn_w, serves: drawing > 0 });
+                from_s = at_s;
+            }
+            drawing += more;
+            // What is nothing is exactly nothing.
+            drawn_w = if drawing > 0 { drawn_w + more_w } else { 0.0 };
+        }
+        steps
+    }
+}
+
+/// How a station's packs stand when the services that have begun are over; none where it is not known how they stand now.
+#[must_use]
+pub fn packs_after_begun(station: &StationView) -> Option<Vec<PackState>> {
+    let packs: Option<Vec<_>> = station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect();
+    let (packs, until_s) = (packs?, station.committed_until_s);
+    let mut bank = Bank::new(&packs);
+    if until_s > 0.0 {
+        bank.gives(station.overhead_per_h.mean_wh + station.committed.mean_wh / until_s * S_PER_H, until_s);
+    }
+    let state = |(&(_, before), (_, pack)): (&(f64, &PackState), &(f64, Pack))| PackState {
+        model: before.model.clone(),
+        soc: pack.channels()[Channel::Soc],
+        temperature_degc: pack.channels()[Channel::CellDegc],
+    };
+    Some(packs.iter().zip(&bank.packs).map(state).collect())
+}
+
+/// A stretch of constant power.
+struct Step {
+    /// How long, s.
+    dt_s: f64,
+    /// How much, W.
+    power_w: f64,
+    /// Whether some service draws.
+    serves: bool,
+}
+
+/// Packs that are drained one after the other.
+struct Bank {
+    /// From when each is there, s, and itself.
+    packs: Vec<(f64, Pack)>,
+    /// Which is being drained.
+    active: usize,
+    /// How late it is, s.
+    at_s: f64,
+}
+
+impl Bank {
+    fn new(packs: &Packs<'_>) -> Self {
+        let pack = |&(from_s, state): &(f64, &PackState)| {
+            let start = Start { temperature_degc: state.temperature_degc, ..Start::at_soc(state.soc) };
+            (from_s, Pack::new(state.model.clone(), start))
+        };
+        Self { packs: packs.iter().map(pack).collect(), active: 0, at_s: 0.0 }
+    }
+
+    /// Draws this power for so long; whether it was there all the time.
+    fn gives(&mut self, power_w: f64, dt_s: f64) -> bool {
+        let end_s = self.at_s + dt_s;
+        let mut longest_s = STEP_MAX_S;
+        while self.at_s < end_s - 1e-9 {
+            let Some((_, pack)) = self.packs.get_mut(self.active).filter(|(from_s, _)| *from_s <= self.at_s + 1e-6) else {
+                self.at_s = end_s;
+                return false;
+            };
+            let step_s = longest_s.min(end_s - self.at_s);
+            if pack.step_power(power_w, step_s).is_ok() && !pack.is_empty() {
+                self.at_s += step_s;
+            } else if step_s > STEP_MIN_S {
+                // It gives out within this step: up to there by halves.
+                pack.restore();
+                longest_s = step_s / 2.0;
+            } else {
+                pack.restore();
+                (self.active, longest_s) = (self.active + 1, STEP_MAX_S);
+            }
+        }
+        true
+    }
+}
