@@ -9,6 +9,7 @@ mod gates;
 mod odds;
 
 use crate::bits::Bits;
+use crate::guide::Spot;
 use crate::problem::{Problem, Station, Tick};
 use crate::supply::{self, Limit};
 use crate::way::{At, Choices, Mode, NEVER, Starts, Way};
@@ -151,6 +152,17 @@ impl<'p> Book<'p> {
             if way.ready == NEVER { end } else { self.spare_back(way) }
         };
         self.feeds_until(choices, way, drawn_to)
+    }
+
+    /// Whether there is a place for a way; power and energy are not asked for.
+    #[inline]
+    pub(crate) fn has_place(&self, spot: &Spot) -> bool {
+        let (start, end) = (usize::from(spot.start), usize::from(spot.end));
+        if spot.back == 0 {
+            !self.gates.refuse_charge(start, end)
+        } else {
+            !self.gates.refuse_exchange(start, end, usize::from(spot.back).min(self.horizon as usize))
+        }
     }
 
     /// Whether power and energy are there for a way that has a place, as [`Self::tell_places`] tells them.

@@ -15,11 +15,33 @@ const CHEAPEST_MAX: usize = 48;
 /// What a stranded robot counts while there are no prices.
 const STRANDED_UNPRICED: f32 = 1e6;
 
+/// A way with as much of it as its place asks for, so that many of them are looked at side by side in memory.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Spot {
+    /// Index of the way.
+    pub(crate) way: u32,
+    pub(crate) cost: i32,
+    pub(crate) station: u16,
+    pub(crate) start: u16,
+    pub(crate) end: u16,
+    /// When its spare comes back; 0 for a charge.
+    pub(crate) back: u16,
+}
+
+impl Spot {
+    fn new(way: &Way, place: u32) -> Self {
+        let back = if way.charges() { 0 } else { way.ready };
+        Self { way: place, cost: way.cost, station: way.station, start: way.start, end: way.end, back }
+    }
+}
+
 /// For each robot its most promising ways, the best first.
 #[derive(Debug, Clone, Default)]
 pub struct Guide {
     /// Indices of ways.
     pub listed: Vec<Vec<u32>>,
+    /// All ways of each robot by price, where that is asked for.
+    spots: Vec<Vec<Spot>>,
     /// What each robot pays at least, in units of cost.
     least: Vec<f32>,
     /// The prices; none when only cost counts.
@@ -36,7 +58,7 @@ impl Guide {
     #[must_use]
     pub fn by_cost(ways: &Ways<'_>, robots: impl IntoIterator<Item = usize>) -> Self {
         let count = ways.problem().robots.len();
-        let mut guide = Self { listed: vec![Vec::new(); count], least: vec![f32::MAX; count], prices: None };
+        let mut guide = Self { listed: vec![Vec::new(); count], least: vec![f32::MAX; count], spots: Vec::new(), prices: None };
         for robot in robots {
             let choices = ways.of(robot);
             guide.listed[robot] = (0..choices.ways.len().min(CHEAPEST_MAX) as u32).collect();
@@ -77,6 +99,22 @@ impl Guide {
     #[must_use]
     pub fn is_priced(&self) -> bool {
         self.prices.is_some()
+    }
+
+    /// All ways of a robot, the best by price first, if they are known.
+    #[inline]
+    pub(crate) fn spots(&self, robot: usize) -> Option<&[Spot]> {
+        self.spots.get(robot).map(Vec::as_slice)
+    }
+
+    /// Keeps what is listed as [`Self::spots`], and lists no more than so many.
+    pub(crate) fn spread(&mut self, ways: &Ways<'_>, most: usize) {
+        let spots = |(robot, listed): (usize, &Vec<u32>)| -> Vec<Spot> {
+            let ways = &ways.of(robot).ways;
+            listed.iter().map(|&place| Spot::new(&ways[place as usize], place)).collect()
+        };
+        self.spots = self.listed.par_iter().enumerate().map(spots).collect();
+        self.listed.iter_mut().for_each(|listed| listed.truncate(most));
     }
 
     /// Judges by these prices from now on.

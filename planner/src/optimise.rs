@@ -202,12 +202,12 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let mut best = Draft::new(self.ways);
         construct::frugal(&mut best, &ranked(self.ways, ORDERS[0]));
         for order in ORDERS {
-            for thrift in [2.0, 0.0] {
-                if self.used() >= 1.0 {
-                    return best;
-                }
-                let mut draft = Draft::new(self.ways);
-                greedy(&mut draft, &ranked(self.ways, order), thrift);
+            if self.used() >= 1.0 {
+                return best;
+            }
+            let order = ranked(self.ways, order);
+            let found = both(self.ways, [(&order, 2.0), (&order, 0.0)]);
+            for draft in found {
                 if draft.score < best.score {
                     best = draft;
                 }
@@ -224,9 +224,8 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         }
         let thrifty = self.ways.thrifty();
         let mut few = Draft::new(&thrifty);
-        for order in [construct::Order::Deadline, construct::Order::Slack] {
-            let mut draft = Draft::new(&thrifty);
-            greedy(&mut draft, &ranked(&thrifty, order), 0.0);
+        let orders = [construct::Order::Deadline, construct::Order::Slack].map(|order| ranked(&thrifty, order));
+        for draft in both(&thrifty, [(&orders[0], 0.0), (&orders[1], 0.0)]) {
             if draft.score < few.score {
                 few = draft;
             }
@@ -358,6 +357,21 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         search.run(guide, &mut self.rng, moves, heat);
         self.clock.moves += moves;
     }
+}
+
+/// Plans at once by two orders and thrifts, a large fleet's on two threads.
+fn both<'w, 'p>(ways: &'w Ways<'p>, orders: [(&[usize], f32); 2]) -> [Draft<'w, 'p>; 2] {
+    let at_once = |(order, thrift): (&[usize], f32)| {
+        let mut draft = Draft::new(ways);
+        greedy(&mut draft, order, thrift);
+        draft
+    };
+    let [one, other] = orders;
+    if ways.problem().robots.len() < SHARED_MIN {
+        return [at_once(one), at_once(other)];
+    }
+    let (one, other) = rayon::join(|| at_once(one), || at_once(other));
+    [one, other]
 }
 
 /// The temperature falls by equal factors.

@@ -44,7 +44,8 @@ impl Prices<'_, '_> {
             return worth;
         }
         if robots >= SHARED_MIN {
-            self.improve_mean(&mut usage, aim);
+            // Threads that wait for the next step of a round find it sooner than those that are woken for each.
+            rayon::scope(|_| self.improve_mean(&mut usage, aim));
             return worth;
         }
         let look = self.look_at_all(&mut usage);

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use rand::{Rng, RngExt};
 
 use crate::draft::{NONE, Score};
-use crate::guide::Guide;
+use crate::guide::{Guide, Spot};
 use crate::search::Search;
 use crate::way::SHARED_MIN;
 
@@ -148,6 +148,13 @@ impl Search<'_, '_> {
         let choices = self.draft.ways.of(robot);
         let limit = if choices.strands { limit } else { limit.min(i64::from(choices.unserved_cost) - 1) };
         if rng.random::<f32>() < BY_PRICE_SHARE[self.size()] {
+            if let Some(spots) = guide.spots(robot) {
+                let fits = |spot: &&Spot| {
+                    let book = &self.draft.books[usize::from(spot.station)];
+                    i64::from(spot.cost) <= limit && book.has_place(spot) && book.feeds_in_place(choices, &choices.ways[spot.way as usize])
+                };
+                return spots.iter().find(fits).map(|spot| spot.way);
+            }
             let fits = |&way: &u32| {
                 let way = &choices.ways[way as usize];
                 i64::from(way.cost) <= limit && self.draft.books[usize::from(way.station)].fits(choices, way)

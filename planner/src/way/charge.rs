@@ -1,5 +1,6 @@
 //! Charges by whole runs of equal draw instead of ticks.
 
+use super::{NEVER, Way};
 use crate::problem::{Battery, Charger, Tick};
 
 /// A number of ticks with the same draw.
@@ -42,6 +43,31 @@ impl Runs {
         let place = self.runs.len() as u32;
         self.runs.extend(charge.runs.iter().map(|run| (run.ticks, begin + run.segment)));
         place
+    }
+
+    /// Those alone that these ways need, which then find them where they are now.
+    pub(super) fn only(&self, ways: &mut [Way]) -> Self {
+        let mut order: Vec<(u32, usize)> = ways.iter().map(|way| way.runs).zip(0..).collect();
+        order.sort_unstable();
+        let mut made = Self { draws: self.draws.clone(), curves: self.curves.clone(), runs: Vec::new() };
+        for same in order.chunk_by(|one, other| one.0 == other.0) {
+            // No charge is longer than its way, and none of a spare than until it is ready.
+            let lasts = |&(_, way): &(u32, usize)| {
+                let Way { start, end, ready, .. } = ways[way];
+                Tick::from(if ready == NEVER { end } else { ready } - start)
+            };
+            let mut left = same.iter().map(lasts).max().unwrap_or(0);
+            let begin = made.runs.len() as u32;
+            for &run in &self.runs[same[0].0 as usize..] {
+                if left == 0 {
+                    break;
+                }
+                left = left.saturating_sub(run.0);
+                made.runs.push(run);
+            }
+            same.iter().for_each(|&(_, way)| ways[way].runs = begin);
+        }
+        made.closed()
     }
 
     /// The same, in no more memory than they take.

@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::thrift::Thrift;
-use crate::way::{Choices, Way, Ways};
+use crate::way::{Choices, SHARED_MIN, Way, Ways};
 
 /// The most that a way may cost where costs are made larger.
 const COST_MAX: i64 = 1 << 26;
@@ -15,7 +15,7 @@ impl Ways<'_> {
     #[must_use]
     pub fn thrifty(&self) -> Self {
         let thrift = Thrift::new(self.problem);
-        let choices = (0..self.choices.len()).map(|robot| {
+        Self::made(self.problem, |robot| {
             let all = self.of(robot);
             let mut ways = Vec::new();
             if all.strands {
@@ -23,9 +23,8 @@ impl Ways<'_> {
                 ways.iter_mut().for_each(|way| way.cost = thrift.of(way));
                 ways.sort_unstable_by_key(|way| (way.cost, way.energy, way.start, way.station, way.mode));
             }
-            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), unserved_cost: 0, starts: OnceLock::new(), ..*all })
-        });
-        Self { problem: self.problem, choices: choices.collect() }
+            Choices { ways, runs: Arc::clone(&all.runs), unserved_cost: 0, starts: OnceLock::new(), ..*all }
+        })
     }
 
     /// The same ways of the robots that are wanted, as if nothing counted but `penalty` for each that gets none. Those that
@@ -79,14 +78,16 @@ impl Ways<'_> {
 
     /// Of each robot only some of its ways, which keep their order.
     #[must_use]
-    pub(crate) fn only(&self, kept: impl Fn(usize) -> Vec<u32>) -> Self {
-        let choices = (0..self.choices.len()).map(|robot| {
+    pub(crate) fn only(&self, kept: impl Fn(usize) -> Vec<u32> + Sync) -> Self {
+        Self::made(self.problem, |robot| {
             let all = self.of(robot);
             let mut kept = kept(robot);
             kept.sort_unstable();
-            let ways = kept.into_iter().map(|way| all.ways[way as usize]).collect();
-            OnceLock::from(Choices { ways, runs: Arc::clone(&all.runs), starts: OnceLock::new(), ..*all })
-        });
-        Self { problem: self.problem, choices: choices.collect() }
+            let mut ways: Vec<Way> = kept.into_iter().map(|way| all.ways[way as usize]).collect();
+            // A large fleet's runs do not fit into the caches, those of a few ways do.
+            let is_large = self.choices.len() >= SHARED_MIN;
+            let runs = if is_large { Arc::new(all.runs.only(&mut ways)) } else { Arc::clone(&all.runs) };
+            Choices { ways, runs, starts: OnceLock::new(), ..*all }
+        })
     }
 }
