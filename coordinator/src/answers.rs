@@ -1,20 +1,18 @@
-//! What the coordinator tells: schedule and capacity as they go on the wire; explanations in `explain.rs`.
+//! What the coordinator tells: the schedule as it goes on the wire; capacity in `capacity.rs`, explanations in `explain.rs`.
 
+mod capacity;
 mod explain;
 
 use std::collections::BTreeSet;
 
-use energy::Estimate;
 use energy::units::S_PER_H;
-use proto::{Capacity, Mode, PackId, Quality, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction, StationId, Unserved};
+use proto::{Mode, PackId, Quality, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction, StationId, Unserved};
 
+pub use self::capacity::capacity;
 pub use self::explain::{Explainer, changes};
 use crate::forecast;
 use crate::models::from_wire;
-use crate::scheduler::capacity::{Holding, Question, Wanted, capacity as count};
-use crate::scheduler::charging::{Course, Table};
-use crate::scheduler::translate::HORIZON_MAX_S;
-use crate::scheduler::{PackView, Plan, Planned, RobotView, StationView, WHOLE_FLEET_MAX, packs_after_begun};
+use crate::scheduler::{Plan, Planned};
 use crate::service_run::{How, ServiceRun};
 use crate::view::{Basis, HANDOVER_S};
 
@@ -111,78 +109,6 @@ fn planned_service(planned: &Planned) -> Service {
         status: ServiceStatus::Planned,
         why: planned.why.clone(),
     }
-}
-
-/// How many more robots each pack can service, each pack by itself, and each station, beyond the services
-/// that have begun.
-#[must_use]
-pub fn capacity(basis: &Basis<'_>) -> Capacity {
-    let view = basis.view();
-    // Who wants a service beyond any plan is nobody to wait for.
-    let soon = view.robots.iter().filter(|robot| robot.wanted_s <= HORIZON_MAX_S);
-    let mut coming: Vec<(f64, &RobotView)> = soon.map(|robot| (robot.wanted_s, robot)).collect();
-    coming.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.robot.cmp(&b.1.robot)));
-    let asked = view.stations.iter().enumerate().filter_map(|(index, station)| question(basis, &coming, index, station));
-    count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence)
-}
-
-/// What is asked of a station, for robots in the order in which they want a service.
-fn question(basis: &Basis<'_>, robots: &[(f64, &RobotView)], index: usize, station: &StationView) -> Option<Question> {
-    let id = &station.station;
-    let (models, known) = (basis.models.stations.get(id)?, basis.fleet.stations.get(id)?);
-    let state = known.known()?;
-    let table = basis.reference(id, models)?;
-    let from_soc = basis.settings.serve_below_soc;
-    let with_doubt = |need: energy::Need| {
-        let shared_wh = station.shared_per_wh.iter().map(|change| change * need.mean_wh).collect();
-        energy::Need { shared_wh, ..need }
-    };
-    let begun = station.committed.plus(&station.overhead_per_h.scaled(station.committed_until_s / S_PER_H));
-    let free = free_wh(&station.packs, begun.estimate());
-    let states = (basis.fleet.robots.len() <= WHOLE_FLEET_MAX).then(|| packs_after_begun(station)).flatten();
-    let packs = state.packs.iter().filter(|pack| pack.connected).filter_map(|pack| {
-        let gauge = known.packs.get(&pack.pack)?;
-        // A pack that gave out, or that no model is known of, is in no plan.
-        let usable_wh = free.get(&pack.pack).copied().unwrap_or(Estimate::exact(0.0));
-        let planned = station.packs.iter().position(|planned| planned.pack == pack.pack);
-        let gain_wh = planned.map_or(0.0, |index| station.packs[index].gain_wh);
-        let state = planned.and_then(|index| Some(states.as_ref()?[index].clone()));
-        Some(Holding { pack: pack.pack.clone(), remaining_wh: from_wire(gauge.remaining_wh), usable_wh, gain_wh, state })
-    });
-    let wanted = |table: &Table, soc: Estimate| Wanted {
-        need: with_doubt(table.need(soc, 1.0)),
-        time_s: table.at(soc.value).charge_s + models.handling.load_s + models.handling.unload_s,
-        course: Course::charge(table, soc.value, table.target_soc(), models.handling.load_s),
-    };
-    let coming = robots.iter().filter_map(|(_, robot)| {
-        let (_, travel_s, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
-        let soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.max(*travel_s);
-        let wanted = wanted(table, Estimate::new(soc.max(0.0), robot.soc.sigma));
-        Some((robot.robot.clone(), wanted, robot.wanted_s.max(*travel_s) - station.committed_until_s))
-    });
-    Some(Question {
-        station: id.clone(),
-        packs: packs.collect(),
-        robots: coming.collect(),
-        service: wanted(&table, Estimate::exact(from_soc)),
-        breakdown_wh: table.breakdown_wh.clone(),
-        bays: state.bays.len() as u32,
-        overhead_per_h: station.overhead_per_h.clone(),
-        overhead_breakdown: forecast::overhead_breakdown(models),
-    })
-}
-
-/// What each pack has left when services that have begun are paid for, in the order in which packs
-/// are drained. Who pays a share carries the share's doubt.
-fn free_wh(packs: &[PackView], begun: Estimate) -> std::collections::BTreeMap<PackId, Estimate> {
-    let mut owed_wh = begun.value;
-    let free = |pack: &PackView| {
-        let paid_wh = owed_wh.min(pack.usable_wh.value).max(0.0);
-        owed_wh -= paid_wh;
-        let sigma = if paid_wh > 0.0 { pack.usable_wh.sigma.hypot(begun.sigma) } else { pack.usable_wh.sigma };
-        (pack.pack.clone(), Estimate::new(pack.usable_wh.value - paid_wh, sigma))
-    };
-    packs.iter().map(free).collect()
 }
 
 /// The pack that a station should be handed over to now, if its active one is about to give out.

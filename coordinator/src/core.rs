@@ -291,7 +291,7 @@ impl Core {
     /// How many robots each pack can still service.
     #[must_use]
     pub fn capacity(&self, now: Timestamp) -> Capacity {
-        answers::capacity(&self.basis(now))
+        answers::capacity(&self.basis(now), &self.plan)
     }
 
     /// Why a robot is serviced as it is.

@@ -10,6 +10,7 @@
 //!   translate.rs  that view as a `planner::Problem`, on a grid of ticks
 //!      |
 //!   solve.rs      the planner, beginning from the last plan
+//!   again.rs      once more with what packs give beyond what was counted
 //!      |
 //!   plan.rs       its sessions as services: bay, spare, packs, times, probability
 //!   cover.rs      how surely the packs last until then, along the load of that plan
@@ -19,6 +20,7 @@
 //!   capacity.rs   how many robots each pack can still service, and how certainly
 //! ```
 
+mod again;
 pub mod capacity;
 mod carry;
 pub mod charging;

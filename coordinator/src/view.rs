@@ -328,8 +328,10 @@ impl Basis<'_> {
             let ((a_is, [a_s, a_wh]), (b_is, [b_s, b_wh])) = (key(a), key(b));
             a_is.cmp(&b_is).then(a_s.total_cmp(&b_s)).then(a_wh.total_cmp(&b_wh)).then_with(|| a.pack.cmp(&b.pack))
         });
-        // Only the last one sees the end of the last charge. The others are left a little before they give out.
+        // Only the last one sees the end of the last charge. The others are left a little before they give out, and none that
+        // holds hardly more than that is turned to (`answers::next_pack`): it would only be counted as the one after.
         let left_wh = HANDOVER_S / S_PER_H * draw.power_w;
+        packs.retain(|pack| active(&pack.pack) || pack.usable_wh.value > 2.0 * left_wh);
         if let Some((last, before)) = packs.split_last_mut() {
             last.usable_wh.value += std::mem::take(&mut last.gain_wh);
             for pack in before {

@@ -1,8 +1,8 @@
 //! How many robots the remaining energy can still service, which, in which order and how certainly: the
 //! thesis' question, for each pack alone and for each station.
 //!
-//! Robots are taken in the order in which they will want a service, with what each then needs; after
-//! them come services like the first. The packs hold enough for the first k of them with probability
+//! Robots are taken in the order of the plan, then those without a place in it that could come, when they want a service, each with
+//! what it then needs; after them come services from where one is wanted. The packs hold enough for the first k of them with probability
 //!
 //! `Phi((usable - need_k) / sqrt(sigma_usable² + sigma_need_k²))`
 //!
@@ -41,9 +41,8 @@ pub struct Question {
     pub station: StationId,
     /// Its packs.
     pub packs: Vec<Holding>,
-    /// Robots in the order in which they will want a service, what each takes then, and when that is, s from when the services
-    /// that have begun are over; 0 or less is at once.
-    pub robots: Vec<(RobotId, Wanted, f64)>,
+    /// Robots in the order in which they come.
+    pub robots: Vec<Coming>,
     /// A service from where one is wanted to where it is done.
     pub service: Wanted,
     /// The same by cause, Wh.
@@ -65,6 +64,21 @@ pub struct Wanted {
     pub time_s: f64,
     /// What it draws when.
     pub course: Course,
+    /// Whether it takes a bay.
+    pub in_bay: bool,
+}
+
+/// A robot that comes.
+#[derive(Debug, Clone)]
+pub struct Coming {
+    /// Which.
+    pub robot: RobotId,
+    /// What for.
+    pub wanted: Wanted,
+    /// From when it is there and wants it, s from when the services that have begun are over; 0 or less is at once.
+    pub from_s: f64,
+    /// Whether it begins then, as planned, or when a bay is free.
+    pub is_planned: bool,
 }
 
 /// What a pack holds.
@@ -80,10 +94,14 @@ pub struct Holding {
     pub gain_wh: f64,
     /// How it stands when the services that have begun are over; none where that is not known, or would take too long.
     pub state: Option<PackState>,
+    /// When it is there, s from when the services that have begun are over.
+    pub from_s: f64,
 }
 
 /// What one amount of energy is enough for.
 struct Count {
+    /// As told, or what it comes to along these services.
+    usable_wh: Estimate,
     promises: Vec<Promise>,
     expected: u32,
     promised: u32,
@@ -107,7 +125,8 @@ pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capac
 
 fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapacity {
     let usable_wh = Estimate::new(holding.usable_wh.value + holding.gain_wh, holding.usable_wh.sigma);
-    let count = question.count(usable_wh, std::slice::from_ref(holding), confidence);
+    // Asked alone, a pack is there.
+    let count = question.count(usable_wh, &[Holding { from_s: 0.0, ..holding.clone() }], confidence);
     let per_service_h = question.service.time_s / S_PER_H / f64::from(question.bays.max(1));
     let mut breakdown_wh = question.breakdown_wh.clone();
     for (cause, w) in &question.overhead_breakdown {
@@ -118,7 +137,7 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
         station: question.station.clone(),
         pack: holding.pack.clone(),
         remaining_wh: node::wire(holding.remaining_wh),
-        usable_wh: node::wire(usable_wh),
+        usable_wh: node::wire(count.usable_wh),
         service_wh: node::wire(service_wh),
         breakdown_wh,
         robots_expected: count.expected,
@@ -135,7 +154,7 @@ fn of_station(question: &Question, confidence: f64) -> StationCapacity {
     let count = question.count(together, &question.packs, confidence);
     StationCapacity {
         station: question.station.clone(),
-        usable_wh: node::wire(together),
+        usable_wh: node::wire(count.usable_wh),
         robots_expected: count.expected,
         robots_promised: count.promised,
         short_for_next_wh: count.short_wh,
@@ -149,27 +168,34 @@ impl Question {
         let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
         let (mut services, mut parts, mut short_wh) = (Need::default(), Vec::new(), None);
         let mut bays_free_s = vec![0.0_f64; self.bays.clamp(1, SERVICES_MAX as u32) as usize];
-        let (mut ends_s, mut before) = (0.0_f64, 1.0_f64);
+        let (mut ends_s, mut before, mut told_wh) = (0.0_f64, 1.0_f64, usable_wh.value);
         for number in 1..=SERVICES_MAX {
             let robot = self.robots.get(number - 1);
-            let wanted = robot.map_or(&self.service, |(_, wanted, _)| wanted);
+            let wanted = robot.map_or(&self.service, |coming| &coming.wanted);
             services.add(&wanted.need, 1.0);
-            // What the station takes by itself meanwhile, also while it waits for whoever wants nothing yet.
-            if let Some(free_s) = bays_free_s.iter_mut().min_by(|a, b| a.total_cmp(b)) {
-                let start_s = free_s.max(robot.map_or(0.0, |(.., wanted_s)| *wanted_s));
-                *free_s = start_s + wanted.time_s;
-                ends_s = ends_s.max(*free_s);
-                parts.extend(wanted.course.parts(start_s, *free_s));
+            let soonest_s = robot.map_or(0.0, |coming| coming.from_s.max(0.0));
+            let bay = bays_free_s.iter_mut().min_by(|a, b| a.total_cmp(b)).filter(|_| wanted.in_bay);
+            let start_s =
+                bay.as_ref().filter(|_| robot.is_none_or(|coming| !coming.is_planned)).map_or(soonest_s, |free_s| free_s.max(soonest_s));
+            if let Some(free_s) = bay {
+                *free_s = free_s.max(start_s + wanted.time_s);
             }
+            // What the station takes by itself meanwhile, also while it waits for whoever wants nothing yet.
+            ends_s = ends_s.max(start_s + wanted.time_s);
+            parts.extend(wanted.course.parts(start_s, start_s + wanted.time_s));
             let need = services.plus(&self.overhead_per_h.scaled(ends_s / S_PER_H)).estimate();
             let sigma_wh = usable_wh.sigma.hypot(need.sigma).max(1e-9);
             let counted_wh = usable_wh.value - need.value;
             // Counted energy errs on the safe side: what it says is certain is certain.
             let is_close = number <= STEPPED_MAX && (-SIGMAS_MAX..CERTAIN_SIGMAS).contains(&(counted_wh / sigma_wh));
-            let stepped_wh = || self.stepped_wh(packs, &parts, ends_s, sigma_wh);
-            let spare_wh = if is_close { stepped_wh().unwrap_or(counted_wh) } else { counted_wh };
+            let stepped_wh = is_close.then(|| self.stepped_wh(packs, &parts, ends_s, sigma_wh)).flatten();
+            let spare_wh = stepped_wh.unwrap_or(counted_wh);
+            // What is told is what decides: how much the packs give to the services that they are just or just not enough for.
+            if stepped_wh.is_some() && short_wh.is_none() {
+                told_wh = need.value + spare_wh;
+            }
             let (mut probability, short) = margin(Estimate::new(spare_wh, sigma_wh), confidence);
-            if self.bays == 0 {
+            if self.bays == 0 && wanted.in_bay {
                 probability = 0.0;
             }
             // One more is never likelier.
@@ -181,19 +207,20 @@ impl Question {
                 short_wh.get_or_insert(short);
             }
             if probability >= TOLD_MIN && (robot.is_some() || number <= TOLD_MAX) {
-                promises.push(Promise { robot: robot.map(|(robot, ..)| robot.clone()), probability, need_wh: node::wire(need) });
+                promises.push(Promise { robot: robot.map(|coming| coming.robot.clone()), probability, need_wh: node::wire(need) });
             }
             if probability < TOLD_MIN {
                 break;
             }
         }
-        Count { promises, expected, promised, short_wh: short_wh.unwrap_or(0.0) }
+        let usable_wh = Estimate::new(told_wh, usable_wh.sigma);
+        Count { usable_wh, promises, expected, promised, short_wh: short_wh.unwrap_or(0.0) }
     }
 
     /// How much more than these services the packs could carry, Wh, where that is known.
     fn stepped_wh(&self, packs: &[Holding], parts: &[Part], until_s: f64, sigma_wh: f64) -> Option<f64> {
         let holding = packs.iter().filter(|pack| pack.usable_wh.value > 0.0);
-        let there: Option<Vec<_>> = holding.map(|pack| Some((0.0, pack.state.as_ref()?))).collect();
+        let there: Option<Vec<_>> = holding.map(|pack| Some((pack.from_s, pack.state.as_ref()?))).collect();
         let load = Load { parts, overhead_w: self.overhead_per_h.mean_wh, until_s };
         there.map(|packs| load.spare_wh(&packs, sigma_wh))
     }
@@ -218,7 +245,7 @@ mod tests {
     fn question(usable_wh: &[f64], bays: u32) -> Question {
         let pack = |(n, wh): (usize, &f64)| {
             let (pack, wh) = (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh));
-            Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: 0.0, state: None }
+            Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: 0.0, state: None, from_s: 0.0 }
         };
         Question {
             station: StationId::new("s").unwrap(),
@@ -233,7 +260,16 @@ mod tests {
     }
 
     fn wanted(wh: f64) -> Wanted {
-        Wanted { need: Need { mean_wh: wh, ..Need::default() }, time_s: 3600.0, course: Course { even_wh: wh, ..Course::default() } }
+        Wanted {
+            need: Need { mean_wh: wh, ..Need::default() },
+            time_s: 3600.0,
+            course: Course { even_wh: wh, ..Course::default() },
+            in_bay: true,
+        }
+    }
+
+    fn coming(name: &str, wh: f64, from_s: f64) -> Coming {
+        Coming { robot: RobotId::new(name).unwrap(), wanted: wanted(wh), from_s, is_planned: false }
     }
 
     fn first(question: &Question) -> PackCapacity {
@@ -271,7 +307,7 @@ mod tests {
     #[test]
     fn robots_come_first_and_each_with_its_own_need() {
         let mut asked = question(&[60.0], 3);
-        let robot = |name: &str, wh: f64| (RobotId::new(name).unwrap(), wanted(wh), 0.0);
+        let robot = |name: &str, wh: f64| coming(name, wh, 0.0);
         asked.robots = vec![robot("a", 10.0), robot("b", 24.0)];
         // 10 + 24 + 20 + 6 = 60.
         let told: Vec<(Option<String>, f64)> =
@@ -282,7 +318,7 @@ mod tests {
     #[test]
     fn a_station_that_waits_for_a_robot_pays_for_itself_meanwhile() {
         let mut asked = question(&[70.0], 3);
-        let robot = |name: &str, wanted_s: f64| (RobotId::new(name).unwrap(), wanted(20.0), wanted_s);
+        let robot = |name: &str, from_s: f64| coming(name, 20.0, from_s);
         asked.robots = vec![robot("a", 0.0), robot("b", 1800.0), robot("c", 5.0 * 3600.0)];
         // Services of 20 Wh and an hour; the station takes 6 Wh in each of 1, 1.5 and 6 hours.
         let told: Vec<f64> = first(&asked).promises.iter().map(|promise| promise.need_wh.value).collect();
@@ -322,13 +358,14 @@ mod tests {
             let odds = |soc: f64, counted_wh: f64| {
                 let mut asked = question(&[0.0], bays);
                 let course = Course { charge: vec![(1800.0, 20.0), (600.0, 8.0)], ..Course::default() };
-                asked.service = Wanted { need: Need { mean_wh: 10.0 + 8.0 / 6.0, ..Need::default() }, time_s: 2400.0, course };
+                asked.service =
+                    Wanted { need: Need { mean_wh: 10.0 + 8.0 / 6.0, ..Need::default() }, time_s: 2400.0, course, in_bay: true };
                 asked.packs[0].usable_wh = Estimate::new(counted_wh, 1.0);
                 asked.packs[0].state = Some(PackState { model: model.clone(), soc, temperature_degc: 25.0 });
                 first(&asked).promises.get(1).map_or(0.0, |second| second.probability)
             };
             let needed_wh = 2.0 * (10.0 + 8.0 / 6.0) + 6.0 * f64::from(begun_s[1] + 2400) / S_PER_H;
-            for counted_wh in [needed_wh - 3.0, needed_wh, needed_wh + 4.0] {
+            for counted_wh in [needed_wh - 5.0, needed_wh, needed_wh + 3.0] {
                 let even = odds(high, counted_wh);
                 assert!((even - 0.5).abs() < 0.06, "{bays} bays, {counted_wh} Wh counted: {even}");
             }

@@ -19,6 +19,10 @@ const PRECISION: f64 = 0.05;
 /// The load is scaled by no more than this.
 const SCALE_MAX: f64 = 1.3;
 
+/// Packs are drained to their end in stretches of this, and for no longer than a week, s.
+const TAIL_S: f64 = 3600.0;
+const TAIL_MAX_S: f64 = 7.0 * 24.0 * 3600.0;
+
 /// A part of the load: from when until when (s from now), and how much (W).
 pub(super) type Part = (f64, f64, f64);
 
@@ -64,6 +68,18 @@ impl Load<'_> {
             if lasts(middle) { low = middle } else { high = middle }
         }
         (f64::midpoint(low, high) - 1.0) * energy_wh
+    }
+
+    /// What the packs give to this load, and then to one of its mean power until they give out, Wh.
+    pub(super) fn given_wh(&self, packs: &Packs<'_>) -> f64 {
+        let steps = self.steps(packs);
+        let mut bank = Bank::new(packs);
+        let carries = steps.iter().all(|step| bank.gives(step.power_w, step.dt_s) || !step.serves);
+        let mean_w = steps.iter().map(|step| step.dt_s * step.power_w).sum::<f64>() / self.until_s.max(1.0);
+        if carries && mean_w > 0.0 {
+            while bank.at_s < self.until_s + TAIL_MAX_S && bank.gives(mean_w, TAIL_S) {}
+        }
+        bank.given_wh
     }
 
     /// The load as stretches of constant power, which also end where a pack comes.
@@ -126,6 +142,8 @@ struct Bank {
     active: usize,
     /// How late it is, s.
     at_s: f64,
+    /// What was drawn so far, Wh.
+    given_wh: f64,
 }
 
 impl Bank {
@@ -134,7 +152,7 @@ impl Bank {
             let start = Start { temperature_degc: state.temperature_degc, ..Start::at_soc(state.soc) };
             (from_s, Pack::new(state.model.clone(), start))
         };
-        Self { packs: packs.iter().map(pack).collect(), active: 0, at_s: 0.0 }
+        Self { packs: packs.iter().map(pack).collect(), active: 0, at_s: 0.0, given_wh: 0.0 }
     }
 
     /// Draws this power for so long; whether it was there all the time.
@@ -149,6 +167,7 @@ impl Bank {
             let step_s = longest_s.min(end_s - self.at_s);
             if pack.step_power(power_w, step_s).is_ok() && !pack.is_empty() {
                 self.at_s += step_s;
+                self.given_wh += power_w * step_s / S_PER_H;
             } else if step_s > STEP_MIN_S {
                 // It gives out within this step: up to there by halves.
                 pack.restore();

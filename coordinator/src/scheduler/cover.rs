@@ -3,16 +3,17 @@
 //! The planner counts energy: what the packs give at the station's working power, less what is taken. That errs on
 //! the safe side, since not every bay charges all the time and charges end gently. What is told of a plan is exact
 //! where it matters: where the packs do just about, their models are stepped along the very load of the plan, and
-//! the margin is how much more than that they could carry.
+//! the margin is how much more than that they could carry. Whoever is left out for want of energy is asked about once more
+//! with what was not counted (`again.rs`).
 
 use energy::Need;
 use energy::units::S_PER_H;
 use planner::{Mode, Session};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::carry::{Load, Packs, Part, SIGMAS_MAX};
+use super::carry::{Load, Part, SIGMAS_MAX};
 use super::charging::Course;
-use super::problem::StationView;
+use super::problem::{PackState, PackView, StationView};
 use super::solve::WHOLE_FLEET_MAX;
 use super::translate::Task;
 
@@ -70,15 +71,36 @@ impl<'a> Cover<'a> {
     /// How much more than the load until then the packs could carry, Wh, below 0 if they cannot; none where that is
     /// not known.
     fn stepped_wh(&self, until_s: f64, sigma_wh: f64) -> Option<f64> {
+        let parts = self.load()?;
+        let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, until_s };
+        Some(load.spare_wh(&self.packs(|_| true)?, sigma_wh))
+    }
+
+    /// How much more than was counted the packs that are there give if the load goes on as it is, Wh; none where that is
+    /// not known.
+    pub(super) fn uncounted_wh(&self) -> Option<f64> {
+        let parts = self.load()?;
+        let until_s = parts.iter().map(|part| part.1).fold(self.station.committed_until_s.max(0.0), f64::max);
+        let is_there = |pack: &PackView| pack.available_s <= 0.0;
+        let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, until_s };
+        let counted_wh: f64 = self.station.packs.iter().filter(|pack| is_there(pack)).map(|pack| pack.usable_wh.value).sum();
+        Some(load.given_wh(&self.packs(is_there)?) - counted_wh)
+    }
+
+    /// All that services draw, also those that have begun.
+    fn load(&self) -> Option<Vec<Part>> {
         let mut parts: Vec<Part> = self.parts.as_ref()?.iter().flatten().copied().collect();
         let begun_s = self.station.committed_until_s;
         if begun_s > 0.0 {
             parts.push((0.0, begun_s, self.station.committed.mean_wh / begun_s * S_PER_H));
         }
-        let packs: Option<Vec<_>> = self.station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect();
-        let packs: &Packs<'_> = &packs?;
-        let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, until_s };
-        Some(load.spare_wh(packs, sigma_wh))
+        Some(parts)
+    }
+
+    /// The packs as they stand, if that is known.
+    fn packs(&self, counts: impl Fn(&PackView) -> bool) -> Option<Vec<(f64, &'a PackState)>> {
+        let packs = self.station.packs.iter().filter(|pack| counts(pack));
+        packs.map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect()
     }
 }
 

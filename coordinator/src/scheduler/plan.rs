@@ -54,6 +54,8 @@ pub struct Planned {
     /// Probability that the packs hold enough for all that is drawn until it ends, also by services beside it, and
     /// that the robot lasts until then where that is not sure enough.
     pub probability: f64,
+    /// The same of the packs alone.
+    pub covered: f64,
     /// Why so.
     pub why: Arc<[String]>,
     /// The figures in that: as long as they stay the same, so do the words.
@@ -213,6 +215,7 @@ impl<'a> Ledger<'a> {
             need,
             packs,
             probability: covered * arrives,
+            covered,
             why: Arc::default(),
             grounds: Grounds::new(task, session, need_wh, covered, arrives),
         };

@@ -6,6 +6,7 @@ use planner::problem::Problem;
 use planner::{Moves, NoPlan, Replanned, Session, Ways, optimise, renew, replan};
 use proto::RobotId;
 
+use super::again::{unsure, with_the_uncounted};
 use super::plan::Plan;
 use super::problem::View;
 use super::translate::{Offer, Task, worth};
@@ -62,6 +63,11 @@ pub struct Solved {
 }
 
 impl Solved {
+    fn new(task: Task, found: Replanned, before: &Plan, settings: &Settings) -> Self {
+        let plan = Plan::new(&task, &found, before, settings.confidence);
+        Self { sessions: found.plan.sessions, plan, task }
+    }
+
     /// What there is to choose from for these robots, and what was chosen for the others.
     #[must_use]
     pub fn ways(&self, asked: &BTreeSet<&RobotId>) -> Ways<'_> {
@@ -73,25 +79,64 @@ impl Solved {
 /// must save as much work as the settings say.
 #[must_use]
 pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> Solved {
-    let mut task = Task::new(view, settings, &before.planned, Offer::Usual);
-    let mut found = plan(&task, settings, before, effort);
+    let may_change = effort == Effort::Whole && settings.policy.name() == optimise::NAME;
+    let (mut best, mut strands) = attempt(view.clone(), settings, before, effort, Offer::Usual);
+    if !may_change {
+        return best;
+    }
     // Neither waiting until a service is wanted nor charging to the usual level must cost another robot its turn: if
     // somebody strands for want of a place, all may come earlier, and if that does not help, leave with less. In a large
     // fleet that comes into question with the next whole plan.
-    let may_change = effort == Effort::Whole && settings.policy.name() == optimise::NAME;
     for offer in [Offer::Early, Offer::Scarce] {
-        let strands_for_a_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
-        if !strands_for_a_place || !may_change {
+        if !strands {
             break;
         }
-        let other = Task::new(task.view.clone(), settings, &before.planned, offer);
-        let other_found = plan(&other, settings, before, effort);
-        if other_found.plan.objective.stranded < found.plan.objective.stranded {
-            (task, found) = (other, other_found);
+        let (other, other_strands) = attempt(view.clone(), settings, before, effort, offer);
+        if other.plan.quality.stranded < best.plan.quality.stranded {
+            (best, strands) = (other, other_strands);
         }
     }
-    let plan = Plan::new(&task, &found, before, settings.confidence);
-    Solved { sessions: found.plan.sessions, plan, task }
+    best
+}
+
+/// Plans with what is on offer, and says whether a robot strands for want of a place.
+fn attempt(view: View, settings: &Settings, before: &Plan, effort: Effort, offer: Offer) -> (Solved, bool) {
+    let task = Task::new(view, settings, &before.planned, offer);
+    let found = plan(&task, settings, before, effort);
+    let strands = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
+    let solved = Solved::new(task, found, before, settings);
+    let may_change = effort == Effort::Whole && settings.policy.name() == optimise::NAME;
+    let leaves_out = !solved.plan.rejected.is_empty() && solved.task.view.robots.len() <= WHOLE_FLEET_MAX;
+    let better = (may_change && leaves_out).then(|| once_more(&solved, settings, before, offer)).flatten();
+    match better {
+        Some(better) => {
+            let strands = strands && better.plan.quality.stranded > 0;
+            (better, strands)
+        }
+        None => (solved, strands),
+    }
+}
+
+/// A plan that leaves out less, with what the packs give beyond what was counted; none where there is no such plan.
+fn once_more(solved: &Solved, settings: &Settings, before: &Plan, offer: Offer) -> Option<Solved> {
+    let missed = |solved: &Solved| (solved.plan.quality.stranded, solved.plan.quality.missed_s);
+    let mut but = BTreeSet::new();
+    // Where it promised too much, nothing more is counted the second time.
+    for _ in 0..2 {
+        let view = with_the_uncounted(solved, &but)?;
+        let task = Task::new(view, settings, &before.planned, offer);
+        let found = plan(&task, settings, before, Effort::Whole);
+        let other = Solved::new(task, found, before, settings);
+        if missed(&other) >= missed(solved) {
+            return None;
+        }
+        let unsure = unsure(&other.task, &other.plan, before, settings.confidence);
+        if unsure.is_empty() {
+            return Some(other);
+        }
+        but.extend(unsure);
+    }
+    None
 }
 
 fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Replanned {

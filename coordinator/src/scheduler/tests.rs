@@ -338,15 +338,16 @@ fn how_sure_a_service_is_follows_from_the_packs_own_discharge_however_it_was_cou
         let middle = f64::midpoint(low, high);
         if carries(middle) { high = middle } else { low = middle }
     }
-    let told = |soc: f64, usable_wh: f64| {
+    let said = |soc: f64, usable_wh: f64, held: bool| {
         let mut with = station("s", 1, &[usable_wh], &[]);
         with.overhead_per_h.shared_wh = vec![0.0];
         with.packs[0].usable_wh.sigma = 1.0;
         with.packs[0].state = Some(PackState { model: station_pack(), soc, temperature_degc: 25.0 });
-        let robots = vec![RobotView { held: true, ..robot("r", 0.1, &[(0, 60.0)]) }];
+        let robots = vec![RobotView { held, ..robot("r", 0.1, &[(0, 60.0)]) }];
         let plan = solved(robots, vec![with]).plan;
         plan.planned.iter().map(|planned| planned.probability).next()
     };
+    let told = |soc: f64, usable_wh: f64| said(soc, usable_wh, true);
     // 29 Wh are taken, with a sigma of 1 Wh: however much above that was counted, these packs do or do not at even odds.
     for counted_wh in [29.6, 30.5, 32.0] {
         let even = told(high, counted_wh).expect("promised before");
@@ -357,6 +358,9 @@ fn how_sure_a_service_is_follows_from_the_packs_own_discharge_however_it_was_cou
     assert!((0.7..0.88).contains(&more), "{more}");
     // Where much more is counted than six of these, nothing is stepped.
     assert!(told(high, 45.0).expect("promised before") > 0.999);
+    // A new promise is given for what the packs give, not for what was counted: not at even odds, but with 2.6 Wh more.
+    assert_eq!(said(high, 28.0, false), None);
+    assert!(said(high + 0.03, 28.0, false).is_some_and(|sure| sure > 0.95), "{:?}", said(high + 0.03, 28.0, false));
 }
 
 #[test]

@@ -1,0 +1,43 @@
+//! A second plan, with what packs give beyond what was counted.
+//!
+//! Counted at full power in every bay, packs give less than they do to most plans. Where somebody is left out, the packs are
+//! stepped along the load of the plan and on at its mean power, and it is planned once more with what they gave. That plan is taken
+//! if it leaves out less and every new promise, stepped along its own load, is as certain as is asked.
+
+use std::collections::BTreeSet;
+
+use planner::Session;
+use proto::RobotId;
+
+use super::cover::Cover;
+use super::plan::Plan;
+use super::problem::View;
+use super::solve::Solved;
+use super::translate::Task;
+
+/// Less than this is not worth another plan, Wh.
+const WORTH_IT_WH: f64 = 0.05;
+
+/// The view of a plan with what it shows not to have been counted, at all stations but some; none where that is nothing.
+pub(super) fn with_the_uncounted(solved: &Solved, but: &BTreeSet<usize>) -> Option<View> {
+    let task = &solved.task;
+    let mut view = task.view.clone();
+    let mut is_more = false;
+    for (index, station) in view.stations.iter_mut().enumerate().filter(|(index, _)| !but.contains(index)) {
+        let here: Vec<&Session> = solved.sessions.iter().filter(|session| session.station == index).collect();
+        let more_wh = Cover::new(task, index, &here).uncounted_wh().filter(|more_wh| *more_wh > WORTH_IT_WH);
+        let last = station.packs.iter_mut().rfind(|pack| pack.available_s <= 0.0);
+        if let (Some(more_wh), Some(last)) = (more_wh, last) {
+            last.usable_wh.value += more_wh;
+            is_more = true;
+        }
+    }
+    is_more.then_some(view)
+}
+
+/// Stations at which a plan promises anything new that is less certain than is asked.
+pub(super) fn unsure(task: &Task, plan: &Plan, before: &Plan, confidence: f64) -> BTreeSet<usize> {
+    let promised: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
+    let unsure = plan.planned.iter().filter(|planned| planned.covered < confidence && !promised.contains(&planned.robot));
+    unsure.filter_map(|planned| task.view.stations.iter().position(|station| station.station == planned.station)).collect()
+}
