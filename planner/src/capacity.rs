@@ -71,7 +71,8 @@ fn needs(problem: &Problem, robot: usize) -> Vec<Need> {
     let battery = problem.battery(robot);
     let Some(&target) = battery.targets.get(problem.capacity_target) else { return Vec::new() };
     let robot = &problem.robots[robot];
-    let here = robot.travel.iter().filter_map(|travel| {
+    // Energy alone: when the horizon ends does not matter.
+    let here = robot.travel.iter().chain(&robot.beyond).filter_map(|travel| {
         let (station, ticks) = (&problem.stations[travel.station], i64::from(problem.soonest(travel)));
         let energy = robot.energy - robot.drain * ticks;
         if robot.energy - robot.drain_hi * ticks < battery.floor || target - energy < battery.min_gain {

@@ -240,21 +240,19 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
     let weight = range(at("weight"), raw.weight, 0, WORTH_MAX)?;
     let critical_weight = range(at("critical_weight"), raw.critical_weight, 0, WORTH_MAX)?;
     range(at("weight and critical_weight over all ticks of the mission"), (weight + critical_weight) * mission_end, 0, WORTH_MAX)?;
-    let mut travel: Vec<Travel> = Vec::new();
+    let (mut travel, mut beyond): (Vec<Travel>, Vec<Travel>) = (Vec::new(), Vec::new());
     for &(id, ticks) in &raw.travel {
         let Some(&station) = stations.get(&id) else {
             let nearest = stations.keys().min_by_key(|&&known| known.abs_diff(id));
             let hint = nearest.map_or_else(|| "there is none".to_owned(), |near| format!("the nearest id is {near}"));
             return contradiction(at("travel"), format!("no station has the id {id}; {hint}"));
         };
-        if travel.iter().any(|other| other.station == station) {
+        if travel.iter().chain(&beyond).any(|other| other.station == station) {
             return contradiction(at("travel"), format!("station {id} is named twice"));
         }
-        // Farther than the horizon is out of reach.
         let ticks = range(at(&format!("travel time to station {id}")), ticks, 0, i64::from(Tick::MAX))?;
-        if ticks < horizon {
-            travel.push(Travel { station, ticks: ticks as Tick, variance: 0.0 });
-        }
+        let list = if ticks < horizon { &mut travel } else { &mut beyond };
+        list.push(Travel { station, ticks: ticks as Tick, variance: 0.0 });
     }
     Ok(Robot {
         name: raw.id.to_string(),
@@ -271,5 +269,6 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         weight,
         critical: raw.critical.map(|(from, to)| Critical { from, to, weight: critical_weight }),
         travel,
+        beyond,
     })
 }

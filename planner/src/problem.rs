@@ -233,6 +233,8 @@ pub struct Robot {
     pub lowest_target: usize,
     /// Stations in reach.
     pub travel: Vec<Travel>,
+    /// Those where it could only be after the horizon: nothing is planned there, but packs could serve it ([`crate::capacity()`]).
+    pub beyond: Vec<Travel>,
 }
 
 /// Work in the ticks `from..to` that is worth more.

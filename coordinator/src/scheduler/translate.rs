@@ -304,6 +304,7 @@ impl Places<'_> {
             held: robot.held,
             lowest_target,
             travel: travel.collect(),
+            beyond: Vec::new(),
         }
     }
 }

@@ -97,6 +97,7 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
                 .enumerate()
                 .filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks, variance: 0.0 }))
                 .collect(),
+            beyond: Vec::new(),
         },
     )
 }

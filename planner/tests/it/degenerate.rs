@@ -33,6 +33,7 @@ pub fn robot(energy: i64) -> Robot {
         held: false,
         lowest_target: 0,
         travel,
+        beyond: Vec::new(),
     }
 }
 
@@ -108,4 +109,16 @@ fn mistakes_are_named_with_what_was_meant() {
     assert!(error("mds-inst-1", "mds-inst-9").contains("\"mds-inst-1\" can"));
     let unknown = plan(&problem(Vec::new(), Vec::new()), "optimize", 1, &mut Moves(10)).expect_err("no such policy");
     assert!(unknown.to_string().contains("did you mean \"optimise\""), "{unknown}");
+}
+
+#[test]
+fn what_packs_could_serve_does_not_hang_on_where_the_horizon_ends() {
+    let text = include_str!("../instances/6-1-1.json");
+    let far = planner::capacity(&Instance::parse(text).unwrap().problem);
+    let mut short: serde_json::Value = serde_json::from_str(text).unwrap();
+    short["horizon"] = 1.into();
+    let near = Instance::parse(&short.to_string()).unwrap().problem;
+    assert!(near.robots.iter().all(|robot| robot.travel.is_empty()), "nobody arrives in one tick");
+    assert_eq!(planner::capacity(&near), far);
+    assert!(far.split > 0);
 }
