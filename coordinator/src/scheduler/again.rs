@@ -4,7 +4,7 @@
 //! stepped along the load of the plan and on at its mean power, and it is planned once more with what they gave. That plan is taken
 //! if it leaves out less and every new promise, stepped along its own load, is as certain as is asked.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use planner::Session;
 use proto::RobotId;
@@ -35,9 +35,15 @@ pub(super) fn with_the_uncounted(solved: &Solved, but: &BTreeSet<usize>) -> Opti
     is_more.then_some(view)
 }
 
-/// Stations at which a plan promises anything new that is less certain than is asked.
-pub(super) fn unsure(task: &Task, plan: &Plan, before: &Plan, confidence: f64) -> BTreeSet<usize> {
+/// Stations at which a plan promises anything new that is less certain than is asked, or what was promised less certainly than that
+/// and than the plan that counts no more.
+pub(super) fn unsure(task: &Task, plan: &Plan, counted: &Plan, before: &Plan, confidence: f64) -> BTreeSet<usize> {
     let promised: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
-    let unsure = plan.planned.iter().filter(|planned| planned.covered < confidence && !promised.contains(&planned.robot));
+    let covered: BTreeMap<&RobotId, f64> = counted.planned.iter().map(|planned| (&planned.robot, planned.covered)).collect();
+    let asked = |robot: &RobotId| match promised.contains(robot) {
+        false => confidence,
+        true => covered.get(robot).map_or(0.0, |counted| counted.min(confidence)),
+    };
+    let unsure = plan.planned.iter().filter(|planned| planned.covered < asked(&planned.robot));
     unsure.filter_map(|planned| task.view.stations.iter().position(|station| station.station == planned.station)).collect()
 }

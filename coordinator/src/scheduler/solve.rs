@@ -130,7 +130,7 @@ fn once_more(solved: &Solved, settings: &Settings, before: &Plan, offer: Offer) 
         if missed(&other) >= missed(solved) {
             return None;
         }
-        let unsure = unsure(&other.task, &other.plan, before, settings.confidence);
+        let unsure = unsure(&other.task, &other.plan, &solved.plan, before, settings.confidence);
         if unsure.is_empty() {
             return Some(other);
         }
