@@ -75,7 +75,9 @@ impl Load<'_> {
         let steps = self.steps(packs);
         let mut bank = Bank::new(packs);
         let carries = steps.iter().all(|step| bank.gives(step.power_w, step.dt_s) || !step.serves);
-        let mean_w = steps.iter().map(|step| step.dt_s * step.power_w).sum::<f64>() / self.until_s.max(1.0);
+        // Where nothing is planned yet, what the station takes by itself is all that is known.
+        let energy_ws: f64 = steps.iter().map(|step| step.dt_s * step.power_w).sum();
+        let mean_w = if self.until_s > 0.0 { energy_ws / self.until_s } else { self.overhead_w };
         if carries && mean_w > 0.0 {
             while bank.at_s < self.until_s + TAIL_MAX_S && bank.gives(mean_w, TAIL_S) {}
         }
