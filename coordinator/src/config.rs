@@ -15,7 +15,7 @@ use proto::{PackId, RobotId, SiteId, StationId};
 use serde::{Deserialize, Serialize};
 
 use crate::forecast::Handling;
-use crate::models::{Models, Settings, StationModels};
+use crate::models::{Models, Settings, ShortEnergy, StationModels};
 use crate::web::WebConfig;
 
 pub use telemetry::TelemetryConfig;
@@ -70,13 +70,16 @@ pub struct PolicyConfig {
     /// Level at which a recharge is done.
     pub charge_to_soc: f64,
     /// Where charging everybody to `charge_to_soc` would leave a robot without a place, a charge may end at this level
-    /// already; at `charge_to_soc` none ever does.
+    /// already, and so may that of a robot for which the packs hold no more; at `charge_to_soc` none ever does.
     pub charge_at_least_soc: f64,
+    /// Who gets the energy where it is not enough to charge everybody to `charge_to_soc`: as many whole charges as there can be, and
+    /// who would be empty what these leave (`whole_charges`), or as many robots as there can be, also with less (`most_robots`).
+    pub short_energy: ShortEnergy,
     /// A service must add at least this much charge.
     pub min_gain_soc: f64,
     /// A promised service is moved only if that saves this much work, s.
     pub loyalty_s: f64,
-    /// Moves of the search per robot, for each plan; 400 to 10,000 in all, and at most 500 where a plan is only
+    /// Moves of the search per robot, for each plan; 400 to 10,000 in all, and at most 300 where a plan is only
     /// mended.
     pub moves_per_robot: u64,
     /// A plan is made anew after this time even if nothing has happened, s.
@@ -99,6 +102,7 @@ impl Default for PolicyConfig {
             serve_below_soc: 0.2,
             charge_to_soc: 0.98,
             charge_at_least_soc: 0.5,
+            short_energy: ShortEnergy::default(),
             min_gain_soc: 0.1,
             loyalty_s: 120.0,
             moves_per_robot: 100,
@@ -172,6 +176,7 @@ impl PolicyConfig {
             charge_to_soc: fraction("charge_to_soc", self.charge_to_soc)?,
             // Who charges everybody to less than the usual need not say that nobody is charged to less.
             charge_at_least_soc: fraction("charge_at_least_soc", self.charge_at_least_soc)?.min(self.charge_to_soc),
+            short_energy: self.short_energy,
             min_gain_soc: fraction("min_gain_soc", self.min_gain_soc)?,
             loyalty_s: {
                 ensure!(

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use energy::{Estimate, Model};
 use planner::Policy;
 use proto::{PackId, RobotId, StationId};
+use serde::{Deserialize, Serialize};
 
 use crate::forecast::Handling;
 
@@ -22,6 +23,8 @@ pub struct Settings {
     pub charge_to_soc: f64,
     /// Lowest level at which one may end where there is no room for all.
     pub charge_at_least_soc: f64,
+    /// Who gets the energy where it is not enough for all.
+    pub short_energy: ShortEnergy,
     /// A service must add at least this much charge.
     pub min_gain_soc: f64,
     /// A promised service is moved only if that saves this much work, s.
@@ -38,6 +41,17 @@ pub struct Settings {
     pub late_s: f64,
     /// The first plan waits this long for the robots and stations that are configured, s.
     pub patience_s: f64,
+}
+
+/// Who gets the packs' energy where it is not enough to charge everybody to the usual level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShortEnergy {
+    /// As many whole charges as there can be, and what these leave whoever would be empty without it.
+    #[default]
+    WholeCharges,
+    /// As many robots as there can be: anybody may leave with less, so that others get something.
+    MostRobots,
 }
 
 /// One station's models.

@@ -318,8 +318,16 @@ impl Basis<'_> {
                 let gain_wh = self.tables.gain_wh(models, state.bays.len(), model, temperature_degc, &draw);
                 let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
                 let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-                let state = Some(crate::scheduler::PackState { model: Arc::clone(model), soc: soc.value, temperature_degc });
-                Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, state, available_s })
+                let state =
+                    Some(crate::scheduler::PackState { model: Arc::clone(model), soc: wider(from_wire(soc), factor), temperature_degc });
+                Some(PackView {
+                    pack: pack.pack.clone(),
+                    usable_wh: wider(usable_wh, factor),
+                    gain_wh,
+                    uncounted_wh: 0.0,
+                    state,
+                    available_s,
+                })
             })
             .collect();
         let active = |pack: &PackId| state.active_pack.as_ref() == Some(pack);

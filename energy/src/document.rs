@@ -67,9 +67,12 @@ impl Document<'_> {
     }
 }
 
-/// Serde lists what it expected; the nearest of these is most often what was meant.
+/// Serde lists what it expected; the nearest of these is most often what was meant. Kinds of number are told in words.
 fn with_near_match(message: &str) -> String {
     let Some((problem, expected)) = message.split_once(", expected ") else { return message.to_owned() };
+    if let Some((_, number)) = NUMBERS.iter().find(|(kind, _)| *kind == expected.trim_end()) {
+        return format!("{problem}, expected {number}");
+    }
     let Some(wrong) = problem.split('`').nth(1) else { return message.to_owned() };
     let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
     match nearest(wrong, known.iter().copied()) {
@@ -77,6 +80,17 @@ fn with_near_match(message: &str) -> String {
         None => message.to_owned(),
     }
 }
+
+/// What serde calls numbers, and what people do.
+const NUMBERS: [(&str, &str); 7] = [
+    ("u8", "a whole number from 0 to 255"),
+    ("u16", "a whole number from 0 to 65535"),
+    ("u32", "a whole number, 0 or more"),
+    ("u64", "a whole number, 0 or more"),
+    ("usize", "a whole number, 0 or more"),
+    ("i64", "a whole number"),
+    ("f64", "a number"),
+];
 
 /// The candidate that `wrong` was most likely meant to be, if any is close.
 pub fn nearest<'a>(wrong: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
@@ -117,5 +131,8 @@ mod tests {
     fn text_where_a_number_belongs_is_located() {
         let error = Document { file: "pack.toml", text: "capacity_ah = \"two\"\n" }.parse::<Sample>().unwrap_err();
         assert_eq!(error.place, Some((1, 15)), "{error}");
+        assert!(error.to_string().ends_with("expected a number"), "{error}");
+        let error = Document { file: "pack.toml", text: "capacity_ah = 2.0\nseries = -3\n" }.parse::<Sample>().unwrap_err();
+        assert!(error.to_string().ends_with("expected a whole number, 0 or more"), "{error}");
     }
 }

@@ -94,6 +94,10 @@ impl NetworkConfig {
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!((0.1..=3600.0).contains(&self.lease_s), "network.lease_s = {}: must be between 0.1 and 3600", self.lease_s);
         ensure!(!(self.listen.is_empty() && self.connect.is_empty()), "network: needs an address in listen or connect");
+        for address in self.listen.iter().chain(&self.connect) {
+            let is_one = address.parse::<zenoh::config::EndPoint>().is_ok();
+            ensure!(is_one, "network: `{address}` is not an address such as {}", Self::DEFAULT_ENDPOINT);
+        }
         let secret = |address: &&String| address.starts_with("tls/");
         let plain = self.listen.iter().chain(&self.connect).find(|address| !secret(address));
         if let (Some(_), Some(plain)) = (&self.tls, plain) {

@@ -110,7 +110,8 @@ impl<'w, 'p> Explainer<'w, 'p> {
 fn described(draft: &Draft<'_, '_>, robot: usize, way: &Way) -> Other {
     let station = usize::from(way.station);
     let book = &draft.books[station];
-    let clash = book.clash(draft.ways.of(robot), way);
+    let choices = draft.ways.of(robot);
+    let clash = book.clash(choices, way).map(|clash| book.in_full(choices, way, clash));
     let in_the_way = |other: &&u32| {
         let other = **other as usize;
         let theirs = &draft.ways.of(other).ways[draft.chosen[other] as usize];

@@ -1,12 +1,14 @@
 //! Why a robot has no service: what stands in the way at each station, and the same in words.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use crate::book::Clash;
 use crate::draft::Draft;
 use crate::problem::{Problem, Tick, Travel};
+use crate::way::{Mode, Way};
 
-/// Ways at a station that a reason looks at.
+/// Ways of one kind at a station that a reason looks at.
 const LOOKED_AT: usize = 64;
 
 /// What stands in the way of servicing a robot at a station.
@@ -59,6 +61,8 @@ pub enum Why {
     Taken {
         /// When the service that comes closest would begin.
         start: Tick,
+        /// How it would be serviced.
+        mode: Mode,
         /// How many ways were looked at.
         ways: usize,
         /// What is missing for it.
@@ -100,25 +104,27 @@ pub fn why_not(draft: &Draft<'_, '_>, robot: usize, obstacles: &[Obstacle]) -> V
 fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
     let (problem, choices) = (draft.problem(), draft.ways.of(robot));
     let book = &draft.books[travel.station];
-    let mut ways = choices.ways.iter().filter(|way| usize::from(way.station) == travel.station).take(LOOKED_AT).peekable();
-    if ways.peek().is_none() {
-        return no_way(problem, robot, travel);
-    }
     // The way that comes closest: the least severe lack of its cheapest ways tells most.
+    let mut looked_at: BTreeMap<Mode, usize> = BTreeMap::new();
+    let ways = choices.ways.iter().filter(|way| {
+        let is_here = usize::from(way.station) == travel.station;
+        let of_its_kind = looked_at.entry(way.mode).or_default();
+        *of_its_kind += usize::from(is_here);
+        is_here && *of_its_kind <= LOOKED_AT
+    });
     let mut count = 0;
-    let mut nearest: Option<(Clash, Tick)> = None;
+    let mut nearest: Option<(Clash, &Way)> = None;
     for way in ways {
         count += 1;
-        let start = Tick::from(way.start);
         // A place is no use to who cannot be paid for there.
-        match book.lack(choices, way).or_else(|| book.clash(choices, way)) {
-            None => return Why::Free { start, cost: way.cost, unserved: choices.unserved_cost },
-            Some(clash) if nearest.is_none_or(|(least, _)| severity(clash) < severity(least)) => nearest = Some((clash, start)),
+        match book.lack(choices, way).or_else(|| book.clash(choices, way)).map(|clash| book.in_full(choices, way, clash)) {
+            None => return Why::Free { start: Tick::from(way.start), cost: way.cost, unserved: choices.unserved_cost },
+            Some(clash) if nearest.is_none_or(|(least, _)| severity(clash) < severity(least)) => nearest = Some((clash, way)),
             Some(_) => {}
         }
     }
-    let (clash, start) = nearest.expect("at least one way");
-    Why::Taken { start, ways: count, clash }
+    let Some((clash, way)) = nearest else { return no_way(problem, robot, travel) };
+    Why::Taken { start: Tick::from(way.start), mode: way.mode, ways: count, clash }
 }
 
 fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
@@ -160,7 +166,7 @@ impl fmt::Display for Why {
             Why::TooLate { min_gain, horizon } => write!(f, "no service of at least {min_gain} mWh ends by tick {horizon}"),
             Why::Pointless => write!(f, "a service there would cost more work than it gives"),
             Why::Free { start, cost, unserved } => write!(f, "could be serviced from tick {start} at a cost of {cost} against {unserved}"),
-            Why::Taken { start, ways, clash } => write!(f, "none of its {ways} best ways is free; from tick {start}, {clash}"),
+            Why::Taken { start, ways, clash, .. } => write!(f, "none of its {ways} best ways is free; from tick {start}, {clash}"),
         }
     }
 }

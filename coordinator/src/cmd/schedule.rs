@@ -4,7 +4,7 @@
 mod chart;
 mod tell;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
@@ -17,13 +17,16 @@ use crate::config::Config;
 use crate::service;
 use crate::store::{Reader, Store};
 
+/// The configuration where none is named.
+const CONFIG: &str = "coordinator.toml";
+
 /// Shows what the coordinator has decided.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
     what: Option<What>,
     /// The coordinator's configuration: tells site, address and store.
-    #[arg(long, value_name = "FILE", default_value = "coordinator.toml", env = "TENDER_CONFIG", global = true)]
+    #[arg(long, value_name = "FILE", default_value = CONFIG, env = "TENDER_CONFIG", global = true)]
     config: PathBuf,
     /// The store to read when no coordinator answers.
     #[arg(long, value_name = "FILE", global = true)]
@@ -99,8 +102,13 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
             let explanation: Explanation = match live(&place, &Key::Explain(robot.clone())).await? {
                 Some(explanation) => explanation,
                 None => {
-                    let unknown = || format!("the store holds nothing about robot {robot}");
-                    stored(&place).await?.latest_explanation(robot).await?.with_context(unknown)?
+                    let store = stored(&place).await?;
+                    let Some(explanation) = store.latest_explanation(robot).await? else {
+                        let known = store.explained().await?;
+                        let hint = energy::document::hint(robot.as_ref(), known.iter().map(String::as_str));
+                        anyhow::bail!("the store holds nothing about robot {robot}{hint} Known: {}", known.join(", "));
+                    };
+                    explanation
                 }
             };
             print(args.format, &explanation, tell::show_explanation);
@@ -158,8 +166,10 @@ async fn watch(place: &Place, format: Format) -> anyhow::Result<()> {
 
 fn place(args: &Args) -> anyhow::Result<Place> {
     // Flags alone are enough; a configuration that is named, or lies here, says the rest.
-    let config = if args.config.exists() || (args.store.is_none() && args.connect.is_empty()) {
-        Some(Config::read(&args.config).context("no configuration; name one by --config, or use --store or --connect")?)
+    let config = if args.config.exists() || args.config != Path::new(CONFIG) {
+        Some(Config::read(&args.config)?)
+    } else if args.store.is_none() && args.connect.is_empty() {
+        anyhow::bail!("there is no {CONFIG} here: name a configuration by --config, or use --store or --connect");
     } else {
         None
     };
@@ -178,7 +188,11 @@ fn place(args: &Args) -> anyhow::Result<Place> {
         None => SiteId::new("site")?,
     };
     let tls = config.and_then(|config| config.network.tls);
-    Ok(Place { network: NetworkConfig { connect, tls, ..NetworkConfig::agent() }, site, store })
+    let network = NetworkConfig { connect, tls, ..NetworkConfig::agent() };
+    if !network.connect.is_empty() {
+        network.check()?;
+    }
+    Ok(Place { network, site, store })
 }
 
 async fn live<M: Message>(place: &Place, key: &Key) -> anyhow::Result<Option<M>> {

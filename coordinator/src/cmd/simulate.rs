@@ -1,21 +1,22 @@
 //! `coordinator simulate`: a scenario, faster than real time.
 
+mod files;
+mod tables;
+
 use std::io::IsTerminal as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::{Context, bail};
-use comfy_table::{Cell, CellAlignment};
+use anyhow::{Context, bail, ensure};
 use energy::System;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
+use super::Format;
 use super::serve::Stage;
-use super::{Format, table};
 use crate::scenario::{RunEntry, Scenario, Verdict};
 use crate::sim::{self, Outcome};
-use crate::web::report::{self, Report};
 use crate::web::{Books, Past, WebConfig};
 
 /// Runs a scenario and says whether it came as its [expect] says.
@@ -41,6 +42,9 @@ pub struct Args {
     /// Folder for report.html, and the trace and the schedule of each run.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// New file for the store that a live coordinator would have kept: for `schedule --store` and `lab --store`.
+    #[arg(long, value_name = "FILE")]
+    store: Option<PathBuf>,
     /// Shows the runs on the dashboard while they go on, and their end until Ctrl-C.
     #[arg(long)]
     serve: bool,
@@ -73,7 +77,11 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         believe(&mut scenario, model)?;
     }
     let seed = args.seed.unwrap_or(scenario.seed);
-    let runs = by_policy(chosen(&scenario, args.run.as_deref())?, &args.policy);
+    let runs = by_policy(&scenario, chosen(&scenario, args.run.as_deref())?, &args.policy)?;
+    if let Some(store) = &args.store {
+        ensure!(runs.len() == 1, "--store: a store is of one run, and this makes {}: choose one by --run or --policy", runs.len());
+        ensure!(!store.exists(), "--store {}: it is there already; name a new file, or remove that one", store.display());
+    }
     let mut stage = args.serve.then(|| Stage::open(args.port, args.speed)).transpose()?;
     let mut finished = Vec::new();
     for run in runs {
@@ -81,9 +89,9 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         let verdicts = scenario.verdicts(&run, &outcome.measured.metrics);
         finished.push(Finished { run, outcome, past, verdicts });
     }
-    write_files(args, &scenario, seed, &finished)?;
+    files::write(args, &scenario, seed, &finished)?;
     match args.format {
-        Format::Table => print_tables(&scenario, seed, &finished, &args.policy),
+        Format::Table => tables::print(&scenario, seed, &finished, &args.policy),
         Format::Json => say!("{}", serde_json::to_string_pretty(&as_json(&scenario, seed, &finished))?),
     }
     if let (Some(stage), Some(last)) = (stage, finished.last_mut()) {
@@ -105,18 +113,23 @@ fn chosen(scenario: &Scenario, only: Option<&str>) -> anyhow::Result<Vec<RunEntr
     Ok(chosen)
 }
 
-/// Every run with every policy, named after it; the runs themselves when no policy is named.
-fn by_policy(runs: Vec<RunEntry>, policies: &[String]) -> Vec<RunEntry> {
+/// Every run with every policy, named after it; the runs themselves when no policy is named. What the scenario expects of a run it
+/// expects of the policy that it names for it.
+fn by_policy(scenario: &Scenario, runs: Vec<RunEntry>, policies: &[String]) -> anyhow::Result<Vec<RunEntry>> {
     if policies.is_empty() {
-        return runs;
+        return Ok(runs);
+    }
+    for (index, policy) in policies.iter().enumerate() {
+        ensure!(!policies[..index].contains(policy), "--policy: `{policy}` is named twice");
     }
     let alone = runs.len() == 1;
     let with = |run: &RunEntry, policy: &String| RunEntry {
         name: if alone { policy.clone() } else { format!("{}, {policy}", run.name) },
+        is_other: scenario.policy_of(run) != *policy,
         policy: Some(policy.clone()),
         ..run.clone()
     };
-    runs.iter().flat_map(|run| policies.iter().map(|policy| with(run, policy)).collect::<Vec<_>>()).collect()
+    Ok(runs.iter().flat_map(|run| policies.iter().map(|policy| with(run, policy)).collect::<Vec<_>>()).collect())
 }
 
 /// Puts a model in place of the believed one of its name, or of the only one of its system.
@@ -182,143 +195,6 @@ fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, args: &Args, mut sta
     let outcome = sim::simulate(&deployment, duration_s, scenario.temperature_degc, args.telemetry.is_some(), &mut watch);
     bar.finish_and_clear();
     Ok((outcome.with_context(|| format!("run \"{}\"", run.name))?, past))
-}
-
-/// One folder per run when there are several.
-fn folder_of(base: &Path, finished: &[Finished], run: &Finished) -> PathBuf {
-    if finished.len() == 1 { base.to_owned() } else { base.join(run.run.folder()) }
-}
-
-fn write_files(args: &Args, scenario: &Scenario, seed: u64, finished: &[Finished]) -> anyhow::Result<()> {
-    if let Some(base) = &args.out {
-        std::fs::create_dir_all(base).with_context(|| format!("cannot make {}", base.display()))?;
-        let run = |run: &Finished| report::Run::new(&run.run.name, &run.outcome, &run.past, &run.verdicts);
-        let (title, note) = (scenario.name.clone(), scenario.note.clone());
-        let report = Report { title, note, seed, version: env!("CARGO_PKG_VERSION"), runs: finished.iter().map(run).collect() };
-        node::files::write_text(&base.join("report.html"), &report.html())?;
-    }
-    for run in finished {
-        if let (Some(base), Some(telemetry)) = (&args.telemetry, &run.outcome.telemetry) {
-            telemetry.write(&folder_of(base, finished, run))?;
-        }
-        if let Some(base) = &args.out {
-            let folder = folder_of(base, finished, run);
-            std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-            node::files::write_text(&folder.join("trace.txt"), &run.outcome.trace())?;
-            node::files::write_text(&folder.join("schedule.json"), &proto::encode_pretty(&run.outcome.schedule))?;
-        }
-    }
-    Ok(())
-}
-
-fn print_tables(scenario: &Scenario, seed: u64, finished: &[Finished], policy: &[String]) {
-    say!("{} (seed {seed})", scenario.name);
-    if !scenario.note.is_empty() {
-        say!("{}", scenario.note);
-    }
-    for run in finished {
-        say!("\n── {} ──", run.run.name);
-        print_capacity(run);
-        print_timeline(run);
-    }
-    say!();
-    if !policy.is_empty() {
-        print_policies(finished);
-        say!();
-    }
-    print_comparison(finished);
-}
-
-/// What policies are compared by: `(heading, metric)`.
-const COMPARED: &[(&str, &str)] = &[
-    ("robots served", "robots_served"),
-    ("services", "services_done"),
-    ("stranded", "robots_stranded"),
-    ("promises broken", "promises_broken"),
-    ("mission hours", "mission_h"),
-    ("pack Wh per service", "energy_per_service_wh"),
-    ("gap", "plan_gap"),
-    ("moved", "services_moved"),
-];
-
-fn print_policies(finished: &[Finished]) {
-    let mut table = table();
-    table.set_header(std::iter::once("policy").chain(COMPARED.iter().map(|(heading, _)| *heading)));
-    for run in finished {
-        let cell = |metric: &str| {
-            let value = run.outcome.measured.metrics.get(metric).copied().unwrap_or(f64::NAN);
-            let text = match metric {
-                "plan_gap" => format!("{:.1} %", value * 100.0),
-                _ if value.is_nan() => "-".to_owned(),
-                _ => number(value),
-            };
-            Cell::new(text).set_alignment(CellAlignment::Right)
-        };
-        table.add_row(std::iter::once(Cell::new(&run.run.name)).chain(COMPARED.iter().map(|(_, metric)| cell(metric))));
-    }
-    super::say_text(&super::text(&table));
-}
-
-/// Kinds of event that tell the story; the rest is in the trace.
-fn tells(kind: proto::EventKind) -> bool {
-    use proto::EventKind as K;
-    !matches!(kind, K::Joined | K::PhaseChanged | K::CommandSent | K::CommandAccepted)
-}
-
-fn print_timeline(run: &Finished) {
-    let mut last = String::new();
-    for event in run.outcome.events.iter().filter(|event| tells(event.kind)) {
-        let minutes = event.at.seconds_since(run.outcome.start) / 60.0;
-        let text = format!("{:<16} {}", event.kind.to_string(), event.text);
-        if text != last {
-            say!("{minutes:>7.1} min  {text}");
-        }
-        last = text;
-    }
-}
-
-fn print_capacity(run: &Finished) {
-    let Some(capacity) = &run.outcome.measured.first_capacity else { return };
-    for pack in &capacity.packs {
-        let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
-        say!(
-            "    promise  {} of {} holds {:.1} ± {:.1} Wh usable, a service takes {:.1} ± {:.1} Wh ({}): {} robots at {:.0} %",
-            pack.pack,
-            pack.station,
-            pack.usable_wh.value,
-            pack.usable_wh.sigma,
-            pack.service_wh.value,
-            pack.service_wh.sigma,
-            causes.join(", "),
-            pack.robots_promised,
-            pack.confidence * 100.0
-        );
-    }
-}
-
-fn print_comparison(finished: &[Finished]) {
-    let mut table = table();
-    let names = finished.iter().map(|run| Cell::new(&run.run.name).set_alignment(CellAlignment::Right));
-    table.set_header(std::iter::once(Cell::new("")).chain(names));
-    let metrics: Vec<&String> = finished.first().map_or_else(Vec::new, |run| run.outcome.measured.metrics.keys().collect());
-    for metric in metrics {
-        let values = finished.iter().map(|run| {
-            let value = run.outcome.measured.metrics.get(metric).copied().unwrap_or(f64::NAN);
-            let verdict = run.verdicts.iter().find(|verdict| verdict.metric == *metric);
-            let mark = verdict.map_or(String::new(), |v| if v.holds() { " ✓".to_owned() } else { format!(" ✗ expected {}", v.expected) });
-            Cell::new(format!("{}{mark}", number(value))).set_alignment(CellAlignment::Right)
-        });
-        table.add_row(std::iter::once(Cell::new(metric)).chain(values));
-    }
-    super::say_text(&super::text(&table));
-    let (held, all) = finished.iter().flat_map(|run| &run.verdicts).fold((0, 0), |(held, all), v| (held + usize::from(v.holds()), all + 1));
-    if all > 0 {
-        say!("[expect]: {held} of {all} hold");
-    }
-}
-
-fn number(value: f64) -> String {
-    if value.fract() == 0.0 && value.abs() < 1e9 { format!("{value:.0}") } else { format!("{value:.3}") }
 }
 
 fn as_json(scenario: &Scenario, seed: u64, finished: &[Finished]) -> serde_json::Value {

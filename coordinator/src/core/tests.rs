@@ -1,5 +1,6 @@
 //! A fleet that is too large to be planned as a whole while somebody waits.
 
+mod capacity;
 mod services;
 
 use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase, Travel};
@@ -48,25 +49,36 @@ fn gauge(time_s: f64, soc: f64, full_wh: f64) -> Gauge {
 
 fn joins(core: &mut Core, time_s: f64, n: usize) {
     let robot: RobotId = id(&format!("r{n}"));
-    let state = RobotState {
+    core.handle(at(time_s), Input::RobotState(robot.clone(), working(time_s, &["s"])));
+    core.handle(at(time_s), Input::RobotGauge(robot, gauge(time_s, 0.3 + 0.005 * n as f64, 14.6)));
+}
+
+/// A robot at work a minute from these stations.
+fn working(time_s: f64, stations: &[&str]) -> RobotState {
+    let travel = |station: &&str| (id(station), Travel { time_s: 60.0, energy_wh: Estimate::new(0.1, 0.01) });
+    RobotState {
         at: at(time_s),
         seq: (time_s * 1e3) as u64 + 1,
         phase: RobotPhase::Working,
         station: None,
         bay: None,
         drain_w: Estimate::new(4.3, 0.1),
-        travel: [(id("s"), Travel { time_s: 60.0, energy_wh: Estimate::new(0.1, 0.01) })].into(),
+        travel: stations.iter().map(travel).collect(),
         mission: Mission { weight: 1.0, until: None },
         battery: "explorer-3s1p-1320mah".to_owned(),
         last_command: None,
         note: None,
-    };
-    core.handle(at(time_s), Input::RobotState(robot.clone(), state));
-    core.handle(at(time_s), Input::RobotGauge(robot, gauge(time_s, 0.3 + 0.005 * n as f64, 14.6)));
+    }
 }
 
 fn station_joins(core: &mut Core, time_s: f64) {
-    let state = StationState {
+    core.handle(at(time_s), Input::StationState(id("s"), ready(time_s)));
+    core.handle(at(time_s), Input::PackGauge(id("s"), id("p"), gauge(time_s, 1.0, 84.0)));
+}
+
+/// A station with a bay and a pack.
+fn ready(time_s: f64) -> StationState {
+    StationState {
         at: at(time_s),
         seq: 1,
         bays: vec![BayState { bay: id::<BayId>("bay-1"), phase: BayPhase::Free, robot: None }],
@@ -80,9 +92,7 @@ fn station_joins(core: &mut Core, time_s: f64) {
         spares: Vec::new(),
         last_command: None,
         note: None,
-    };
-    core.handle(at(time_s), Input::StationState(id("s"), state));
-    core.handle(at(time_s), Input::PackGauge(id("s"), id("p"), gauge(time_s, 1.0, 84.0)));
+    }
 }
 
 /// The studies that the core has asked for since it was last asked.

@@ -220,6 +220,9 @@ pub struct RunEntry {
     /// What is expected of this run.
     #[serde(default)]
     pub expect: BTreeMap<Spanned<String>, Expectation>,
+    /// Whether it is made with another policy than the scenario's: nothing is expected of it.
+    #[serde(skip)]
+    pub is_other: bool,
 }
 
 fn default_site() -> SiteId {
@@ -299,9 +302,19 @@ impl Scenario {
         Ok(scenario)
     }
 
+    /// The policy of a run.
+    #[must_use]
+    pub fn policy_of(&self, run: &RunEntry) -> String {
+        let of_all = || self.policy.as_ref().map_or_else(PolicyConfig::default, |policy| policy.get_ref().clone()).name;
+        run.policy.clone().unwrap_or_else(of_all)
+    }
+
     /// What came of the expectations of a run: its own and those of every run.
     #[must_use]
     pub fn verdicts(&self, run: &RunEntry, measured: &BTreeMap<String, f64>) -> Vec<Verdict> {
+        if run.is_other {
+            return Vec::new();
+        }
         let all = self.expect.iter().chain(&run.expect).map(|(metric, expected)| (metric.get_ref().as_str(), expected));
         expect::verdicts(all, measured)
     }

@@ -6,14 +6,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use energy::Estimate;
 use planner::Session;
 use proto::RobotId;
 
 use super::cover::Cover;
 use super::plan::Plan;
-use super::problem::View;
+use super::problem::{PackState, View};
 use super::solve::Solved;
-use super::translate::Task;
+use super::translate::{KEEP_CONFIDENCE, Task};
 
 /// Less than this is not worth another plan, Wh.
 const WORTH_IT_WH: f64 = 0.05;
@@ -28,7 +29,10 @@ pub(super) fn with_the_uncounted(solved: &Solved, but: &BTreeSet<usize>) -> Opti
         let more_wh = Cover::new(task, index, &here).uncounted_wh().filter(|more_wh| *more_wh > WORTH_IT_WH);
         let last = station.packs.iter_mut().rfind(|pack| pack.available_s <= 0.0);
         if let (Some(more_wh), Some(last)) = (more_wh, last) {
-            last.usable_wh.value += more_wh;
+            // A pack that gives nothing at full power is not certain to give so much to less.
+            let charge_wh = last.state.as_ref().map_or(0.0, PackState::sigma_wh);
+            last.usable_wh = Estimate::new(last.usable_wh.value + more_wh, last.usable_wh.sigma.max(charge_wh));
+            last.uncounted_wh = more_wh;
             is_more = true;
         }
     }
@@ -36,13 +40,13 @@ pub(super) fn with_the_uncounted(solved: &Solved, but: &BTreeSet<usize>) -> Opti
 }
 
 /// Stations at which a plan promises anything new that is less certain than is asked, or what was promised less certainly than that
-/// and than the plan that counts no more.
+/// and than the plan that counts no more, or than promises must be to be kept.
 pub(super) fn unsure(task: &Task, plan: &Plan, counted: &Plan, before: &Plan, confidence: f64) -> BTreeSet<usize> {
     let promised: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
     let covered: BTreeMap<&RobotId, f64> = counted.planned.iter().map(|planned| (&planned.robot, planned.covered)).collect();
     let asked = |robot: &RobotId| match promised.contains(robot) {
         false => confidence,
-        true => covered.get(robot).map_or(0.0, |counted| counted.min(confidence)),
+        true => covered.get(robot).map_or(KEEP_CONFIDENCE, |counted| counted.min(confidence)),
     };
     let unsure = plan.planned.iter().filter(|planned| planned.covered < asked(&planned.robot));
     unsure.filter_map(|planned| task.view.stations.iter().position(|station| station.station == planned.station)).collect()

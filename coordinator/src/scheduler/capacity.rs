@@ -106,6 +106,8 @@ struct Count {
     expected: u32,
     promised: u32,
     short_wh: f64,
+    /// Whether the first that is not promised lacks a bay.
+    lacks_bay: bool,
 }
 
 /// Answers for every pack and station, at this confidence.
@@ -144,6 +146,7 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
         robots_promised: count.promised,
         confidence,
         short_for_next_wh: count.short_wh,
+        lacks_bay: count.lacks_bay,
         promises: count.promises,
     }
 }
@@ -158,6 +161,7 @@ fn of_station(question: &Question, confidence: f64) -> StationCapacity {
         robots_expected: count.expected,
         robots_promised: count.promised,
         short_for_next_wh: count.short_wh,
+        lacks_bay: count.lacks_bay,
         promises: count.promises,
     }
 }
@@ -167,6 +171,7 @@ impl Question {
     fn count(&self, usable_wh: Estimate, packs: &[Holding], confidence: f64) -> Count {
         let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
         let (mut services, mut parts, mut short_wh) = (Need::default(), Vec::new(), None);
+        let mut lacks_bay = false;
         let mut bays_free_s = vec![0.0_f64; self.bays.clamp(1, SERVICES_MAX as u32) as usize];
         let (mut ends_s, mut before, mut told_wh) = (0.0_f64, 1.0_f64, usable_wh.value);
         for number in 1..=SERVICES_MAX {
@@ -203,8 +208,9 @@ impl Question {
             before = probability;
             expected += u32::from(probability >= 0.5);
             promised += u32::from(probability >= confidence);
-            if probability < confidence {
-                short_wh.get_or_insert(short);
+            if probability < confidence && short_wh.is_none() {
+                short_wh = Some(short);
+                lacks_bay = self.bays == 0 && wanted.in_bay;
             }
             if probability >= TOLD_MIN && (robot.is_some() || number <= TOLD_MAX) {
                 promises.push(Promise { robot: robot.map(|coming| coming.robot.clone()), probability, need_wh: node::wire(need) });
@@ -214,7 +220,7 @@ impl Question {
             }
         }
         let usable_wh = Estimate::new(told_wh, usable_wh.sigma);
-        Count { usable_wh, promises, expected, promised, short_wh: short_wh.unwrap_or(0.0) }
+        Count { usable_wh, promises, expected, promised, short_wh: short_wh.unwrap_or(0.0), lacks_bay }
     }
 
     /// How much more than these services the packs could carry, Wh, where that is known.
@@ -328,7 +334,14 @@ mod tests {
     #[test]
     fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
         assert_eq!(first(&question(&[0.0], 3)).robots_expected, 0);
-        assert_eq!(first(&question(&[70.0], 0)).robots_expected, 0);
+        let without_bays = first(&question(&[70.0], 0));
+        assert_eq!((without_bays.robots_expected, without_bays.lacks_bay), (0, true));
+        // An exchange takes none: it is the charge after it that lacks one.
+        let mut asked = question(&[70.0], 0);
+        asked.robots = vec![coming("a", 20.0, 0.0)];
+        asked.robots[0].wanted.in_bay = false;
+        let answer = first(&asked);
+        assert_eq!((answer.robots_promised, answer.lacks_bay), (1, true));
     }
 
     /// Whether a pack carries services of 20 W for half an hour and 8 W for ten minutes, begun at these seconds, and 6 W beside
@@ -361,7 +374,7 @@ mod tests {
                 asked.service =
                     Wanted { need: Need { mean_wh: 10.0 + 8.0 / 6.0, ..Need::default() }, time_s: 2400.0, course, in_bay: true };
                 asked.packs[0].usable_wh = Estimate::new(counted_wh, 1.0);
-                asked.packs[0].state = Some(PackState { model: model.clone(), soc, temperature_degc: 25.0 });
+                asked.packs[0].state = Some(PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
                 first(&asked).promises.get(1).map_or(0.0, |second| second.probability)
             };
             let needed_wh = 2.0 * (10.0 + 8.0 / 6.0) + 6.0 * f64::from(begun_s[1] + 2400) / S_PER_H;

@@ -3,7 +3,7 @@
 use energy::load::Terminals as _;
 use energy::pack::Battery as _;
 use energy::units::S_PER_H;
-use energy::{Channel, Pack, Start};
+use energy::{Channel, Estimate, Pack, Start};
 
 use super::problem::{PackState, StationView};
 
@@ -120,7 +120,7 @@ pub fn packs_after_begun(station: &StationView) -> Option<Vec<PackState>> {
     }
     let state = |(&(_, before), (_, pack)): (&(f64, &PackState), &(f64, Pack))| PackState {
         model: before.model.clone(),
-        soc: pack.channels()[Channel::Soc],
+        soc: Estimate::new(pack.channels()[Channel::Soc], before.soc.sigma),
         temperature_degc: pack.channels()[Channel::CellDegc],
     };
     Some(packs.iter().zip(&bank.packs).map(state).collect())
@@ -151,7 +151,7 @@ struct Bank {
 impl Bank {
     fn new(packs: &Packs<'_>) -> Self {
         let pack = |&(from_s, state): &(f64, &PackState)| {
-            let start = Start { temperature_degc: state.temperature_degc, ..Start::at_soc(state.soc) };
+            let start = Start { temperature_degc: state.temperature_degc, ..Start::at_soc(state.soc.value) };
             (from_s, Pack::new(state.model.clone(), start))
         };
         Self { packs: packs.iter().map(pack).collect(), active: 0, at_s: 0.0, given_wh: 0.0 }
@@ -180,5 +180,66 @@ impl Bank {
             }
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use energy::Need;
+    use proto::{PackId, StationId};
+
+    use super::*;
+    use crate::forecast::Handling;
+    use crate::scheduler::PackView;
+
+    #[test]
+    fn packs_stand_after_what_has_begun_as_they_do_when_they_are_drained_by_it() {
+        let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
+        let pack = |n: usize, soc: f64| PackView {
+            pack: PackId::new(format!("p-{n}")).unwrap(),
+            usable_wh: Estimate::exact(0.0),
+            gain_wh: 0.0,
+            uncounted_wh: 0.0,
+            state: Some(PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 }),
+            available_s: 0.0,
+        };
+        let mut station = StationView {
+            station: StationId::new("s").unwrap(),
+            out_of_order: None,
+            opens_s: 0.0,
+            handling: Handling { load_s: 30.0, unload_s: 30.0, swap_s: 60.0 },
+            bays: Vec::new(),
+            begun: Vec::new(),
+            spares: Vec::new(),
+            charges_spares: false,
+            packs: vec![pack(0, 0.2), pack(1, 0.9)],
+            committed: Need { mean_wh: 18.0, ..Need::default() },
+            committed_until_s: 3600.0,
+            overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
+            shared_per_wh: Vec::new(),
+        };
+        // By hand, second by second: 24 W for an hour, which the first pack does not last.
+        let mut by_hand = [0.2, 0.9].map(|soc| Pack::new(model.clone(), Start { temperature_degc: 25.0, ..Start::at_soc(soc) }));
+        let mut seconds = 0;
+        let [first, second] = &mut by_hand;
+        while first.step_power(24.0, 1.0).is_ok() && !first.is_empty() {
+            seconds += 1;
+        }
+        assert!((600..3000).contains(&seconds), "{seconds}");
+        for _ in seconds..3600 {
+            second.step_power(24.0, 1.0).unwrap();
+        }
+        let after = packs_after_begun(&station).unwrap();
+        for (after, by_hand) in after.iter().zip(&by_hand) {
+            let by_hand = by_hand.channels()[Channel::Soc];
+            assert!((after.soc.value - by_hand).abs() < 0.002, "{} {by_hand}", after.soc.value);
+        }
+        // Nothing has begun: they stand as they do. One that nothing is known of: neither is of the others.
+        station.committed_until_s = 0.0;
+        assert_eq!(packs_after_begun(&station).unwrap().iter().map(|pack| pack.soc.value).collect::<Vec<_>>(), [0.2, 0.9]);
+        station.packs[1].state = None;
+        assert_eq!(packs_after_begun(&station).map(|packs| packs.len()), None);
     }
 }

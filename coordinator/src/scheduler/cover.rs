@@ -59,11 +59,13 @@ impl<'a> Cover<'a> {
             need.add(draws, ((until_s - start_s) / (end_s - start_s)).min(1.0));
         }
         let there = self.station.packs.iter().filter(|pack| pack.available_s < until_s.max(f64::MIN_POSITIVE));
+        let counts_more = there.clone().any(|pack| pack.uncounted_wh > 0.0);
         let usable = there.fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
         let need = need.estimate();
         let sigma = usable.sigma.hypot(need.sigma).max(1e-9);
         let counted_wh = usable.value - need.value;
-        let is_close = counted_wh.abs() <= SIGMAS_MAX * sigma;
+        // What was seen along one load need not be there for another: then counting no longer errs on the safe side.
+        let is_close = counts_more || counted_wh.abs() <= SIGMAS_MAX * sigma;
         let margin_wh = if is_close { self.stepped_wh(until_s, sigma).unwrap_or(counted_wh) } else { counted_wh };
         Normal::standard().cdf(margin_wh / sigma)
     }

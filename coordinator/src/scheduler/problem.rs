@@ -134,9 +134,17 @@ pub struct PackState {
     /// What it is.
     pub model: Arc<Model>,
     /// Its state of charge.
-    pub soc: f64,
+    pub soc: Estimate,
     /// Its temperature, °C.
     pub temperature_degc: f64,
+}
+
+impl PackState {
+    /// What a standard deviation of its state of charge comes to, Wh.
+    #[must_use]
+    pub fn sigma_wh(&self) -> f64 {
+        self.soc.sigma * self.model.battery().stored_wh()
+    }
 }
 
 /// A pack of a station.
@@ -149,6 +157,8 @@ pub struct PackView {
     pub usable_wh: Estimate,
     /// How much more it would give if it were the last, Wh.
     pub gain_wh: f64,
+    /// The part of what it gives that was seen along the load of a plan, beyond what it gives at the station's working power, Wh.
+    pub uncounted_wh: f64,
     /// What it is and how it stands, for stepping its model; none where that is not known.
     pub state: Option<PackState>,
     /// When it can feed the station, s: 0 when it is in its place, later while another one is brought there.

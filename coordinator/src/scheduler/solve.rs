@@ -10,7 +10,7 @@ use super::again::{unsure, with_the_uncounted};
 use super::plan::Plan;
 use super::problem::View;
 use super::translate::{Offer, Task, worth};
-use crate::models::Settings;
+use crate::models::{Settings, ShortEnergy};
 
 /// Fleets up to this size are planned as a whole whatever happens.
 pub const WHOLE_FLEET_MAX: usize = 64;
@@ -60,12 +60,15 @@ pub struct Solved {
     pub sessions: Vec<Session>,
     /// The plan in the fleet's terms.
     pub plan: Plan,
+    /// Whether anybody strands for want of a place.
+    wants_place: bool,
 }
 
 impl Solved {
     fn new(task: Task, found: Replanned, before: &Plan, settings: &Settings) -> Self {
         let plan = Plan::new(&task, &found, before, settings.confidence);
-        Self { sessions: found.plan.sessions, plan, task }
+        let wants_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
+        Self { sessions: found.plan.sessions, plan, task, wants_place }
     }
 
     /// What there is to choose from for these robots, and what was chosen for the others.
@@ -79,64 +82,102 @@ impl Solved {
 /// must save as much work as the settings say.
 #[must_use]
 pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> Solved {
-    let may_change = effort == Effort::Whole && settings.policy.name() == optimise::NAME;
-    let (mut best, mut strands) = attempt(view.clone(), settings, before, effort, Offer::Usual);
-    if !may_change {
+    let asked = Asked { view: &view, settings, before, effort };
+    let mut best = asked.attempt(Offer::Usual);
+    if !asked.may_change() {
         return best;
     }
     // Neither waiting until a service is wanted nor charging to the usual level must cost another robot its turn: if
     // somebody strands for want of a place, all may come earlier, and if that does not help, leave with less. In a large
     // fleet that comes into question with the next whole plan.
     for offer in [Offer::Early, Offer::Scarce] {
-        if !strands {
+        if !best.wants_place {
             break;
         }
-        let (other, other_strands) = attempt(view.clone(), settings, before, effort, offer);
-        if other.plan.quality.stranded < best.plan.quality.stranded {
-            (best, strands) = (other, other_strands);
-        }
+        best = asked.other(best, offer);
     }
-    best
+    if best.plan.quality.stranded == 0 || !asked.is_small() {
+        return best;
+    }
+    // Else it is energy that is short. If sharing it helps nobody, the plan says what even the least charge is short of.
+    let shared = match settings.short_energy {
+        ShortEnergy::WholeCharges => asked.with_the_rest(&best),
+        ShortEnergy::MostRobots => asked.attempt(Offer::Scarce),
+    };
+    if missed(&shared) <= missed(&best) { shared } else { best }
 }
 
-/// Plans with what is on offer, and says whether a robot strands for want of a place.
-fn attempt(view: View, settings: &Settings, before: &Plan, effort: Effort, offer: Offer) -> (Solved, bool) {
-    let task = Task::new(view, settings, &before.planned, offer);
-    let found = plan(&task, settings, before, effort);
-    let strands = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
-    let solved = Solved::new(task, found, before, settings);
-    let may_change = effort == Effort::Whole && settings.policy.name() == optimise::NAME;
-    let leaves_out = !solved.plan.rejected.is_empty() && solved.task.view.robots.len() <= WHOLE_FLEET_MAX;
-    let better = (may_change && leaves_out).then(|| once_more(&solved, settings, before, offer)).flatten();
-    match better {
-        Some(better) => {
-            let strands = strands && better.plan.quality.stranded > 0;
-            (better, strands)
+/// What a plan is asked for with.
+struct Asked<'a> {
+    view: &'a View,
+    settings: &'a Settings,
+    before: &'a Plan,
+    effort: Effort,
+}
+
+impl Asked<'_> {
+    /// Whether what is on offer may change: a policy that is told what to do does that, and mending must not take long.
+    fn may_change(&self) -> bool {
+        self.effort == Effort::Whole && self.settings.policy.name() == optimise::NAME
+    }
+
+    /// Whether the fleet is one for which every plan is made as often as it takes.
+    fn is_small(&self) -> bool {
+        self.view.robots.len() <= WHOLE_FLEET_MAX
+    }
+
+    /// The plan with as much for those who strand as its own services, held like promises, leave in the packs.
+    fn with_the_rest(&self, best: &Solved) -> Solved {
+        let left: BTreeSet<RobotId> = best.plan.rejected.iter().filter(|left| left.stranded).map(|left| left.robot.clone()).collect();
+        let served: BTreeSet<&RobotId> = best.plan.planned.iter().map(|planned| &planned.robot).collect();
+        let mut view = self.view.clone();
+        view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
+        let mut shared = Asked { view: &view, before: &best.plan, ..*self }.attempt(Offer::Rest(&left));
+        shared.plan.moved = shared.plan.moved_from(self.before);
+        shared
+    }
+
+    /// The better of a plan and the one with something else on offer.
+    fn other(&self, best: Solved, offer: Offer<'_>) -> Solved {
+        let other = self.attempt(offer);
+        if other.plan.quality.stranded < best.plan.quality.stranded { other } else { best }
+    }
+
+    /// Plans with what is on offer.
+    fn attempt(&self, offer: Offer<'_>) -> Solved {
+        let solved = self.planned(self.view.clone(), offer);
+        let is_asked = self.may_change() && self.is_small() && !solved.plan.rejected.is_empty();
+        is_asked.then(|| self.once_more(&solved, offer)).flatten().unwrap_or(solved)
+    }
+
+    /// A plan that leaves out less, with what the packs give beyond what was counted; none where there is no such plan.
+    fn once_more(&self, solved: &Solved, offer: Offer<'_>) -> Option<Solved> {
+        let mut but = BTreeSet::new();
+        // Where it promised too much, nothing more is counted the second time.
+        for _ in 0..2 {
+            let other = self.planned(with_the_uncounted(solved, &but)?, offer);
+            if missed(&other) >= missed(solved) {
+                return None;
+            }
+            let unsure = unsure(&other.task, &other.plan, &solved.plan, self.before, self.settings.confidence);
+            if unsure.is_empty() {
+                return Some(other);
+            }
+            but.extend(unsure);
         }
-        None => (solved, strands),
+        None
+    }
+
+    fn planned(&self, view: View, offer: Offer<'_>) -> Solved {
+        let task = Task::new(view, self.settings, &self.before.planned, offer);
+        let found = plan(&task, self.settings, self.before, self.effort);
+        Solved::new(task, found, self.before, self.settings)
     }
 }
 
-/// A plan that leaves out less, with what the packs give beyond what was counted; none where there is no such plan.
-fn once_more(solved: &Solved, settings: &Settings, before: &Plan, offer: Offer) -> Option<Solved> {
-    let missed = |solved: &Solved| (solved.plan.quality.stranded, solved.plan.quality.missed_s);
-    let mut but = BTreeSet::new();
-    // Where it promised too much, nothing more is counted the second time.
-    for _ in 0..2 {
-        let view = with_the_uncounted(solved, &but)?;
-        let task = Task::new(view, settings, &before.planned, offer);
-        let found = plan(&task, settings, before, Effort::Whole);
-        let other = Solved::new(task, found, before, settings);
-        if missed(&other) >= missed(solved) {
-            return None;
-        }
-        let unsure = unsure(&other.task, &other.plan, &solved.plan, before, settings.confidence);
-        if unsure.is_empty() {
-            return Some(other);
-        }
-        but.extend(unsure);
-    }
-    None
+/// What a plan misses: robots that run empty, then work.
+fn missed(solved: &Solved) -> (i64, f64) {
+    (solved.plan.quality.stranded, solved.plan.quality.missed_s)
 }
 
 fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Replanned {

@@ -3,7 +3,9 @@
 mod battery;
 mod station;
 
-use std::collections::BTreeMap;
+pub(super) use station::KEEP_CONFIDENCE;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
@@ -79,19 +81,21 @@ pub struct Task {
 
 /// What is on offer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Offer {
+pub enum Offer<'a> {
     /// Nobody is serviced before it wants to be, or charged to less than the usual level, but for who was promised that.
     Usual,
     /// There is no room for all in that way: everybody may come earlier.
     Early,
     /// Not in that way either: everybody may also leave with less.
     Scarce,
+    /// There is not the energy for all: these, for whom there is none, may come earlier and leave with less.
+    Rest(&'a BTreeSet<RobotId>),
 }
 
 impl Task {
     /// The problem of a view, after a plan that promised the services of `before`.
     #[must_use]
-    pub fn new(view: View, settings: &Settings, before: &[Planned], offer: Offer) -> Self {
+    pub fn new(view: View, settings: &Settings, before: &[Planned], offer: Offer<'_>) -> Self {
         let tick_s = tick_s(&view);
         let grid = Grid::at(view.now, tick_s);
         let mut kinds: Vec<(usize, i32)> = Vec::new();
@@ -253,7 +257,7 @@ fn close_horizon(problem: &mut Problem, view: &View) {
 struct Places<'a> {
     view: &'a View,
     grid: Grid,
-    offer: Offer,
+    offer: Offer<'a>,
     levels_soc: &'a [f64],
     before: BTreeMap<&'a RobotId, &'a Planned>,
 }
@@ -281,8 +285,14 @@ impl Places<'_> {
         let promised = self.before.get(&robot.robot).and_then(|planned| Some((grid.tick(planned.start)?, planned.mode)));
         let full = self.levels_soc.len() - 1;
         let was_promised = promised.and_then(|(_, mode)| if let Mode::Charge(level) = mode { Some(usize::from(level)) } else { None });
-        let lowest_target = if self.offer == Offer::Scarce { 0 } else { was_promised.map_or(full, |level| level.min(full)) };
-        let gate = if self.offer == Offer::Usual { promised.map_or(wanted, |(start, _)| start.min(wanted)) } else { 0 };
+        let (may_come_early, may_leave_early) = match self.offer {
+            Offer::Usual => (false, false),
+            Offer::Early => (true, false),
+            Offer::Scarce => (true, true),
+            Offer::Rest(robots) => [robots.contains(&robot.robot); 2].into(),
+        };
+        let lowest_target = if may_leave_early { 0 } else { was_promised.map_or(full, |level| level.min(full)) };
+        let gate = if may_come_early { 0 } else { promised.map_or(wanted, |(start, _)| start.min(wanted)) };
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
         let travel = robot.travel.iter().map(|(station, travel_s, table)| {
             let own_variance = table.own_variance(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma));

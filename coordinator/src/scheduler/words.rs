@@ -114,7 +114,9 @@ impl Grounds {
         let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);
         let from = list(packs.iter().map(AsRef::as_ref), "no pack");
         let (need, covered) = (tenths(self.need), tenths(self.covered));
-        let only = self.only_to.map(|percent| format!("is charged to {percent} % only, to leave its place to others"));
+        let only = self.only_to.map(|percent| {
+            format!("is charged to {percent} % only: a whole charge would take place or energy from others, or more than there is")
+        });
         let takes = format!("takes {need} Wh from {from}; the packs hold it with probability {covered} %");
         [format!("{comes}; {without}")].into_iter().chain(only).chain([takes]).collect()
     }
@@ -158,32 +160,51 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
             task.work_s(i64::from(cost)) / 60.0,
             task.work_s(i64::from(unserved)) / 60.0
         ),
-        Why::Taken { start, clash: Clash::Energy(_, short), .. } => {
-            let (odds, asked) = odds(task, &plan.sessions, robot, station, start, short, confidence);
-            format!(
-                "{}: enough with probability {:.0} %, asked for {:.0} %",
-                energy(task, station, short, start),
-                odds * 100.0,
-                asked * 100.0
-            )
+        Why::Taken { start, mode, clash: Clash::Energy(_, short), .. } => {
+            let (odds, asked) = odds(task, &plan.sessions, robot, station, (start, mode), short, confidence);
+            let [odds, asked] = apart(odds * 100.0, asked * 100.0);
+            format!("{}: enough with probability {odds} %, asked for {asked} %", energy(task, station, short, (start, mode)))
         }
-        Why::Taken { start, clash, .. } => clash_in_words(task, station, start, clash, &[]),
+        Why::Taken { start, mode, clash, .. } => clash_in_words(task, station, (start, mode), clash, &[]),
     }
 }
 
-/// Which packs are short of what at which time.
-fn energy(task: &Task, station: usize, short: i64, start: Tick) -> String {
+/// Two figures, with as many decimals as it takes to tell them apart, up to three.
+fn apart(one: f64, other: f64) -> [String; 2] {
+    let told = |decimals: usize| [one, other].map(|figure| format!("{figure:.decimals$}"));
+    (0..3).map(told).find(|[one, other]| one != other).unwrap_or_else(|| told(3))
+}
+
+/// Energy that is short, with as many decimals as it takes to be more than nothing, up to three.
+fn short_of(wh: f64) -> String {
+    (1..3).map(|decimals| format!("{wh:.decimals$}")).find(|told| told.parse() != Ok(0.0)).unwrap_or_else(|| format!("{wh:.3}"))
+}
+
+/// Which packs are short of what for which service.
+fn energy(task: &Task, station: usize, short: i64, (start, mode): (Tick, Mode)) -> String {
     let packs = &task.view.stations[station].packs;
     let is = if packs.len() == 1 { "is" } else { "are" };
     let names = list(packs.iter().map(|pack| pack.pack.as_ref()), "its empty packs");
-    format!("{names} {is} {:.1} Wh short for a service at {}", task.problem.wh(short), clock(task.grid.time(start)))
+    let service = match mode {
+        Mode::Charge(_) if mode != task.full_charge() => format!("a charge to {:.0} %", task.to_soc(mode) * 100.0),
+        _ => "a service".to_owned(),
+    };
+    format!("{names} {is} {} Wh short for {service} at {}", short_of(task.problem.wh(short)), clock(task.grid.time(start)))
 }
 
 /// Probability that the packs would do for this service as well, and the one that was asked for.
-fn odds(task: &Task, sessions: &[Session], robot: usize, station: usize, start: Tick, short: i64, confidence: f64) -> (f64, f64) {
+fn odds(
+    task: &Task,
+    sessions: &[Session],
+    robot: usize,
+    station: usize,
+    (start, mode): (Tick, Mode),
+    short: i64,
+    confidence: f64,
+) -> (f64, f64) {
     let Some(chance) = &task.problem.stations[station].chance else { return (0.0, 1.0) };
     let here = sessions.iter().filter(|session| session.station == station);
-    let mut need = task.need(robot, station, start, task.full_charge());
+    let mut need = task.need(robot, station, start, mode);
     let mut last = start;
     for session in here.clone() {
         need = need.plus(&task.need(session.robot, station, session.start, session.mode));
@@ -197,7 +218,7 @@ fn odds(task: &Task, sessions: &[Session], robot: usize, station: usize, start: 
     (normal.cdf(quantile - short as f64 / sigma), asked)
 }
 
-fn clash_in_words(task: &Task, station: usize, start: Tick, clash: Clash, blockers: &[usize]) -> String {
+fn clash_in_words(task: &Task, station: usize, service: (Tick, Mode), clash: Clash, blockers: &[usize]) -> String {
     let at = |tick: Tick| clock(task.grid.time(tick));
     let by = || {
         let names: Vec<&RobotId> = blockers.iter().map(|&robot| &task.view.robots[robot].robot).collect();
@@ -209,7 +230,7 @@ fn clash_in_words(task: &Task, station: usize, start: Tick, clash: Clash, blocke
         Clash::Slot(tick) => format!("the place for exchanges is taken at {}{}", at(tick), by()),
         Clash::Spare(tick) => format!("no charged spare is left at {}{}", at(tick), by()),
         Clash::Power(tick, short) => format!("the station may not draw {:.1} Wh more at {}{}", task.problem.wh(short), at(tick), by()),
-        Clash::Energy(_, short) => format!("{}{}", energy(task, station, short, start), by()),
+        Clash::Energy(_, short) => format!("{}{}", energy(task, station, short, service), by()),
     }
 }
 
@@ -258,7 +279,7 @@ impl<'w, 'p> Accounts<'w, 'p> {
                 Some(clash) => format!(
                     "to begin at {} instead: {}",
                     clock(task.grid.time(other.start)),
-                    clash_in_words(task, other.station, other.start, clash, &other.blockers)
+                    clash_in_words(task, other.station, (other.start, other.mode), clash, &other.blockers)
                 ),
                 None => {
                     let more_s = task.work_s(other.cost - self.cost_of(session));
@@ -286,7 +307,7 @@ impl<'w, 'p> Accounts<'w, 'p> {
 fn alternative(task: &Task, other: &Other, cost: i64) -> Alternative {
     let mode = if matches!(other.mode, Mode::Charge(_)) { "recharge" } else { "swap" };
     let beyond = match other.clash {
-        Some(clash) => clash_in_words(task, other.station, other.start, clash, &other.blockers),
+        Some(clash) => clash_in_words(task, other.station, (other.start, other.mode), clash, &other.blockers),
         None => {
             let more_s = task.work_s(other.cost - cost);
             let but = if more_s < 0.0 { format!(": {NOT_MOVED}") } else { String::new() };

@@ -75,9 +75,12 @@ impl Desk {
         self.process.as_mut().map(|process| &mut process.core)
     }
 
-    /// The core at the end of a run.
-    pub(super) fn into_core(self) -> Option<Core> {
-        self.process.map(|process| process.core)
+    /// The core at the end of a run, and everything that was to be kept since it was started.
+    pub(super) fn into_core(mut self) -> Option<(Core, Vec<Record>)> {
+        let process = self.process?;
+        let mut records = self.disk.reigns.pop().map_or_else(Vec::new, |reign| reign.records);
+        records.extend_from_slice(process.outbox.records());
+        Some((process.core, records))
     }
 
     pub(super) fn settings(&self) -> Settings {

@@ -11,6 +11,7 @@ use super::measure::Measured;
 use super::world::World;
 use crate::core::Core;
 use crate::scenario::Deployment;
+use crate::store::Record;
 
 /// Simulated time begins here: 1 January 2026, 00:00 UTC.
 pub(super) const START: Timestamp = Timestamp::from_unix_ms(1_767_225_600_000);
@@ -31,6 +32,8 @@ pub struct Outcome {
     pub site: SiteId,
     /// The coordinator as it stood at the end.
     pub core: Core,
+    /// What the coordinator kept, in order.
+    pub records: Vec<Record>,
     /// When the run ended.
     pub end: Timestamp,
 }
@@ -86,7 +89,7 @@ pub fn simulate(
         watch(Step { now, elapsed_s, core, news: &world.events[known..] });
     }
     world.finish();
-    let core = world.desk.into_core().expect("nothing goes wrong in this run");
+    let (core, records) = world.desk.into_core().expect("nothing goes wrong in this run");
     Ok(Outcome {
         measured: world.measured,
         events: world.events,
@@ -95,6 +98,7 @@ pub fn simulate(
         telemetry: world.telemetry,
         site: deployment.coordinator.site.clone(),
         core,
+        records,
         end: START.plus_s(steps as f64 * STEP_S),
     })
 }

@@ -58,6 +58,10 @@ pub(super) fn content(place: &Path, asked: &Path) -> Result<Content, StoreError>
         io::ErrorKind::PermissionDenied => StoreError::Denied { path: asked.to_owned(), detail: source.to_string() },
         _ => StoreError::File { path: asked.to_owned(), doing: "reading its first bytes", source },
     };
+    if place.is_dir() {
+        let detail = "it is a folder; `coordinator run` and `coordinator simulate --store FILE` write stores".to_owned();
+        return Err(StoreError::NotAStore { path: asked.to_owned(), detail });
+    }
     let file = match File::open(place) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Content::Nothing),

@@ -107,6 +107,12 @@ impl Reader {
         self.message(body, "explanations")
     }
 
+    /// Robots that were explained, by name.
+    pub async fn explained(&self) -> Result<Vec<String>, StoreError> {
+        let select = query_scalar("SELECT robot FROM explanations ORDER BY robot");
+        select.fetch_all(&self.pool).await.map_err(self.failed("reading explanations"))
+    }
+
     /// The last `limit` events, oldest first.
     pub async fn events(&self, limit: usize) -> Result<Vec<Event>, StoreError> {
         let limit = i64::try_from(limit).unwrap_or(i64::MAX);

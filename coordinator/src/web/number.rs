@@ -50,6 +50,12 @@ pub fn likely(probability: f64) -> String {
     if percent > 99.5 { "> 99 %".to_owned() } else { format!("{:.0} %", percent.max(1.0)) }
 }
 
+/// What a service is short of.
+#[must_use]
+pub fn short(wh: f64, lacks_bay: bool) -> String {
+    if lacks_bay { "a bay".to_owned() } else { format!("{wh:.1} Wh") }
+}
+
 /// What a sensor shows: no sigma goes with it on the wire.
 #[must_use]
 pub fn reading(value: f64, unit: &'static str, digits: usize) -> Quantity {

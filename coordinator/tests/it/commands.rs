@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{SMALL, simulate};
+use super::{SMALL, coordinator, simulate};
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -148,4 +148,52 @@ fn out_writes_trace_and_schedule_and_leaves_nothing_half_written() {
     }
     assert_eq!(names(folder.path()), before);
     assert_eq!(std::fs::read_to_string(folder.path().join("small.toml")).unwrap(), SMALL);
+}
+
+#[test]
+fn a_simulated_store_answers_like_a_live_one() {
+    let folder = folder();
+    let answer = simulate(folder.path(), &["small.toml", "--store", "run.db"]);
+    assert_eq!(answer.code, 0, "{}", answer.stderr);
+    let asked = |arguments: &[&str]| coordinator(folder.path(), &[&["schedule", "--store", "run.db"], arguments].concat());
+    for (question, said) in [
+        (&["show"][..], "by least_slack"),
+        (&["capacity"], "pack-1 of mds-1: 1 at > 99 % ("),
+        (&["explain", "explorer-2"], "working at 50.0"),
+        (&["history"], "plan_made"),
+    ] {
+        let answer = asked(question);
+        assert_eq!(answer.code, 0, "{question:?}: {}", answer.stderr);
+        assert!(answer.stdout.contains(said), "{question:?}: {}", answer.stdout);
+    }
+    let answer = asked(&["explain", "explorer-3"]);
+    assert_eq!(answer.code, 2, "{}", answer.stdout);
+    assert!(
+        answer.stderr.contains("did you mean `explorer-") && answer.stderr.contains("Known: explorer-1, explorer-2"),
+        "{}",
+        answer.stderr
+    );
+    // It is the store of one new run, or none.
+    for (arguments, said) in [
+        (&["small.toml", "--store", "run.db"][..], "--store run.db: it is there already"),
+        (&["small.toml", "--store", "two.db", "--policy", "optimise,threshold"], "this makes 2: choose one"),
+        (&["small.toml", "--policy", "optimise,optimise"], "`optimise` is named twice"),
+    ] {
+        let answer = simulate(folder.path(), arguments);
+        assert_eq!((answer.code, answer.stdout.as_str()), (2, ""), "{arguments:?}");
+        assert!(answer.stderr.contains(said), "{arguments:?}: {}", answer.stderr);
+    }
+    let answer = simulate(folder.path(), &["small.toml", "--store", "none/run.db"]);
+    assert_eq!(answer.code, 2, "{}", answer.stderr);
+    assert!(!folder.path().join("two.db").exists() && !folder.path().join("none").exists());
+}
+
+#[test]
+fn a_scenario_expects_nothing_of_other_policies_than_its_own() {
+    let folder = folder();
+    std::fs::write(folder.path().join("one.toml"), SMALL.replace("robots_served = 0", "robots_served = 1")).unwrap();
+    assert_eq!(simulate(folder.path(), &["one.toml", "--policy", "optimise,threshold"]).code, 0);
+    let answer = simulate(folder.path(), &["one.toml", "--policy", "optimise,least_slack"]);
+    assert_eq!(answer.code, 1, "{}", answer.stdout);
+    assert!(answer.stdout.contains("[expect]: 0 of 1 hold\n[expect] says nothing of other policies"), "{}", answer.stdout);
 }

@@ -59,7 +59,7 @@ fn run(scenario: &Scenario, run: &RunEntry, seed: u64, telemetry: bool) -> Outco
     sim::simulate(&deployment, duration_s, scenario.temperature_degc, telemetry, &mut |_| {}).unwrap()
 }
 
-/// What `coordinator simulate` answered.
+/// What `coordinator` answered.
 struct Answer {
     code: i32,
     stdout: String,
@@ -67,10 +67,14 @@ struct Answer {
 }
 
 fn simulate(folder: &Path, arguments: &[&str]) -> Answer {
+    coordinator(folder, &[&["simulate"], arguments].concat())
+}
+
+fn coordinator(folder: &Path, arguments: &[&str]) -> Answer {
     let output = Command::new(env!("CARGO_BIN_EXE_coordinator"))
         .current_dir(folder)
         .env_remove("RUST_LOG")
-        .arg("simulate")
+        .env_remove("TENDER_CONFIG")
         .args(arguments)
         .output()
         .expect("the program starts");

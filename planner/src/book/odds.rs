@@ -1,6 +1,6 @@
 //! Whether a station's packs hold what is promised with the probability that is asked for.
 
-use super::Book;
+use super::{Book, Clash};
 use crate::problem::{Chance, Station, Tick};
 use crate::supply::Limit;
 use crate::way::{Choices, Way};
@@ -125,6 +125,16 @@ impl Book<'_> {
         let early = self.energy.iter().filter(|limit| limit.before < self.horizon && Tick::from(way.start) < limit.before);
         let early = early.map(|&left| (left.before, odds.short_before(choices, way, left, self.drawn(choices, way, left.before))));
         early.fold(whole, |worst, here| if here.1 > worst.1 { here } else { worst })
+    }
+
+    /// A lack of energy as large as it is for as much certainty as is asked for; any other clash as it is.
+    #[must_use]
+    pub fn in_full(&self, choices: &Choices, way: &Way, clash: Clash) -> Clash {
+        let Clash::Energy(before, short) = clash else { return clash };
+        let certain = self.energy.iter().map(|limit| (limit.before, self.drawn(choices, way, limit.before) - limit.energy));
+        let all = certain.chain([self.odds_clash(choices, way)]);
+        let (before, short) = all.fold((before, short), |worst, here| if here.1 > worst.1 { here } else { worst });
+        Clash::Energy(before, short)
     }
 
     /// What a way draws before a tick.

@@ -230,6 +230,9 @@ pub struct PackCapacity {
     pub confidence: f64,
     /// Energy lacking for one promised service more, Wh (zero or more).
     pub short_for_next_wh: f64,
+    /// Whether that service lacks a bay to charge in, however much energy there is.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub lacks_bay: bool,
     /// Service after service, in the order in which they will be wanted, how certainly the pack pays
     /// for all of them up to it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -262,6 +265,9 @@ pub struct StationCapacity {
     pub robots_promised: u32,
     /// Energy lacking for one promised service more, Wh (zero or more).
     pub short_for_next_wh: f64,
+    /// Whether that service lacks a bay to charge in, however much energy there is.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub lacks_bay: bool,
     /// Service after service; see [`PackCapacity::promises`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub promises: Vec<Promise>,
@@ -283,6 +289,13 @@ pub struct Capacity {
     pub robots_promised: u32,
     /// Probability behind `robots_promised` (0 to 1).
     pub confidence: f64,
+}
+
+impl Capacity {
+    /// The packs at a station.
+    pub fn packs_at(&self, station: &StationId) -> impl Iterator<Item = &PackCapacity> {
+        self.packs.iter().filter(move |pack| pack.station == *station)
+    }
 }
 
 impl Message for Capacity {

@@ -171,6 +171,7 @@ pub fn capacity() -> Capacity {
             robots_promised: 8,
             confidence: 0.95,
             short_for_next_wh: 1.4,
+            lacks_bay: false,
             promises: promises(),
         }],
         stations: vec![StationCapacity {
@@ -179,6 +180,7 @@ pub fn capacity() -> Capacity {
             robots_expected: 9,
             robots_promised: 8,
             short_for_next_wh: 1.4,
+            lacks_bay: false,
             promises: promises(),
         }],
         robots_expected: 9,

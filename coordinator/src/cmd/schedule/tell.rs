@@ -4,7 +4,7 @@ use comfy_table::{Cell, CellAlignment};
 use proto::{Capacity, Event, Explanation, Mode, Promise, Quality, Schedule};
 
 use crate::cmd::{say_text, table, text};
-use crate::web::number::likely;
+use crate::web::number::{likely, short};
 
 /// The time of day.
 pub(super) fn clock(at: proto::Timestamp) -> String {
@@ -70,7 +70,7 @@ fn in_words(quality: &Quality) -> String {
     let empty = |robots: u32| if robots == 1 { "1 robot runs empty".to_owned() } else { format!("{robots} robots run empty") };
     let stranded = match (quality.stranded, quality.stranded_bound) {
         (0, _) => "nobody runs empty".to_owned(),
-        (robots, least) if robots == least => format!("{}, which no plan can help", empty(robots)),
+        (robots, least) if robots == least => format!("{}, which no plan as sure can help", empty(robots)),
         (robots, 0) => format!("{}; it is not proven that anybody must", empty(robots)),
         (robots, least) => format!("{}; it is proven that at least {least} must", empty(robots)),
     };
@@ -85,6 +85,7 @@ fn in_words(quality: &Quality) -> String {
 }
 
 pub(super) fn show_capacity(capacity: &Capacity) {
+    say!("capacity as of {}", capacity.at);
     let confidence = capacity.confidence * 100.0;
     let wh = |estimate: proto::Estimate| format!("{:.1} ± {:.1} Wh", estimate.value, estimate.sigma);
     let mut packs = table();
@@ -100,12 +101,10 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             Cell::new(wh(pack.service_wh)),
             right(pack.robots_expected.to_string()),
             right(pack.robots_promised.to_string()),
-            right(format!("{:.1} Wh", pack.short_for_next_wh)),
+            right(short(pack.short_for_next_wh, pack.lacks_bay)),
         ]);
     }
-    for station in
-        capacity.stations.iter().filter(|station| capacity.packs.iter().filter(|pack| pack.station == station.station).count() > 1)
-    {
+    for station in capacity.stations.iter().filter(|station| capacity.packs_at(&station.station).count() > 1) {
         packs.add_row([
             Cell::new(&station.station),
             Cell::new("together"),
@@ -114,7 +113,7 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             Cell::new(""),
             right(station.robots_expected.to_string()),
             right(station.robots_promised.to_string()),
-            right(format!("{:.1} Wh", station.short_for_next_wh)),
+            right(short(station.short_for_next_wh, station.lacks_bay)),
         ]);
     }
     say_text(&text(&packs));
@@ -124,8 +123,7 @@ pub(super) fn show_capacity(capacity: &Capacity) {
         say!("{} of {}: {}", pack.pack, pack.station, in_order(&pack.promises));
     }
     for station in &capacity.stations {
-        let packs = capacity.packs.iter().filter(|pack| pack.station == station.station).count();
-        if packs > 1 && !station.promises.is_empty() {
+        if capacity.packs_at(&station.station).count() > 1 && !station.promises.is_empty() {
             say!("{} with all its packs: {}", station.station, in_order(&station.promises));
         }
     }
@@ -135,12 +133,12 @@ pub(super) fn show_capacity(capacity: &Capacity) {
     }
 }
 
-/// "1 at 100 % (explorer-2), 2 at 97 % (+ explorer-1), 3 at 40 % (+ one more)".
+/// "1 at > 99 % (explorer-2, 24.1 Wh), 2 at 97 % (+ explorer-1, 48.0 Wh), 3 at 40 % (+ one more, 71.9 Wh)": energy is of all together.
 fn in_order(promises: &[Promise]) -> String {
     let one = |(count, promise): (usize, &Promise)| {
         let plus = if count == 0 { "" } else { "+ " };
         let who = promise.robot.as_ref().map_or_else(|| "one more".to_owned(), ToString::to_string);
-        format!("{} at {} ({plus}{who})", count + 1, likely(promise.probability))
+        format!("{} at {} ({plus}{who}, {:.1} Wh)", count + 1, likely(promise.probability), promise.need_wh.value)
     };
     promises.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }

@@ -13,7 +13,7 @@ use crate::scheduler::problem::{StationView, View};
 const NO_LIMIT: i64 = 1 << 40;
 /// A promise that was given is kept as long as it is more likely than not that it can be; what makes it
 /// less likely is measured, never planned ([`planner::hold`]).
-const KEEP_CONFIDENCE: f64 = 0.5;
+pub(in crate::scheduler) const KEEP_CONFIDENCE: f64 = 0.5;
 
 /// The station of the view; `charger` is how it charges.
 pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_wh: f64, settings: &Settings, grid: Grid) -> Station {

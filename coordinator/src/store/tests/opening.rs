@@ -118,7 +118,8 @@ async fn a_missing_directory_is_named_and_not_created() {
     // A file is not a directory, and a directory is not a file.
     std::fs::write(directory.path().join("not"), "").unwrap();
     assert!(matches!(Store::open(&path).await.unwrap_err(), StoreError::MissingDirectory { .. }));
-    assert!(matches!(Store::open(directory.path()).await.unwrap_err(), StoreError::File { .. }));
+    let folder = Store::open(directory.path()).await.unwrap_err();
+    assert!(matches!(folder, StoreError::NotAStore { .. }) && folder.to_string().contains("it is a folder"), "{folder}");
 }
 
 #[tokio::test]

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::Tone;
 use crate::models::from_wire;
-use crate::web::number::{Quantity, likely, quantity};
+use crate::web::number::{Quantity, likely, quantity, short};
 
 /// A promise beyond this needs no number of its own when the next is as good.
 const SURE: f64 = 0.995;
@@ -105,7 +105,7 @@ fn row(pack: &PackCapacity) -> PackRow {
         service: Some(quantity(from_wire(pack.service_wh), "Wh")),
         expected: pack.robots_expected,
         promised: pack.robots_promised,
-        short: format!("{:.1} Wh", pack.short_for_next_wh),
+        short: short(pack.short_for_next_wh, pack.lacks_bay),
         odds: odds(&pack.promises),
         who: who(&pack.promises),
         tone: tone(pack.robots_promised),
@@ -119,7 +119,7 @@ fn together(station: &StationCapacity) -> PackRow {
         service: None,
         expected: station.robots_expected,
         promised: station.robots_promised,
-        short: format!("{:.1} Wh", station.short_for_next_wh),
+        short: short(station.short_for_next_wh, station.lacks_bay),
         odds: odds(&station.promises),
         who: who(&station.promises),
         tone: tone(station.robots_promised),

@@ -1,0 +1,95 @@
+//! Where it is close: packs stepped along the load of a plan.
+
+use super::*;
+
+/// Whether a pack carries a robot's way and service, by stepping it: 6 W all the time, a lift of 0.1 Wh for half a minute and
+/// then 40 s, and 26 W for as long as the charge takes.
+fn carries(soc: f64) -> bool {
+    use energy::load::Terminals as _;
+    use energy::pack::Battery as _;
+    let mut pack = energy::Pack::new(station_pack(), energy::Start { temperature_degc: 25.0, ..energy::Start::at_soc(soc) });
+    // It sets off with 10 % and begins on the grid of 10 s, 3 s of which are over.
+    let way_s = 67;
+    let charge_s = (HOUR * (0.98 - (0.1 - 0.3 * f64::from(way_s) / HOUR)) / 0.98) as i32;
+    let until_s = way_s + 30 + charge_s + 40;
+    let lift_w = 0.1 * HOUR / f64::from(30 + charge_s + 40);
+    (0..until_s).all(|second| {
+        let charging_w = if (way_s + 30..way_s + 30 + charge_s).contains(&second) { 26.0 } else { 0.0 };
+        let lift_w = if second < way_s { 0.0 } else { lift_w };
+        pack.step_power(6.0 + charging_w + lift_w, 1.0).is_ok() && !pack.is_empty()
+    })
+}
+
+fn station_pack() -> Arc<Model> {
+    Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap())
+}
+
+/// A plan of whole charges at one station.
+fn planned(robots: Vec<RobotView>, station: StationView) -> Plan {
+    solve(view(robots, vec![station]), &whole_charges(), &Plan::default(), Effort::Whole).plan
+}
+
+#[test]
+fn how_sure_a_service_is_follows_from_the_packs_own_discharge_however_it_was_counted() {
+    let (mut low, mut high) = (0.1, 0.9);
+    for _ in 0..20 {
+        let middle = f64::midpoint(low, high);
+        if carries(middle) { high = middle } else { low = middle }
+    }
+    let said = |soc: f64, usable_wh: f64, held: bool| {
+        let mut with = station("s", 1, &[usable_wh], &[]);
+        with.overhead_per_h.shared_wh = vec![0.0];
+        with.packs[0].usable_wh.sigma = 1.0;
+        with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
+        let robots = vec![RobotView { held, ..robot("r", 0.1, &[(0, 60.0)]) }];
+        let plan = planned(robots, with);
+        plan.planned.iter().map(|planned| planned.probability).next()
+    };
+    let told = |soc: f64, usable_wh: f64| said(soc, usable_wh, true);
+    // 29 Wh are taken, with a sigma of 1 Wh: however much above that was counted, these packs do or do not at even odds.
+    for counted_wh in [29.6, 30.5, 32.0] {
+        let even = told(high, counted_wh).expect("promised before");
+        assert!((even - 0.5).abs() < 0.06, "{counted_wh} Wh counted: {even}");
+    }
+    // A hundredth of its charge more is 0.86 Wh: with the doubts of service and pack, 1.06 Wh together, 79 %.
+    let more = told(high + 0.01, 29.6).expect("promised before");
+    assert!((0.7..0.88).contains(&more), "{more}");
+    // Where much more is counted than six of these, nothing is stepped.
+    assert!(told(high, 45.0).expect("promised before") > 0.999);
+    // A new promise is given for what the packs give, not for what was counted: not at even odds, but with 2.6 Wh more.
+    assert_eq!(said(high, 28.0, false), None);
+    assert!(said(high + 0.03, 28.0, false).is_some_and(|sure| sure > 0.95), "{:?}", said(high + 0.03, 28.0, false));
+}
+
+#[test]
+fn while_nothing_is_drawn_a_station_may_wait_in_the_dark_for_its_next_pack() {
+    // Two packs of which the first cannot last until the second comes in three hours; the service is after that.
+    let mut with = station("s", 1, &[12.0, 60.0], &[]);
+    let state = |soc: f64| Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
+    (with.packs[0].state, with.packs[1].state) = (state(0.15), state(0.8));
+    with.packs[1].available_s = 3.0 * HOUR;
+    with.overhead_per_h.mean_wh = 3.0;
+    let plan = |soc: f64| planned(vec![robot("r", soc, &[(0, 60.0)])], with.clone());
+    // Wanted in three hours and a third.
+    assert!(plan(1.0).planned[0].probability > 0.99, "{:?}", plan(1.0).planned);
+    // Now it would have to do with 12 Wh.
+    assert_eq!(plan(0.15).planned, []);
+}
+
+/// The least energy at which both robots get a service, beside each other if there is room, and how sure these are.
+fn just_enough_for_both(bays: usize, socs: [f64; 2]) -> Vec<f64> {
+    let robots = || vec![robot("a", socs[0], &[(0, 60.0)]), robot("b", socs[1], &[(0, 60.0)])];
+    let plans = (0..200).map(|step| planned(robots(), station("s", bays, &[40.0 + 0.25 * f64::from(step)], &[])));
+    let is_beside = |plan: &Plan| plan.planned[1].start.seconds_since(plan.planned[0].start) < 60.0;
+    let both = plans.into_iter().find(|plan| plan.planned.len() == 2 && is_beside(plan) == (bays == 2)).unwrap();
+    both.planned.iter().map(|planned| planned.probability).collect()
+}
+
+#[test]
+fn who_charges_beside_another_is_as_sure_as_that_one_and_who_came_before_is_surer() {
+    // The lift lets the first out some 40 s before the second.
+    let beside = just_enough_for_both(2, [0.2, 0.2]);
+    assert!(beside.iter().all(|sure| (0.95..0.99).contains(sure)) && (beside[0] - beside[1]).abs() < 0.03, "{beside:?}");
+    let after = just_enough_for_both(1, [0.2, 0.7]);
+    assert!(after[0] > 0.999 && (0.95..0.99).contains(&after[1]), "{after:?}");
+}
