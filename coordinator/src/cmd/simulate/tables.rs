@@ -127,7 +127,7 @@ fn print_comparison(finished: &[Finished]) {
     }
     let others: Vec<&str> = finished.iter().filter(|run| run.run.is_other).map(|run| run.run.name.as_str()).collect();
     if !others.is_empty() {
-        say!("[expect] says nothing of other policies than the scenario's: {}", others.join(", "));
+        say!("[expect] says nothing of other policies than the scenario's: {}", others.join("; "));
     }
 }
 
