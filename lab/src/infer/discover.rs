@@ -7,7 +7,7 @@ use energy::{Channel, Model, catalogue};
 use super::candidate::Untested;
 use super::evidence::Evidence;
 use super::exchange::exchanged;
-use super::judge::{Refusal, STRONG, explained, falls, hardly_moves, refusals, squares, threshold};
+use super::judge::{Court, Refusal, STRONG, explained, falls, hardly_moves, refusals, squared, squares, threshold};
 use super::prune::{shorter, taken};
 use super::score::Score;
 use super::sketch::{Sketch, Sketches};
@@ -54,25 +54,31 @@ impl Step {
     /// like a gain of an effect may be that of a better place to begin.
     #[must_use]
     pub fn look(base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+        Step::look_after(0.0, base, holdout)
+    }
+
+    /// The same where effects found before have explained so much squared error, in floors.
+    fn look_after(explained: f64, base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+        let from = |base: State| {
+            let sketches = Sketches::new(&base);
+            Step::of(base, sketches, explained, holdout)
+        };
         let sketches = Sketches::new(&base);
         match sketches.better_base(&base) {
-            Some(base) => {
-                let sketches = Sketches::new(&base);
-                Step::of(base, sketches, holdout)
-            }
-            None => Step::of(base, sketches, holdout),
+            Some(base) => from(base),
+            None => Step::of(base, sketches, explained, holdout),
         }
     }
 
     /// Refits and judges the most promising effects, the next ones as long as none is accepted.
-    fn of(base: State, mut sketches: Sketches, holdout: Option<&Arc<Evidence>>) -> Step {
-        let tried = sketches.tried;
+    fn of(base: State, mut sketches: Sketches, explained_before: f64, holdout: Option<&Arc<Evidence>>) -> Step {
+        let court = Court { holdout, tried: sketches.tried, explained: explained_before };
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(base.told(), evidence));
         let mut judged: Vec<(Trial, Vec<Refusal>)> = Vec::new();
         let judge = |sketches: &Sketches, wave: Vec<Sketch>, judged: &mut Vec<(Trial, Vec<Refusal>)>| {
             for sketch in wave {
                 let trial = Trial::refit(&base, &sketches.scored[sketch.place].0, sketch.state, holdout);
-                let refusals = refusals(&base, &trial, &base_holdout, holdout, tried);
+                let refusals = refusals(&base, &trial, &base_holdout, court);
                 judged.push((trial, refusals));
             }
             judged.iter().any(|(_, refusals)| refusals.is_empty())
@@ -126,12 +132,13 @@ impl Step {
 impl Step {
     /// Two effects, where one alone is kept from being accepted by nothing but the other: what both are missing from hides in the
     /// held-out logs what either is worth there.
-    fn jointly(&self, holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
+    fn jointly(&self, explained: f64, holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
         let held = holdout?;
         let least = STRONG * threshold(self.scores.len());
         let hidden = |place: &usize| self.refusals[*place] == [Refusal::Holdout] && self.trials[*place].delta_bic > least;
         let one = &self.trials[(0..self.trials.len()).find(hidden)?];
-        let other = Step::look(one.state.clone(), holdout);
+        let before = explained + squared(&self.base) - squared(&one.state);
+        let other = Step::look_after(before, one.state.clone(), holdout);
         let both = matches!(other.outcome, Outcome::Missing(_)) && falls(held, &self.base_holdout, &other.trials[0].holdout);
         both.then(|| [taken(self.clone(), one.clone()), other])
     }
@@ -215,10 +222,11 @@ pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<E
     let mut state = State::of_model(model, evidence);
     let mut steps = Vec::new();
     for look in 0.. {
-        let step = Step::look(state, holdout);
+        let explained = steps.first().map_or(0.0, |first: &Step| squared(&first.base) - squared(&state));
+        let step = Step::look_after(explained, state, holdout);
         let found = match step.outcome {
             Outcome::Missing(_) if look < EFFECTS_MAX => Some(vec![step.clone()]),
-            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(holdout).map(Vec::from),
+            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(explained, holdout).map(Vec::from),
             _ => None,
         };
         let Some(found) = found else {

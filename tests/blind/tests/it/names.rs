@@ -1,0 +1,26 @@
+//! What is not missing is not named. Development cases in which it once was, for every rule that prevents it.
+
+use blind::{Answer, Mark, Question, ask, judge, make, plan};
+
+/// Seed of the first development case of which these are.
+const FIRST: u64 = 9_200_001;
+
+/// The answer to the case of this name and seed, and what it is worth.
+fn asked(name: &str, seed: u64) -> (Answer, Mark) {
+    let plan = plan();
+    let entry = &plan[(seed - FIRST) as usize % plan.len()];
+    assert_eq!(entry.name, name);
+    let case = make(entry, seed);
+    let answer = Answer::read(&ask(&Question::of(&case)));
+    let mark = judge(&case, &answer, 0.0);
+    (answer, mark)
+}
+
+/// A hyperbola over charge leaves something of a table of seven points, for which moved ends of the open-circuit curve and a gain of
+/// the ammeter make up together.
+#[test]
+fn what_is_wrong_with_the_form_of_an_effect_gets_no_name() {
+    let (answer, mark) = asked("other_form/battery/resistance-hyperbola", 9_200_178);
+    assert_eq!(answer.selected, ["ohmic_soc"], "{answer:?}");
+    assert!(mark.right && mark.wrong.is_empty(), "{mark:?}");
+}
