@@ -64,10 +64,21 @@ impl Step {
             Step::of(base, sketches, explained, holdout)
         };
         let sketches = Sketches::new(&base);
-        match sketches.better_base(&base) {
+        let step = match sketches.better_base(&base) {
             Some(base) => from(base),
             None => Step::of(base, sketches, explained, holdout),
-        }
+        };
+        step.better_base().map_or(step, from)
+    }
+
+    /// The base refitted from where an effect ended that is next to nothing and yet explains what the base does not, where
+    /// that is clearly better: the base rested in a valley of its own.
+    fn better_base(&self) -> Option<State> {
+        let least = threshold(self.scores.len());
+        let all = self.trials.iter().zip(&self.refusals);
+        let idle = all.filter(|(trial, refusals)| refusals.contains(&Refusal::TooSmall) && trial.delta_bic > least);
+        let best = idle.filter_map(|(trial, _)| self.base.begun_from(&trial.state)).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        (best.cost < self.base.cost - least).then_some(best)
     }
 
     /// Refits and judges the most promising effects, the next ones as long as none is accepted.

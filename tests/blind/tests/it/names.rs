@@ -24,3 +24,10 @@ fn what_is_wrong_with_the_form_of_an_effect_gets_no_name() {
     assert_eq!(answer.selected, ["ohmic_soc"], "{answer:?}");
     assert!(mark.right && mark.wrong.is_empty(), "{mark:?}");
 }
+
+/// A fit of the base that came to rest at ten floors is no reason to add what leads out of there.
+#[test]
+fn a_base_that_was_not_at_its_best_lacks_nothing() {
+    let (answer, mark) = asked("null/battery/wrong-ocv-1", 9_200_003);
+    assert!(mark.right && mark.wrong.is_empty(), "{answer:?} {mark:?}");
+}
