@@ -118,6 +118,7 @@ impl Step {
                 judge(&sketches, wave, &mut judged);
             }
         }
+        refuse_what_stands_for_something_small(&mut judged, court);
         // The accepted ones come first, and of those that do as well the simplest.
         judged.sort_by(|(a, _), (b, _)| b.delta_bic.total_cmp(&a.delta_bic));
         judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
@@ -133,7 +134,7 @@ impl Step {
         let outcome = match accepted {
             0 if explained(&base) => Outcome::Complete,
             0 => Outcome::Unknown,
-            _ => Outcome::Missing(alternatives(&trials, accepted)),
+            _ => Outcome::Missing(alternatives(&trials, &refusals)),
         };
         let scores = sketches.scored.into_iter().map(|(score, _)| score).collect();
         Step { base, base_holdout, scores, trials, refusals, untested: sketches.untested, outcome }
@@ -155,6 +156,19 @@ impl Step {
     }
 }
 
+/// Something too small to matter may explain more than what is accepted, which then does what it can of the same work: unless it does
+/// about as well, it is accepted only if it would be beside that, too.
+fn refuse_what_stands_for_something_small(judged: &mut [(Trial, Vec<Refusal>)], court: Court<'_>) {
+    let small = judged.iter().filter(|(_, refusals)| refusals[..] == [Refusal::TooSmall]).map(|(trial, _)| trial);
+    let Some(small) = small.max_by(|a, b| a.delta_bic.total_cmp(&b.delta_bic)).cloned() else { return };
+    let as_well = small.delta_bic - ALIKE.max(AS_WELL * small.delta_bic);
+    for (trial, refused) in judged.iter_mut().filter(|(trial, refusals)| refusals.is_empty() && trial.delta_bic < as_well) {
+        let Some(state) = small.state.with(trial.spec, &trial.state, None) else { continue };
+        let beside = Trial::of(&small.state, state, trial.spec, trial.uniqueness, court.holdout);
+        *refused = refusals(&small.state, &beside, &small.holdout, court);
+    }
+}
+
 /// Keeps of every effect the first.
 fn only_once(judged: &mut Vec<(Trial, Vec<Refusal>)>) {
     let mut seen: Vec<&str> = Vec::new();
@@ -165,8 +179,9 @@ fn only_once(judged: &mut Vec<(Trial, Vec<Refusal>)>) {
     });
 }
 
-/// Places of the accepted trials that the logs cannot tell from the first.
-fn alternatives(trials: &[Trial], accepted: usize) -> Vec<usize> {
+/// Places of the trials that the logs cannot tell from the first: accepted ones, and what predicts the same, does as well and is
+/// refused for nothing but that it is smaller than a decision would notice.
+fn alternatives(trials: &[Trial], refusals: &[Vec<Refusal>]) -> Vec<usize> {
     let first = &trials[0];
     let alike = |&place: &usize| {
         let other = &trials[place];
@@ -174,13 +189,16 @@ fn alternatives(trials: &[Trial], accepted: usize) -> Vec<usize> {
         // same with no more numbers, is one.
         let ahead = other.delta_bic - first.delta_bic;
         let same = hardly_moves(&first.state, &other.state);
+        if !refusals[place].is_empty() {
+            return refusals[place] == [Refusal::TooSmall] && ahead > -ALIKE && same;
+        }
         let richer = other.state.freedom > first.state.freedom;
         // With a number that does nothing it has become the simpler one.
         let degenerate = same && richer && other.has_a_number_to_spare();
         let likely = ahead.abs() < ALIKE && !degenerate || same && !richer;
         likely && !first.is_also(other) && !other.is_also(first)
     };
-    let alike: Vec<usize> = (1..accepted).filter(alike).collect();
+    let alike: Vec<usize> = (1..trials.len()).filter(alike).collect();
     let by_another_name = |place: &usize| alike.iter().any(|one| one != place && trials[*one].is_also(&trials[*place]));
     alike.iter().copied().filter(|place| !by_another_name(place)).collect()
 }

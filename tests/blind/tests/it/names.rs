@@ -31,3 +31,15 @@ fn a_base_that_was_not_at_its_best_lacks_nothing() {
     let (answer, mark) = asked("null/battery/wrong-ocv-1", 9_200_003);
     assert!(mark.right && mark.wrong.is_empty(), "{answer:?} {mark:?}");
 }
+
+/// A lift, or robots' own load, that no decision would notice: what else could do some of their work is not named for it, and where it
+/// does all of it the logs cannot tell.
+#[test]
+fn what_stands_for_something_too_small_to_matter_gets_no_name() {
+    for (name, seed) in [("single/station/lift/small", 9_200_600), ("single/station/robot_own_load/small", 9_200_583)] {
+        let (answer, mark) = asked(name, seed);
+        assert!(answer.selected.is_empty() && mark.wrong.is_empty(), "{name}: {answer:?} {mark:?}");
+    }
+    let (answer, mark) = asked("single/station/hotel/small", 9_200_144);
+    assert!(answer.equivalent.contains("hotel") && mark.wrong.is_empty(), "{answer:?} {mark:?}");
+}
