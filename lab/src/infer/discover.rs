@@ -193,8 +193,10 @@ fn alternatives(trials: &[Trial], refusals: &[Vec<Refusal>]) -> Vec<usize> {
             return refusals[place] == [Refusal::TooSmall] && ahead > -ALIKE && same;
         }
         let richer = other.state.freedom > first.state.freedom;
-        // With a number that does nothing it has become the simpler one.
-        let degenerate = same && richer && other.has_a_number_to_spare();
+        // With a number that does nothing it has become the simpler one, unless it explains more than such numbers do: its
+        // others are then not those of the simpler one.
+        let spared = other.state.freedom.saturating_sub(first.state.freedom) as f64;
+        let degenerate = same && richer && other.has_a_number_to_spare() && first.state.cost - other.state.cost < spared;
         let likely = ahead.abs() < ALIKE && !degenerate || same && !richer;
         likely && !first.is_also(other) && !other.is_also(first)
     };

@@ -43,3 +43,10 @@ fn what_stands_for_something_too_small_to_matter_gets_no_name() {
     let (answer, mark) = asked("single/station/hotel/small", 9_200_144);
     assert!(answer.equivalent.contains("hotel") && mark.wrong.is_empty(), "{answer:?} {mark:?}");
 }
+
+/// Two numbers of which one may be nothing are no needless wealth where they explain more than a simpler effect with its one.
+#[test]
+fn a_richer_effect_that_explains_more_stands_beside_the_simpler_one() {
+    let (answer, mark) = asked("single/battery/electrode_balance/large", 9_200_364);
+    assert!(answer.equivalent.contains("electrode_balance") && mark.right, "{answer:?} {mark:?}");
+}
