@@ -73,7 +73,8 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
     let relieves = strain(base) - strain(&trial.state) > threshold(tried);
     let evidence = &base.frame.evidence;
     let gain = squared(base) - squared(&trial.state);
-    let of_form = gain < FORM * court.explained;
+    // What is wrong with a form is seldom made up for altogether: where nothing is left, it was an effect.
+    let of_form = gain < FORM * court.explained && !at_floor(evidence, &trial.state.told().rms());
     if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !relieves && (of_form || !strong) {
         all.push(Refusal::Evidence);
     }
