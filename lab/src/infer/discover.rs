@@ -7,7 +7,7 @@ use energy::{Channel, Model, catalogue};
 use super::candidate::Untested;
 use super::evidence::Evidence;
 use super::exchange::exchanged;
-use super::judge::{Refusal, STRONG, explained, falls, hardly_moves, refusals, squares, threshold};
+use super::judge::{Court, Refusal, STRONG, explained, falls, hardly_moves, refusals, squared, squares, threshold};
 use super::prune::{shorter, taken};
 use super::score::Score;
 use super::sketch::{Sketch, Sketches};
@@ -54,25 +54,42 @@ impl Step {
     /// like a gain of an effect may be that of a better place to begin.
     #[must_use]
     pub fn look(base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+        Step::look_after(0.0, base, holdout)
+    }
+
+    /// The same where effects found before have explained so much squared error, in floors.
+    fn look_after(explained: f64, base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+        let from = |base: State| {
+            let sketches = Sketches::new(&base);
+            Step::of(base, sketches, explained, holdout)
+        };
         let sketches = Sketches::new(&base);
-        match sketches.better_base(&base) {
-            Some(base) => {
-                let sketches = Sketches::new(&base);
-                Step::of(base, sketches, holdout)
-            }
-            None => Step::of(base, sketches, holdout),
-        }
+        let step = match sketches.better_base(&base) {
+            Some(base) => from(base),
+            None => Step::of(base, sketches, explained, holdout),
+        };
+        step.better_base().map_or(step, from)
+    }
+
+    /// The base refitted from where an effect ended that is next to nothing and yet explains what the base does not, where
+    /// that is clearly better: the base rested in a valley of its own.
+    fn better_base(&self) -> Option<State> {
+        let least = threshold(self.scores.len());
+        let all = self.trials.iter().zip(&self.refusals);
+        let idle = all.filter(|(trial, refusals)| refusals.contains(&Refusal::TooSmall) && trial.delta_bic > least);
+        let best = idle.filter_map(|(trial, _)| self.base.begun_from(&trial.state)).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        (best.cost < self.base.cost - least).then_some(best)
     }
 
     /// Refits and judges the most promising effects, the next ones as long as none is accepted.
-    fn of(base: State, mut sketches: Sketches, holdout: Option<&Arc<Evidence>>) -> Step {
-        let tried = sketches.tried;
+    fn of(base: State, mut sketches: Sketches, explained_before: f64, holdout: Option<&Arc<Evidence>>) -> Step {
+        let court = Court { holdout, tried: sketches.tried, explained: explained_before };
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(base.told(), evidence));
         let mut judged: Vec<(Trial, Vec<Refusal>)> = Vec::new();
         let judge = |sketches: &Sketches, wave: Vec<Sketch>, judged: &mut Vec<(Trial, Vec<Refusal>)>| {
             for sketch in wave {
                 let trial = Trial::refit(&base, &sketches.scored[sketch.place].0, sketch.state, holdout);
-                let refusals = refusals(&base, &trial, &base_holdout, holdout, tried);
+                let refusals = refusals(&base, &trial, &base_holdout, court);
                 judged.push((trial, refusals));
             }
             judged.iter().any(|(_, refusals)| refusals.is_empty())
@@ -101,6 +118,7 @@ impl Step {
                 judge(&sketches, wave, &mut judged);
             }
         }
+        refuse_what_stands_for_something_small(&mut judged, court);
         // The accepted ones come first, and of those that do as well the simplest.
         judged.sort_by(|(a, _), (b, _)| b.delta_bic.total_cmp(&a.delta_bic));
         judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
@@ -116,7 +134,7 @@ impl Step {
         let outcome = match accepted {
             0 if explained(&base) => Outcome::Complete,
             0 => Outcome::Unknown,
-            _ => Outcome::Missing(alternatives(&trials, accepted)),
+            _ => Outcome::Missing(alternatives(&trials, &refusals)),
         };
         let scores = sketches.scored.into_iter().map(|(score, _)| score).collect();
         Step { base, base_holdout, scores, trials, refusals, untested: sketches.untested, outcome }
@@ -126,14 +144,28 @@ impl Step {
 impl Step {
     /// Two effects, where one alone is kept from being accepted by nothing but the other: what both are missing from hides in the
     /// held-out logs what either is worth there.
-    fn jointly(&self, holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
+    fn jointly(&self, explained: f64, holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
         let held = holdout?;
         let least = STRONG * threshold(self.scores.len());
         let hidden = |place: &usize| self.refusals[*place] == [Refusal::Holdout] && self.trials[*place].delta_bic > least;
         let one = &self.trials[(0..self.trials.len()).find(hidden)?];
-        let other = Step::look(one.state.clone(), holdout);
+        let before = explained + squared(&self.base) - squared(&one.state);
+        let other = Step::look_after(before, one.state.clone(), holdout);
         let both = matches!(other.outcome, Outcome::Missing(_)) && falls(held, &self.base_holdout, &other.trials[0].holdout);
         both.then(|| [taken(self.clone(), one.clone()), other])
+    }
+}
+
+/// Something too small to matter may explain more than what is accepted, which then does what it can of the same work: unless it does
+/// about as well, it is accepted only if it would be beside that, too.
+fn refuse_what_stands_for_something_small(judged: &mut [(Trial, Vec<Refusal>)], court: Court<'_>) {
+    let small = judged.iter().filter(|(_, refusals)| refusals[..] == [Refusal::TooSmall]).map(|(trial, _)| trial);
+    let Some(small) = small.max_by(|a, b| a.delta_bic.total_cmp(&b.delta_bic)).cloned() else { return };
+    let as_well = small.delta_bic - ALIKE.max(AS_WELL * small.delta_bic);
+    for (trial, refused) in judged.iter_mut().filter(|(trial, refusals)| refusals.is_empty() && trial.delta_bic < as_well) {
+        let Some(state) = small.state.with(trial.spec, &trial.state, None) else { continue };
+        let beside = Trial::of(&small.state, state, trial.spec, trial.uniqueness, court.holdout);
+        *refused = refusals(&small.state, &beside, &small.holdout, court);
     }
 }
 
@@ -147,8 +179,9 @@ fn only_once(judged: &mut Vec<(Trial, Vec<Refusal>)>) {
     });
 }
 
-/// Places of the accepted trials that the logs cannot tell from the first.
-fn alternatives(trials: &[Trial], accepted: usize) -> Vec<usize> {
+/// Places of the trials that the logs cannot tell from the first: accepted ones, and what predicts the same, does as well and is
+/// refused for nothing but that it is smaller than a decision would notice.
+fn alternatives(trials: &[Trial], refusals: &[Vec<Refusal>]) -> Vec<usize> {
     let first = &trials[0];
     let alike = |&place: &usize| {
         let other = &trials[place];
@@ -156,13 +189,18 @@ fn alternatives(trials: &[Trial], accepted: usize) -> Vec<usize> {
         // same with no more numbers, is one.
         let ahead = other.delta_bic - first.delta_bic;
         let same = hardly_moves(&first.state, &other.state);
+        if !refusals[place].is_empty() {
+            return refusals[place] == [Refusal::TooSmall] && ahead > -ALIKE && same;
+        }
         let richer = other.state.freedom > first.state.freedom;
-        // With a number that does nothing it has become the simpler one.
-        let degenerate = same && richer && other.has_a_number_to_spare();
+        // With a number that does nothing it has become the simpler one, unless it explains more than such numbers do: its
+        // others are then not those of the simpler one.
+        let spared = other.state.freedom.saturating_sub(first.state.freedom) as f64;
+        let degenerate = same && richer && other.has_a_number_to_spare() && first.state.cost - other.state.cost < spared;
         let likely = ahead.abs() < ALIKE && !degenerate || same && !richer;
         likely && !first.is_also(other) && !other.is_also(first)
     };
-    let alike: Vec<usize> = (1..accepted).filter(alike).collect();
+    let alike: Vec<usize> = (1..trials.len()).filter(alike).collect();
     let by_another_name = |place: &usize| alike.iter().any(|one| one != place && trials[*one].is_also(&trials[*place]));
     alike.iter().copied().filter(|place| !by_another_name(place)).collect()
 }
@@ -215,10 +253,11 @@ pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<E
     let mut state = State::of_model(model, evidence);
     let mut steps = Vec::new();
     for look in 0.. {
-        let step = Step::look(state, holdout);
+        let explained = steps.first().map_or(0.0, |first: &Step| squared(&first.base) - squared(&state));
+        let step = Step::look_after(explained, state, holdout);
         let found = match step.outcome {
             Outcome::Missing(_) if look < EFFECTS_MAX => Some(vec![step.clone()]),
-            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(holdout).map(Vec::from),
+            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(explained, holdout).map(Vec::from),
             _ => None,
         };
         let Some(found) = found else {

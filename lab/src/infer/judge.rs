@@ -35,6 +35,10 @@ pub(super) const ABSORBED: f64 = 0.1;
 pub(super) const STRONG: f64 = 3.0;
 /// Share of the squared error beyond the floor that an effect must take away: 5 % of the RMS.
 const FALL: f64 = 0.1;
+/// Share of what effects found before explain of the squared error, up to which what such an effect explains may be what is wrong with
+/// their form: 5 % of the RMS. Straight lines between seven points of a table miss 3 to 4 % of the RMS of a hyperbola or an
+/// exponential, and textbook laws are seldom nearer.
+const FORM: f64 = 0.05 * 0.05;
 /// RMS over floor up to which a channel is explained.
 const EXPLAINED: f64 = 1.05;
 /// Deviations of one reading from which on a change of a measured channel is no small one,
@@ -49,16 +53,31 @@ pub(super) fn threshold(tried: usize) -> f64 {
     DELTA_BIC + 2.0 * (tried.max(1) as f64).ln()
 }
 
-/// Why a refitted effect, one of so many that were tried, is not accepted; empty when it is.
+/// What an effect is judged by.
+#[derive(Debug, Clone, Copy)]
+pub struct Court<'a> {
+    /// Logs that no fit has seen.
+    pub holdout: Option<&'a Arc<Evidence>>,
+    /// Number of effects that were tried.
+    pub tried: usize,
+    /// Squared error, in floors, that effects found before have explained.
+    pub explained: f64,
+}
+
+/// Why a refitted effect is not accepted, `before` being the base model's error on held-out logs; empty when it is.
 #[must_use]
-pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], holdout: Option<&Arc<Evidence>>, tried: usize) -> Vec<Refusal> {
+pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: Court<'_>) -> Vec<Refusal> {
+    let Court { holdout, tried, .. } = court;
     let mut all = Vec::new();
     let strong = trial.delta_bic > STRONG * threshold(tried);
     let relieves = strain(base) - strain(&trial.state) > threshold(tried);
-    if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !strong && !relieves {
+    let evidence = &base.frame.evidence;
+    let gain = squared(base) - squared(&trial.state);
+    // What is wrong with a form is seldom made up for altogether: where nothing is left, it was an effect.
+    let of_form = gain < FORM * court.explained && !at_floor(evidence, &trial.state.told().rms());
+    if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !relieves && (of_form || !strong) {
         all.push(Refusal::Evidence);
     }
-    let evidence = &base.frame.evidence;
     let unit = |channel: Channel| unit_of(channel.name());
     let mut alike = evidence.floors.iter().filter(|(channel, _)| unit(*channel) == unit(trial.spec.channel));
     let unseen = trial.change < trial.spec.matters && alike.all(|(_, floor)| trial.change < SEEN * floor);
@@ -143,6 +162,11 @@ pub(super) fn falls(evidence: &Evidence, before: &[(Channel, f64)], after: &[(Ch
 /// Squared error over all rows, in floors.
 pub(super) fn squares(evidence: &Evidence, rms: &[(Channel, f64)]) -> f64 {
     rms.iter().map(|&(channel, rms)| rows(evidence, channel) * (rms / evidence.floor(channel)).powi(2)).sum()
+}
+
+/// Squared error of the logs that were fitted, in floors.
+pub(super) fn squared(state: &State) -> f64 {
+    squares(&state.frame.evidence, &state.told().rms())
 }
 
 fn rows(evidence: &Evidence, channel: Channel) -> f64 {

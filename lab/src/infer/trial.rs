@@ -49,15 +49,17 @@ impl Trial {
     }
 
     /// Whether the effect could do with fewer numbers: one of its own rests at an end of its range, or is less than a
-    /// deviation from where it does nothing or, where it only shapes the effect, from zero.
+    /// deviation from where it does nothing or, where it only shapes the effect, from zero. One that is nothing by default
+    /// refines the effect: without it, that is what it usually is.
     #[must_use]
     pub fn has_a_number_to_spare(&self) -> bool {
         let (frame, held, sigmas) = (&self.state.frame, self.state.held(), self.state.sigmas());
         (0..frame.free.len()).any(|place| {
             let parameter = &frame.model.parameters()[frame.free[place]];
             let spec = self.spec.parameters.iter().find(|spec| parameter.effect == self.spec.id && spec.name == parameter.name);
+            let refines = |spec: &ParameterSpec| spec.null == Some(spec.default);
             let idle = |spec: &ParameterSpec| (self.state.x[place] - spec.null.unwrap_or(0.0)).abs() < sigmas[place];
-            spec.is_some_and(|spec| held.contains(&place) || idle(spec))
+            spec.is_some_and(|spec| !refines(spec) && (held.contains(&place) || idle(spec)))
         })
     }
 

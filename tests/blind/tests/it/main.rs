@@ -2,6 +2,7 @@
 //! A small part of the cases is put to the lab as well.
 
 mod generator;
+mod names;
 mod quick;
 mod scorer;
 mod stand_ins;
