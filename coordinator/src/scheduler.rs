@@ -38,8 +38,8 @@ pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, PackState, PackView, RobotView, SpareView, StationView, View};
 pub use solve::{Effort, Solved, WHOLE_FLEET_MAX, solve};
 pub use translate::{Grid, Task};
-pub(crate) use words::clock;
 pub use words::{Account, Accounts};
+pub(crate) use words::{apart, clock, short_of};
 
 #[cfg(test)]
 mod tests;

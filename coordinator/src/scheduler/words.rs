@@ -170,14 +170,15 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
 }
 
 /// Two figures, with as many decimals as it takes to tell them apart, up to three.
-fn apart(one: f64, other: f64) -> [String; 2] {
+pub(crate) fn apart(one: f64, other: f64) -> [String; 2] {
     let told = |decimals: usize| [one, other].map(|figure| format!("{figure:.decimals$}"));
     (0..3).map(told).find(|[one, other]| one != other).unwrap_or_else(|| told(3))
 }
 
 /// Energy that is short, with as many decimals as it takes to be more than nothing, up to three.
-fn short_of(wh: f64) -> String {
-    (1..3).map(|decimals| format!("{wh:.decimals$}")).find(|told| told.parse() != Ok(0.0)).unwrap_or_else(|| format!("{wh:.3}"))
+pub(crate) fn short_of(wh: f64) -> String {
+    let decimals = if wh > 0.0 { (1..3).find(|decimals| wh >= 0.5 * 0.1_f64.powi(*decimals)).unwrap_or(3) } else { 1 };
+    format!("{wh:.0$}", decimals as usize)
 }
 
 /// Which packs are short of what for which service.

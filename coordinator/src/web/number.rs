@@ -5,6 +5,8 @@ use energy::units::S_PER_H;
 use proto::Timestamp;
 use serde::Serialize;
 
+use crate::scheduler::{apart, short_of};
+
 /// A number with its sigma. Pages show `text`; programs take `value` and `sigma`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Quantity {
@@ -53,7 +55,18 @@ pub fn likely(probability: f64) -> String {
 /// What a service is short of.
 #[must_use]
 pub fn short(wh: f64, lacks_bay: bool) -> String {
-    if lacks_bay { "a bay".to_owned() } else { format!("{wh:.1} Wh") }
+    if lacks_bay { "a bay".to_owned() } else { format!("{} Wh", short_of(wh)) }
+}
+
+/// A probability that is less than what was asked for shows that.
+#[must_use]
+pub fn likely_of(probability: f64, asked: f64) -> String {
+    let text = likely(probability);
+    if probability >= asked || text != likely(asked) {
+        return text;
+    }
+    let [percent, _] = apart(100.0 * probability, 100.0 * asked);
+    format!("{percent} %")
 }
 
 /// What a sensor shows: no sigma goes with it on the wire.
@@ -136,5 +149,13 @@ mod tests {
         assert_eq!(told(2004.0, 66.0), "33.4 ± 1.1 min");
         assert_eq!(told(40.0, 3.0), "40 ± 3 s");
         assert_eq!(reading(-0.001, "A", 2).text, "0.00 A");
+    }
+
+    #[test]
+    fn what_is_less_than_asked_does_not_read_like_it() {
+        let told = |probability: f64| likely_of(probability, 0.95);
+        assert_eq!([0.951, 0.95, 0.9497, 0.9464, 0.5].map(told), ["95 %", "95 %", "94.97 %", "94.6 %", "50 %"]);
+        assert_eq!([12.34, 0.05, 0.012, 0.003, 0.0].map(|wh| short(wh, false)), ["12.3 Wh", "0.1 Wh", "0.01 Wh", "0.003 Wh", "0.0 Wh"]);
+        assert_eq!(short(0.0, true), "a bay");
     }
 }

@@ -4,7 +4,7 @@ use comfy_table::{Cell, CellAlignment};
 use proto::{Capacity, Event, Explanation, Mode, Promise, Quality, Schedule};
 
 use crate::cmd::{say_text, table, text};
-use crate::web::number::{likely, short};
+use crate::web::number::{likely_of, short};
 
 /// The time of day.
 pub(super) fn clock(at: proto::Timestamp) -> String {
@@ -120,11 +120,11 @@ pub(super) fn show_capacity(capacity: &Capacity) {
     let robots = if capacity.robots_expected == 1 { "robot" } else { "robots" };
     say!("{} {robots} expected, {} at {confidence:.0} %", capacity.robots_expected, capacity.robots_promised);
     for pack in capacity.packs.iter().filter(|pack| !pack.promises.is_empty()) {
-        say!("{} of {}: {}", pack.pack, pack.station, in_order(&pack.promises));
+        say!("{} of {}: {}", pack.pack, pack.station, in_order(&pack.promises, pack.confidence));
     }
     for station in &capacity.stations {
         if capacity.packs_at(&station.station).count() > 1 && !station.promises.is_empty() {
-            say!("{} with all its packs: {}", station.station, in_order(&station.promises));
+            say!("{} with all its packs: {}", station.station, in_order(&station.promises, capacity.confidence));
         }
     }
     if let Some(pack) = capacity.packs.first() {
@@ -134,11 +134,11 @@ pub(super) fn show_capacity(capacity: &Capacity) {
 }
 
 /// "1 at > 99 % (explorer-2, 24.1 Wh), 2 at 97 % (+ explorer-1, 48.0 Wh), 3 at 40 % (+ one more, 71.9 Wh)": energy is of all together.
-fn in_order(promises: &[Promise]) -> String {
+fn in_order(promises: &[Promise], asked: f64) -> String {
     let one = |(count, promise): (usize, &Promise)| {
         let plus = if count == 0 { "" } else { "+ " };
         let who = promise.robot.as_ref().map_or_else(|| "one more".to_owned(), ToString::to_string);
-        format!("{} at {} ({plus}{who}, {:.1} Wh)", count + 1, likely(promise.probability), promise.need_wh.value)
+        format!("{} at {} ({plus}{who}, {:.1} Wh)", count + 1, likely_of(promise.probability, asked), promise.need_wh.value)
     };
     promises.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }

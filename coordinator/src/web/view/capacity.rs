@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::Tone;
 use crate::models::from_wire;
-use crate::web::number::{Quantity, likely, quantity, short};
+use crate::web::number::{Quantity, likely_of, quantity, short};
 
 /// A promise beyond this needs no number of its own when the next is as good.
 const SURE: f64 = 0.995;
@@ -90,7 +90,7 @@ fn rows(capacity: &Capacity) -> Vec<PackRow> {
         let before = rows.len();
         rows.extend(capacity.packs.iter().filter(|pack| pack.station == station.station).map(row));
         if rows.len() > before + 1 {
-            rows.push(together(station));
+            rows.push(together(station, capacity.confidence));
         }
         told.push(&station.station);
     }
@@ -106,13 +106,13 @@ fn row(pack: &PackCapacity) -> PackRow {
         expected: pack.robots_expected,
         promised: pack.robots_promised,
         short: short(pack.short_for_next_wh, pack.lacks_bay),
-        odds: odds(&pack.promises),
+        odds: odds(&pack.promises, pack.confidence),
         who: who(&pack.promises),
         tone: tone(pack.robots_promised),
     }
 }
 
-fn together(station: &StationCapacity) -> PackRow {
+fn together(station: &StationCapacity, confidence: f64) -> PackRow {
     PackRow {
         label: format!("{} together", station.station),
         usable: quantity(from_wire(station.usable_wh), "Wh"),
@@ -120,7 +120,7 @@ fn together(station: &StationCapacity) -> PackRow {
         expected: station.robots_expected,
         promised: station.robots_promised,
         short: short(station.short_for_next_wh, station.lacks_bay),
-        odds: odds(&station.promises),
+        odds: odds(&station.promises, confidence),
         who: who(&station.promises),
         tone: tone(station.robots_promised),
     }
@@ -131,10 +131,10 @@ fn tone(promised: u32) -> Tone {
 }
 
 /// Up to which number of services there is hardly a doubt, and how certain those after it are.
-fn odds(promises: &[Promise]) -> String {
+fn odds(promises: &[Promise], asked: f64) -> String {
     let sure = promises.iter().take_while(|promise| promise.probability > SURE).count();
     let from = sure.saturating_sub(1);
-    let one = |(before, promise): (usize, &Promise)| format!("{} at {}", before + 1, likely(promise.probability));
+    let one = |(before, promise): (usize, &Promise)| format!("{} at {}", before + 1, likely_of(promise.probability, asked));
     promises.iter().enumerate().skip(from).map(one).collect::<Vec<_>>().join(", ")
 }
 
