@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use planner::problem::Problem;
-use planner::{Moves, NoPlan, Replanned, Session, Ways, optimise, renew, replan};
+use planner::problem::{Problem, Tick};
+use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, optimise, renew, replan};
 use proto::RobotId;
 
 use super::again::{unsure, with_the_uncounted};
@@ -99,12 +99,11 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     if best.plan.quality.stranded == 0 || !asked.is_small() {
         return best;
     }
-    // Else it is energy that is short. If sharing it helps nobody, the plan says what even the least charge is short of.
-    let shared = match settings.short_energy {
-        ShortEnergy::WholeCharges => asked.with_the_rest(&best),
-        ShortEnergy::MostRobots => asked.attempt(Offer::Scarce),
-    };
-    if missed(&shared) <= missed(&best) { shared } else { best }
+    // Else it is energy that is short.
+    match settings.short_energy {
+        ShortEnergy::WholeCharges => asked.with_the_rest(best),
+        ShortEnergy::MostRobots => asked.other(best, Offer::Scarce),
+    }
 }
 
 /// What a plan is asked for with.
@@ -126,15 +125,25 @@ impl Asked<'_> {
         self.view.robots.len() <= WHOLE_FLEET_MAX
     }
 
-    /// The plan with as much for those who strand as its own services, held like promises, leave in the packs.
-    fn with_the_rest(&self, best: &Solved) -> Solved {
+    /// The plan with as much for those who strand as its own services, held like promises, leave in the packs, counted at full power.
+    /// If that helps nobody, it is the same plan, and says what even the least charge is short of.
+    fn with_the_rest(&self, mut best: Solved) -> Solved {
         let left: BTreeSet<RobotId> = best.plan.rejected.iter().filter(|left| left.stranded).map(|left| left.robot.clone()).collect();
-        let served: BTreeSet<&RobotId> = best.plan.planned.iter().map(|planned| &planned.robot).collect();
+        let before = Plan { planned: best.plan.planned.clone(), ..Plan::default() };
+        let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
         let mut view = self.view.clone();
         view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
-        let mut shared = Asked { view: &view, before: &best.plan, ..*self }.attempt(Offer::Rest(&left));
-        shared.plan.moved = shared.plan.moved_from(self.before);
-        shared
+        // Only who is left gets a place: a plan is mended for that.
+        let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, Offer::Rest(&left));
+        let is_sure = unsure(&shared.task, &shared.plan, &best.plan, &before, self.settings.confidence).is_empty();
+        if is_sure && missed(&shared) < missed(&best) {
+            shared.plan.moved = shared.plan.moved_from(self.before);
+            return shared;
+        }
+        if places(&shared) == places(&best) {
+            best.plan.rejected = shared.plan.rejected;
+        }
+        best
     }
 
     /// The better of a plan and the one with something else on offer.
@@ -178,6 +187,11 @@ impl Asked<'_> {
 /// What a plan misses: robots that run empty, then work.
 fn missed(solved: &Solved) -> (i64, f64) {
     (solved.plan.quality.stranded, solved.plan.quality.missed_s)
+}
+
+/// Who is serviced where, when and how.
+fn places(solved: &Solved) -> BTreeSet<(usize, usize, Tick, Mode)> {
+    solved.sessions.iter().map(|session| (session.robot, session.station, session.start, session.mode)).collect()
 }
 
 fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Replanned {
