@@ -1,19 +1,21 @@
 //! Makes the planning view from beliefs, models and services that have begun.
 
+mod packs;
+
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
-use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
+use proto::{BayPhase, Gauge, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::{Table, step_of};
-use crate::scheduler::{Begun, PackView, RobotView, SpareView, StationView, Tables, View};
+use crate::scheduler::{Begun, PackState, PackView, RobotView, SpareView, StationView, Tables, View};
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::trust::Trust;
 use crate::watch::{Subject, Watch};
@@ -303,52 +305,22 @@ impl Basis<'_> {
     /// the fullest last, so that full packs stay full. Those that are still to come, last.
     fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
         let draw = self.working_draw(models, state);
-        let mut packs: Vec<PackView> = state
-            .packs
-            .iter()
-            .filter_map(|pack| {
-                let gauge = station.packs.get(&pack.pack);
-                let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
-                let (soc, available_s) = match pack.back {
-                    _ if pack.connected => (gauge.filter(|_| !pack.depleted)?.soc, 0.0),
-                    back => (back?.soc, self.comes_s(back?.at)),
-                };
-                let model = models.packs.get(&pack.pack)?;
-                let usable_wh = self.tables.usable.wh(model, from_wire(soc), temperature_degc, draw.power_w);
-                let gain_wh = self.tables.gain_wh(models, state.bays.len(), model, temperature_degc, &draw);
-                let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
-                let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-                let state =
-                    Some(crate::scheduler::PackState { model: Arc::clone(model), soc: wider(from_wire(soc), factor), temperature_degc });
-                Some(PackView {
-                    pack: pack.pack.clone(),
-                    usable_wh: wider(usable_wh, factor),
-                    gain_wh,
-                    uncounted_wh: 0.0,
-                    state,
-                    available_s,
-                })
-            })
-            .collect();
-        let active = |pack: &PackId| state.active_pack.as_ref() == Some(pack);
-        packs.sort_by(|a, b| {
-            let key = |pack: &PackView| (!active(&pack.pack), [pack.available_s, pack.usable_wh.value]);
-            let ((a_is, [a_s, a_wh]), (b_is, [b_s, b_wh])) = (key(a), key(b));
-            a_is.cmp(&b_is).then(a_s.total_cmp(&b_s)).then(a_wh.total_cmp(&b_wh)).then_with(|| a.pack.cmp(&b.pack))
+        let packs = state.packs.iter().filter_map(|pack| {
+            let gauge = station.packs.get(&pack.pack);
+            let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
+            let (soc, available_s) = match pack.back {
+                _ if pack.connected => (gauge.filter(|_| !pack.depleted)?.soc, 0.0),
+                back => (back?.soc, self.comes_s(back?.at)),
+            };
+            let model = models.packs.get(&pack.pack)?;
+            let usable_wh = self.tables.usable.wh(model, from_wire(soc), temperature_degc, draw.power_w);
+            let gain_wh = self.tables.gain_wh(models, state.bays.len(), model, temperature_degc, &draw);
+            let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
+            let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
+            let state = Some(PackState { model: Arc::clone(model), soc: wider(from_wire(soc), factor), temperature_degc });
+            Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, uncounted_wh: 0.0, state, available_s })
         });
-        // Only the last one sees the end of the last charge. The others are left a little before they give out, and none that
-        // holds hardly more than that is turned to (`answers::next_pack`): it would only be counted as the one after.
-        let left_wh = HANDOVER_S / S_PER_H * draw.power_w;
-        packs.retain(|pack| active(&pack.pack) || pack.usable_wh.value > 2.0 * left_wh);
-        if let Some((last, before)) = packs.split_last_mut() {
-            last.usable_wh.value += std::mem::take(&mut last.gain_wh);
-            for pack in before {
-                let left_wh = left_wh.min(pack.usable_wh.value);
-                pack.usable_wh.value -= left_wh;
-                pack.gain_wh += left_wh;
-            }
-        }
-        packs
+        packs::in_order(packs.collect(), state.active_pack.as_ref(), draw.power_w)
     }
 
     /// Power out of the active pack while every bay charges, and how it falls at the end of that: usable

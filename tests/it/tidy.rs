@@ -52,6 +52,7 @@ fn cores_are_pure() {
         "coordinator/src/core.rs",
         "coordinator/src/fleet.rs",
         "coordinator/src/view.rs",
+        "coordinator/src/view",
         "coordinator/src/watch",
         "coordinator/src/forecast.rs",
         "coordinator/src/scheduler",

@@ -8,7 +8,7 @@ use proto::RobotId;
 
 use super::again::{unsure, with_the_uncounted};
 use super::plan::Plan;
-use super::problem::View;
+use super::problem::{RobotView, View};
 use super::translate::{Offer, Task, worth};
 use crate::models::{Settings, ShortEnergy};
 
@@ -129,6 +129,12 @@ impl Asked<'_> {
     /// If that helps nobody, it is the same plan, and says what even the least charge is short of.
     fn with_the_rest(&self, mut best: Solved) -> Solved {
         let left: BTreeSet<RobotId> = best.plan.rejected.iter().filter(|left| left.stranded).map(|left| left.robot.clone()).collect();
+        // There is no part of an exchange.
+        let has_bays = |station: usize| !self.view.stations[station].bays.is_empty();
+        let charges = |robot: &RobotView| robot.travel.iter().any(|(station, ..)| has_bays(*station));
+        if !self.view.robots.iter().any(|robot| left.contains(&robot.robot) && charges(robot)) {
+            return best;
+        }
         let before = Plan { planned: best.plan.planned.clone(), ..Plan::default() };
         let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
         let mut view = self.view.clone();
