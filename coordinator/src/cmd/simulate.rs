@@ -81,6 +81,9 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(store) = &args.store {
         ensure!(runs.len() == 1, "--store: a store is of one run, and this makes {}: choose one by --run or --policy", runs.len());
         ensure!(!store.exists(), "--store {}: it is there already; name a new file, or remove that one", store.display());
+        let folder = store.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let is_there = folder.is_none_or(std::path::Path::is_dir);
+        ensure!(is_there, "--store {}: there is no folder to put it into; make it first", store.display());
     }
     let mut stage = args.serve.then(|| Stage::open(args.port, args.speed)).transpose()?;
     let mut finished = Vec::new();

@@ -184,7 +184,8 @@ fn a_simulated_store_answers_like_a_live_one() {
         assert!(answer.stderr.contains(said), "{arguments:?}: {}", answer.stderr);
     }
     let answer = simulate(folder.path(), &["small.toml", "--store", "none/run.db"]);
-    assert_eq!(answer.code, 2, "{}", answer.stderr);
+    assert_eq!((answer.code, answer.stdout.as_str()), (2, ""), "{}", answer.stderr);
+    assert!(answer.stderr.contains("--store none/run.db: there is no folder"), "{}", answer.stderr);
     assert!(!folder.path().join("two.db").exists() && !folder.path().join("none").exists());
 }
 

@@ -45,10 +45,10 @@ pub(super) fn write(args: &Args, scenario: &Scenario, seed: u64, finished: &[Fin
     Ok(())
 }
 
-/// Writes a new store, in a folder beside its place until it is whole.
+/// Writes a new store, in a folder of this process beside its place until it is whole: what a killed one leaves is in nobody's way.
 async fn keep(path: &Path, site: &SiteId, records: &[Record]) -> anyhow::Result<()> {
     let name = path.file_name().with_context(|| format!("--store {}: that is no name of a file", path.display()))?;
-    let folder = path.with_file_name(format!(".{}.part", name.to_string_lossy()));
+    let folder = path.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
     std::fs::create_dir(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let kept = async {
         let part = folder.join(name);
