@@ -57,6 +57,12 @@ pub fn spare_again(station: &StationModels, soc: Estimate, target_soc: f64) -> N
     }
 }
 
+/// What an exchange takes without the charge of the pack that is left.
+#[must_use]
+pub fn exchange(station: &StationModels) -> Need {
+    service::exchange(&station.load, station.handling, circumstances(station, 1).pack_v)
+}
+
 /// Energy that a pack gives down to its end of discharge at this power.
 #[must_use]
 pub fn usable_wh(pack: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_w: f64) -> Estimate {

@@ -13,6 +13,7 @@
 //!   again.rs      once more with what packs give beyond what was counted
 //!      |
 //!   plan.rs       its sessions as services: bay, spare, packs, times, probability
+//!   recharging.rs what packs that robots left draw while they are charged
 //!   cover.rs      how surely the packs last until then, along the load of that plan
 //!   carry.rs      how much more than a load packs could carry, by stepping them
 //!   words.rs      why, why not, and what would have to change
@@ -27,6 +28,7 @@ pub mod charging;
 mod cover;
 mod plan;
 mod problem;
+mod recharging;
 mod solve;
 pub(crate) mod translate;
 pub mod usable;
@@ -36,6 +38,7 @@ pub use carry::packs_after_begun;
 pub use charging::Tables;
 pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, PackState, PackView, RobotView, SpareView, StationView, View};
+pub use recharging::Recharging;
 pub use solve::{Effort, Solved, WHOLE_FLEET_MAX, solve};
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts};

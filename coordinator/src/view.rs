@@ -15,7 +15,7 @@ use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::{Table, step_of};
-use crate::scheduler::{Begun, PackState, PackView, RobotView, SpareView, StationView, Tables, View};
+use crate::scheduler::{Begun, PackState, PackView, Recharging, RobotView, SpareView, StationView, Tables, View};
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::trust::Trust;
 use crate::watch::{Subject, Watch};
@@ -168,6 +168,7 @@ impl Basis<'_> {
             packs: Vec::new(),
             committed: Need::default(),
             committed_until_s: 0.0,
+            recharging: Vec::new(),
             overhead_per_h: self.doubted(id, forecast::overhead_per_h(models)),
             shared_per_wh: reference.map_or_else(Vec::new, |table| table.shared_per_wh.iter().map(|change| factor * change).collect()),
         };
@@ -200,16 +201,21 @@ impl Basis<'_> {
 
     /// Spares that can be handed out, now or when they are charged again.
     fn spares(&self, view: &mut StationView, models: &StationModels, station: &Station, state: &StationState, here: &[&ServiceRun]) {
-        let to_soc = self.settings.charge_to_soc;
-        let charge_s = |soc: f64| self.reference(&view.station, models).map_or(0.0, |table| table.at(soc).charge_s);
+        let (to_soc, factor) = (self.settings.charge_to_soc, self.watch.wider(&Subject::Station(view.station.clone())));
+        let reference = self.reference(&view.station, models);
+        let charge_s = |soc: f64| reference.as_ref().map_or(0.0, |table| table.at(soc).charge_s);
         for spare in &state.spares {
             let taker = here.iter().find(|run| matches!(&run.how, How::Swap { spare: taken } if *taken == spare.spare));
             // A spare at the level at which robots want a service is none.
             let charged = spare.soc.value > self.settings.serve_below_soc;
             let (ready_s, soc) = if let Some(run) = taker {
                 // The pack that its robot leaves takes its place.
-                let soc = self.fleet.robots.get(&run.robot).and_then(|robot| robot.gauge.as_ref()).map_or(0.0, |gauge| gauge.soc.value);
-                (self.ends_s(run) + charge_s(soc), to_soc)
+                let gauge = self.fleet.robots.get(&run.robot).and_then(|robot| robot.gauge.as_ref());
+                let soc = gauge.map_or(Estimate::exact(0.0), |gauge| from_wire(gauge.soc));
+                let (from_s, need) = (self.ends_s(run), reference.as_ref().map(|table| table.bare(soc, factor)));
+                let until_s = from_s + charge_s(soc.value);
+                view.recharging.extend(need.map(|need| Recharging { from_s, until_s, need }));
+                (until_s, to_soc)
             } else if spare.ready {
                 (0.0, spare.soc.value)
             } else {
@@ -217,9 +223,13 @@ impl Basis<'_> {
                 let whole_s = charge_s(spare.soc.value).max(1.0);
                 // What it has taken since then, the packs' gauges have counted.
                 let lacking = (1.0 - since_s / whole_s).clamp(0.0, 1.0);
-                let need = forecast::spare_again(models, from_wire(spare.soc), to_soc).scaled(lacking);
-                view.committed = view.committed.plus(&self.doubted(&view.station, need));
-                ((whole_s - since_s).max(SPARE_LATE_S), to_soc)
+                let need = reference.as_ref().map(|table| {
+                    let soc = table.reached(spare.soc.value, since_s);
+                    table.bare(Estimate::new(soc, lacking * spare.soc.sigma), factor)
+                });
+                let until_s = (whole_s - since_s).max(SPARE_LATE_S);
+                view.recharging.extend(need.map(|need| Recharging { from_s: 0.0, until_s, need }));
+                (until_s, to_soc)
             };
             if (ready_s == 0.0 && charged) || (ready_s > 0.0 && view.charges_spares) {
                 view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s });
@@ -292,9 +302,9 @@ impl Basis<'_> {
         Begun { bay, from_s, to_load: run.under_way() || run.stage == Stage::Loading, until_s }
     }
 
-    /// What a service that has begun still takes: the charge that the robot still lacks.
+    /// What a service that has begun still takes: the charge that the robot still lacks, or the exchange alone.
     fn still_needs(&self, run: &ServiceRun, models: &StationModels) -> Need {
-        let Some(to_soc) = run.how.to_soc() else { return run.need.clone() };
+        let Some(to_soc) = run.how.to_soc() else { return self.doubted(&run.station, forecast::exchange(models)) };
         let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
         let factor = self.watch.wider(&Subject::Station(run.station.clone()));

@@ -2,18 +2,21 @@
 
 use std::collections::BTreeMap;
 
-use energy::units::S_PER_H;
 use energy::{Estimate, Need};
 use planner::Mode;
 use proto::{Capacity, PackId, RobotId};
+use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use crate::forecast;
 use crate::models::{StationModels, from_wire};
 use crate::scheduler::capacity::{Coming, Holding, Question, Wanted, capacity as count};
 use crate::scheduler::charging::{Course, Table};
 use crate::scheduler::translate::HORIZON_MAX_S;
-use crate::scheduler::{PackView, Plan, Planned, RobotView, StationView, View, WHOLE_FLEET_MAX, packs_after_begun};
+use crate::scheduler::{PackView, Plan, Planned, Recharging, RobotView, StationView, View, WHOLE_FLEET_MAX, packs_after_begun};
 use crate::view::Basis;
+
+/// A pack that holds this many standard deviations more than is owed leaves nothing to the next.
+const SIGMAS_OWED: f64 = 6.0;
 
 /// How many more robots each pack can service, each pack by itself, and each station, beyond the services
 /// that have begun.
@@ -66,7 +69,9 @@ fn question(basis: &Basis<'_>, robots: &[(f64, Option<&Planned>, &RobotView)], i
     Some(Question {
         station: id.clone(),
         packs: state.packs.iter().filter_map(|pack| holding(basis, station, &pack.pack, pack.connected)).collect(),
+        usable_wh: together_wh(station),
         robots: coming.collect(),
+        recharging: station.recharging.iter().map(|charged| charged.after(station.committed_until_s)).collect(),
         service: charge(station, models, &table, Estimate::exact(from_soc)),
         breakdown_wh: table.breakdown_wh.clone(),
         bays: state.bays.len() as u32,
@@ -84,17 +89,22 @@ fn charge(station: &StationView, models: &StationModels, table: &Table, soc: Est
         time_s: table.at(soc.value).charge_s + models.handling.load_s + models.handling.unload_s,
         course: Course::charge(table, soc.value, table.target_soc(), models.handling.load_s),
         in_bay: true,
+        left: None,
     }
 }
 
 /// What the plan says of a service.
 fn as_planned(planned: &Planned, table: &Table, soc: f64, models: &StationModels) -> Wanted {
+    let time_s = planned.end.seconds_since(planned.start);
+    let (need, left) = match planned.mode {
+        Mode::SwapAndRecharge => Recharging::split(&planned.need, table.at(soc), time_s),
+        _ => (planned.need.clone(), None),
+    };
     let course = match planned.mode {
         Mode::Charge(_) => Course::charge(table, soc, planned.to_soc, models.handling.load_s),
-        Mode::Swap | Mode::SwapAndRecharge => Course { even_wh: planned.need.mean_wh, ..Course::default() },
+        Mode::Swap | Mode::SwapAndRecharge => Course { even_wh: need.mean_wh, ..Course::default() },
     };
-    let in_bay = matches!(planned.mode, Mode::Charge(_));
-    Wanted { need: planned.need.clone(), time_s: planned.end.seconds_since(planned.start), course, in_bay }
+    Wanted { need, time_s, course, in_bay: matches!(planned.mode, Mode::Charge(_)), left }
 }
 
 /// What a pack holds when services that have begun are paid for; none of a pack that is away for nobody knows how long.
@@ -103,7 +113,7 @@ fn holding(basis: &Basis<'_>, station: &StationView, pack: &PackId, is_connected
     if !is_connected && planned.is_none() {
         return None;
     }
-    let begun = station.committed.plus(&station.overhead_per_h.scaled(station.committed_until_s / S_PER_H));
+    let begun = station.begun();
     // A pack that gave out, or that no model is known of, is in no plan.
     let usable_wh = free_wh(&station.packs, begun.estimate()).get(pack).copied().unwrap_or(Estimate::exact(0.0));
     let gauge = basis.fleet.stations.get(&station.station)?.packs.get(pack);
@@ -118,15 +128,75 @@ fn holding(basis: &Basis<'_>, station: &StationView, pack: &PackId, is_connected
     })
 }
 
-/// What each pack has left when services that have begun are paid for, in the order in which packs
-/// are drained. Who pays a share carries the share's doubt.
+/// What all packs have left when services that have begun are paid for.
+fn together_wh(station: &StationView) -> Estimate {
+    let held = station.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
+    let begun = station.begun().estimate();
+    Estimate::new((held.value - begun.value).max(0.0), held.sigma.hypot(begun.sigma))
+}
+
+/// What each pack has left when services that have begun are paid for, in the order in which packs are drained: none has less
+/// than nothing, and what one may lack the next may have to pay.
 fn free_wh(packs: &[PackView], begun: Estimate) -> BTreeMap<PackId, Estimate> {
-    let mut owed_wh = begun.value;
+    let mut owed = begun;
     let free = |pack: &PackView| {
-        let paid_wh = owed_wh.min(pack.usable_wh.value).max(0.0);
-        owed_wh -= paid_wh;
-        let sigma = if paid_wh > 0.0 { pack.usable_wh.sigma.hypot(begun.sigma) } else { pack.usable_wh.sigma };
-        (pack.pack.clone(), Estimate::new(pack.usable_wh.value - paid_wh, sigma))
+        let (usable, sigma) = (pack.usable_wh.value, pack.usable_wh.sigma.hypot(owed.sigma));
+        let left_wh = usable - owed.value;
+        owed = if left_wh < sigma * SIGMAS_OWED { at_least_nothing(Estimate::new(-left_wh, sigma)) } else { Estimate::exact(0.0) };
+        (pack.pack.clone(), at_least_nothing(Estimate::new(left_wh, sigma)))
     };
     packs.iter().map(free).collect()
+}
+
+/// Mean and standard deviation of `max(0, X)` of a normal `X`, by its moments:
+/// `m Phi(m/s) + s phi(m/s)` and `(m² + s²) Phi(m/s) + m s phi(m/s)`.
+fn at_least_nothing(of: Estimate) -> Estimate {
+    let (mean, sigma) = (of.value, of.sigma);
+    if sigma <= 0.0 {
+        return Estimate::exact(mean.max(0.0));
+    }
+    let (above, density) = (Normal::standard().cdf(mean / sigma), Normal::standard().pdf(mean / sigma));
+    let first = mean * above + sigma * density;
+    let second = (mean * mean + sigma * sigma) * above + mean * sigma * density;
+    Estimate::new(first.max(0.0), (second - first * first).max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pack(n: usize, wh: f64, sigma_wh: f64) -> PackView {
+        PackView {
+            pack: PackId::new(format!("p-{n}")).unwrap(),
+            usable_wh: Estimate::new(wh, sigma_wh),
+            gain_wh: 0.0,
+            uncounted_wh: 0.0,
+            state: None,
+            available_s: 0.0,
+        }
+    }
+
+    fn free(packs: &[(f64, f64)], begun: Estimate) -> Vec<Estimate> {
+        let packs: Vec<PackView> = packs.iter().enumerate().map(|(n, &(wh, sigma_wh))| pack(n, wh, sigma_wh)).collect();
+        free_wh(&packs, begun).into_values().collect()
+    }
+
+    #[test]
+    fn services_that_have_begun_are_paid_pack_by_pack() {
+        assert_eq!(free(&[(10.0, 0.0), (50.0, 1.0)], Estimate::exact(4.0)), [Estimate::exact(6.0), Estimate::new(50.0, 1.0)]);
+        assert_eq!(free(&[(10.0, 0.0), (50.0, 0.0)], Estimate::exact(14.0)), [Estimate::exact(0.0), Estimate::exact(46.0)]);
+        assert_eq!(free(&[(10.0, 0.0), (50.0, 0.0)], Estimate::exact(90.0)), [Estimate::exact(0.0), Estimate::exact(0.0)]);
+    }
+
+    #[test]
+    fn what_one_pack_may_lack_the_next_may_have_to_pay_and_together_they_have_what_there_is() {
+        // The first just pays what has begun, ± 1 Wh: half of the time it lacks 0.8 Wh on average (sqrt(2/pi)), half of the time
+        // it keeps as much.
+        let told = free(&[(10.0, 0.6), (50.0, 1.0)], Estimate::new(10.0, 0.8));
+        let half = (0.5 / std::f64::consts::PI).sqrt();
+        assert!((told[0].value - half).abs() < 1e-9 && (told[1].value - (50.0 - half)).abs() < 1e-9, "{told:?}");
+        // Variance of max(0, N(0, 1)): 1/2 - 1/(2 pi).
+        let variance = 0.5 - half * half;
+        assert!((told[0].sigma.powi(2) - variance).abs() < 1e-9 && (told[1].sigma.powi(2) - 1.0 - variance).abs() < 1e-9);
+    }
 }

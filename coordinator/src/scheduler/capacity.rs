@@ -20,6 +20,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::carry::{Load, Part, SIGMAS_MAX};
 use super::charging::Course;
 use super::problem::PackState;
+use super::recharging::Recharging;
 
 /// More services than this are not counted.
 const SERVICES_MAX: usize = 10_000;
@@ -41,12 +42,16 @@ pub struct Question {
     pub station: StationId,
     /// Its packs.
     pub packs: Vec<Holding>,
+    /// What all of them give together when the services that have begun are paid for, Wh.
+    pub usable_wh: Estimate,
     /// Robots in the order in which they come.
     pub robots: Vec<Coming>,
     /// A service from where one is wanted to where it is done.
     pub service: Wanted,
     /// The same by cause, Wh.
     pub breakdown_wh: BTreeMap<String, f64>,
+    /// Packs that robots left, from when the services that have begun are over.
+    pub recharging: Vec<Recharging>,
     /// Services at once.
     pub bays: u32,
     /// What the station takes in an hour beside services.
@@ -66,6 +71,8 @@ pub struct Wanted {
     pub course: Course,
     /// Whether it takes a bay.
     pub in_bay: bool,
+    /// The charge of the pack that it leaves, s from its beginning.
+    pub left: Option<Recharging>,
 }
 
 /// A robot that comes.
@@ -153,8 +160,7 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
 
 /// All packs of the station together: a service may begin on one and end on the next.
 fn of_station(question: &Question, confidence: f64) -> StationCapacity {
-    let together = question.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
-    let count = question.count(together, &question.packs, confidence);
+    let count = question.count(question.usable_wh, &question.packs, confidence);
     StationCapacity {
         station: question.station.clone(),
         usable_wh: node::wire(count.usable_wh),
@@ -170,7 +176,8 @@ impl Question {
     /// How many services these packs, which count as `usable_wh`, are enough for.
     fn count(&self, usable_wh: Estimate, packs: &[Holding], confidence: f64) -> Count {
         let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
-        let (mut services, mut parts, mut short_wh) = (Need::default(), Vec::new(), None);
+        let (mut services, mut recharging, mut short_wh) = (Need::default(), self.recharging.clone(), None);
+        let mut parts: Vec<Part> = recharging.iter().map(Recharging::part).collect();
         let mut lacks_bay = false;
         let mut bays_free_s = vec![0.0_f64; self.bays.clamp(1, SERVICES_MAX as u32) as usize];
         let (mut ends_s, mut before, mut told_wh) = (0.0_f64, 1.0_f64, usable_wh.value);
@@ -188,7 +195,11 @@ impl Question {
             // What the station takes by itself meanwhile, also while it waits for whoever wants nothing yet.
             ends_s = ends_s.max(start_s + wanted.time_s);
             parts.extend(wanted.course.parts(start_s, start_s + wanted.time_s));
-            let need = services.plus(&self.overhead_per_h.scaled(ends_s / S_PER_H)).estimate();
+            let left = wanted.left.as_ref().map(|left| left.later(start_s));
+            parts.extend(left.as_ref().map(Recharging::part));
+            recharging.extend(left);
+            let beside = recharging.iter().fold(self.overhead_per_h.scaled(ends_s / S_PER_H), |sum, pack| sum.plus(&pack.by(ends_s)));
+            let need = services.plus(&beside).estimate();
             let sigma_wh = usable_wh.sigma.hypot(need.sigma).max(1e-9);
             let counted_wh = usable_wh.value - need.value;
             // Counted energy errs on the safe side: what it says is certain is certain.
@@ -240,151 +251,4 @@ fn margin(spare: Estimate, confidence: f64) -> (f64, f64) {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use energy::load::Terminals as _;
-    use energy::pack::Battery as _;
-
-    use super::*;
-
-    fn question(usable_wh: &[f64], bays: u32) -> Question {
-        let pack = |(n, wh): (usize, &f64)| {
-            let (pack, wh) = (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh));
-            Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: 0.0, state: None, from_s: 0.0 }
-        };
-        Question {
-            station: StationId::new("s").unwrap(),
-            packs: usable_wh.iter().enumerate().map(pack).collect(),
-            robots: Vec::new(),
-            service: wanted(20.0),
-            breakdown_wh: BTreeMap::new(),
-            bays,
-            overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
-            overhead_breakdown: BTreeMap::from([("hotel".to_owned(), 6.0)]),
-        }
-    }
-
-    fn wanted(wh: f64) -> Wanted {
-        Wanted {
-            need: Need { mean_wh: wh, ..Need::default() },
-            time_s: 3600.0,
-            course: Course { even_wh: wh, ..Course::default() },
-            in_bay: true,
-        }
-    }
-
-    fn coming(name: &str, wh: f64, from_s: f64) -> Coming {
-        Coming { robot: RobotId::new(name).unwrap(), wanted: wanted(wh), from_s, is_planned: false }
-    }
-
-    fn first(question: &Question) -> PackCapacity {
-        capacity(Timestamp::from_unix_ms(0), std::slice::from_ref(question), 0.95).packs.remove(0)
-    }
-
-    #[test]
-    fn a_margin_of_one_sigma_holds_with_84_percent() {
-        let (probability, short_wh) = margin(Estimate::new(50.0 - 45.0, 3.0_f64.hypot(4.0)), 0.95);
-        assert!((probability - 0.8413).abs() < 1e-4);
-        // 1.645 sigma are needed, one is there: 0.645 x 5 Wh short.
-        assert!((short_wh - 0.6449 * 5.0).abs() < 1e-3);
-    }
-
-    #[test]
-    fn three_at_once_share_the_hotel_and_one_by_one_does_not() {
-        // 3 x 20 + 6 = 66; one by one 3 x 26 = 78.
-        assert_eq!(first(&question(&[70.0], 3)).robots_promised, 3);
-        assert_eq!(first(&question(&[70.0], 1)).robots_promised, 2);
-        let answer = first(&question(&[70.0], 3));
-        // A fourth needs a second round: 4 x 20 + 2 x 6 = 92.
-        assert!((answer.short_for_next_wh - 22.0).abs() < 1e-6);
-        let sum: f64 = answer.breakdown_wh.values().sum();
-        assert!((sum - 2.0).abs() < 1e-12, "a third of the hotel for each");
-    }
-
-    #[test]
-    fn what_two_packs_lack_alone_they_have_together() {
-        // One by one: two services and two hours are 52 Wh; 40 + 40 Wh are three services together.
-        let answer = capacity(Timestamp::from_unix_ms(0), &[question(&[40.0, 40.0], 1)], 0.95);
-        assert_eq!(answer.packs.iter().map(|pack| pack.robots_promised).collect::<Vec<_>>(), [1, 1]);
-        assert_eq!((answer.stations[0].robots_promised, answer.robots_promised), (3, 3));
-    }
-
-    #[test]
-    fn robots_come_first_and_each_with_its_own_need() {
-        let mut asked = question(&[60.0], 3);
-        let robot = |name: &str, wh: f64| coming(name, wh, 0.0);
-        asked.robots = vec![robot("a", 10.0), robot("b", 24.0)];
-        // 10 + 24 + 20 + 6 = 60.
-        let told: Vec<(Option<String>, f64)> =
-            first(&asked).promises.iter().map(|promise| (promise.robot.as_ref().map(ToString::to_string), promise.need_wh.value)).collect();
-        assert_eq!(told, [(Some("a".to_owned()), 16.0), (Some("b".to_owned()), 40.0), (None, 60.0)]);
-    }
-
-    #[test]
-    fn a_station_that_waits_for_a_robot_pays_for_itself_meanwhile() {
-        let mut asked = question(&[70.0], 3);
-        let robot = |name: &str, from_s: f64| coming(name, 20.0, from_s);
-        asked.robots = vec![robot("a", 0.0), robot("b", 1800.0), robot("c", 5.0 * 3600.0)];
-        // Services of 20 Wh and an hour; the station takes 6 Wh in each of 1, 1.5 and 6 hours.
-        let told: Vec<f64> = first(&asked).promises.iter().map(|promise| promise.need_wh.value).collect();
-        assert_eq!((told, first(&asked).robots_promised), (vec![26.0, 49.0], 2));
-    }
-
-    #[test]
-    fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
-        assert_eq!(first(&question(&[0.0], 3)).robots_expected, 0);
-        let without_bays = first(&question(&[70.0], 0));
-        assert_eq!((without_bays.robots_expected, without_bays.lacks_bay), (0, true));
-        // An exchange takes none: it is the charge after it that lacks one.
-        let mut asked = question(&[70.0], 0);
-        asked.robots = vec![coming("a", 20.0, 0.0)];
-        asked.robots[0].wanted.in_bay = false;
-        let answer = first(&asked);
-        assert_eq!((answer.robots_promised, answer.lacks_bay), (1, true));
-    }
-
-    /// Whether a pack carries services of 20 W for half an hour and 8 W for ten minutes, begun at these seconds, and 6 W beside
-    /// them, by stepping it second by second.
-    fn carries(pack: &Arc<energy::Model>, soc: f64, begun_s: &[i32]) -> bool {
-        let mut pack = energy::Pack::new(pack.clone(), energy::Start { temperature_degc: 25.0, ..energy::Start::at_soc(soc) });
-        let drawn_w = |since_s: i32| match since_s {
-            0..1800 => 20.0,
-            1800..2400 => 8.0,
-            _ => 0.0,
-        };
-        (0..begun_s.last().unwrap() + 2400).all(|second| {
-            let power_w = 6.0 + begun_s.iter().map(|begun_s| drawn_w(second - begun_s)).sum::<f64>();
-            pack.step_power(power_w, 1.0).is_ok() && !pack.is_empty()
-        })
-    }
-
-    #[test]
-    fn a_pack_that_just_carries_two_services_is_enough_for_them_at_even_odds_whatever_was_counted() {
-        let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
-        for (bays, begun_s) in [(2, [0, 0]), (1, [0, 2400])] {
-            let (mut low, mut high) = (0.05, 0.9);
-            for _ in 0..20 {
-                let middle = f64::midpoint(low, high);
-                if carries(&model, middle, &begun_s) { high = middle } else { low = middle }
-            }
-            let odds = |soc: f64, counted_wh: f64| {
-                let mut asked = question(&[0.0], bays);
-                let course = Course { charge: vec![(1800.0, 20.0), (600.0, 8.0)], ..Course::default() };
-                asked.service =
-                    Wanted { need: Need { mean_wh: 10.0 + 8.0 / 6.0, ..Need::default() }, time_s: 2400.0, course, in_bay: true };
-                asked.packs[0].usable_wh = Estimate::new(counted_wh, 1.0);
-                asked.packs[0].state = Some(PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
-                first(&asked).promises.get(1).map_or(0.0, |second| second.probability)
-            };
-            let needed_wh = 2.0 * (10.0 + 8.0 / 6.0) + 6.0 * f64::from(begun_s[1] + 2400) / S_PER_H;
-            for counted_wh in [needed_wh - 5.0, needed_wh, needed_wh + 3.0] {
-                let even = odds(high, counted_wh);
-                assert!((even - 0.5).abs() < 0.06, "{bays} bays, {counted_wh} Wh counted: {even}");
-            }
-            // A hundredth of its charge more is 0.86 Wh, at a sigma of 1 Wh 80 %.
-            let more = odds(high + 0.01, needed_wh);
-            assert!((0.75..0.86).contains(&more), "{bays} bays: {more}");
-        }
-    }
-}
+mod tests;

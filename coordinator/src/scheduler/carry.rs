@@ -16,7 +16,7 @@ const STEP_MAX_S: f64 = 120.0;
 const STEP_MIN_S: f64 = 4.0;
 /// The margin is found to this part of its standard deviation: off by half of it is a probability off by 1 % at most.
 const PRECISION: f64 = 0.05;
-/// The load is scaled by no more than this.
+/// The load is scaled up by no more than this.
 const SCALE_MAX: f64 = 1.3;
 
 /// Packs are drained to their end in stretches of this, and for no longer than a week, s.
@@ -49,8 +49,8 @@ impl Load<'_> {
             let mut bank = Bank::new(packs);
             steps.iter().all(|step| bank.gives(step.power_w * scale, step.dt_s) || !step.serves)
         };
-        let reach = (SIGMAS_MAX * sigma_wh / energy_wh).min(1.0 - SCALE_MAX.recip());
-        let (mut low, mut high) = (1.0 - reach, 1.0 + reach);
+        let reach = SIGMAS_MAX * sigma_wh / energy_wh;
+        let (mut low, mut high) = (1.0 - reach.min(1.0), 1.0 + reach.min(SCALE_MAX - 1.0));
         // Which side it is on mostly says that it is far on that side.
         if lasts(1.0) {
             low = 1.0;
@@ -58,10 +58,10 @@ impl Load<'_> {
             high = 1.0;
         }
         if low == 1.0 && lasts(high) {
-            return reach * energy_wh;
+            return (high - 1.0) * energy_wh;
         }
         if high == 1.0 && !lasts(low) {
-            return -reach * energy_wh;
+            return (low - 1.0) * energy_wh;
         }
         while (high - low) * energy_wh > 2.0 * PRECISION * sigma_wh {
             let middle = f64::midpoint(low, high);
@@ -113,10 +113,11 @@ impl Load<'_> {
 #[must_use]
 pub fn packs_after_begun(station: &StationView) -> Option<Vec<PackState>> {
     let packs: Option<Vec<_>> = station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect();
-    let (packs, until_s) = (packs?, station.committed_until_s);
+    let packs = packs?;
+    let load = Load { parts: &station.begun_parts(), overhead_w: station.overhead_per_h.mean_wh, until_s: station.committed_until_s };
     let mut bank = Bank::new(&packs);
-    if until_s > 0.0 {
-        bank.gives(station.overhead_per_h.mean_wh + station.committed.mean_wh / until_s * S_PER_H, until_s);
+    for step in load.steps(&packs) {
+        bank.gives(step.power_w, step.dt_s);
     }
     let state = |(&(_, before), (_, pack)): (&(f64, &PackState), &(f64, Pack))| PackState {
         model: before.model.clone(),
@@ -217,6 +218,7 @@ mod tests {
             packs: vec![pack(0, 0.2), pack(1, 0.9)],
             committed: Need { mean_wh: 18.0, ..Need::default() },
             committed_until_s: 3600.0,
+            recharging: Vec::new(),
             overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
             shared_per_wh: Vec::new(),
         };

@@ -111,6 +111,16 @@ impl Table {
         }
     }
 
+    /// Level that a charge has reached this long (s) after it was at that one.
+    #[must_use]
+    pub fn reached(&self, soc: f64, after_s: f64) -> f64 {
+        let left_s = self.at(soc).charge_s - after_s;
+        let above = self.points.partition_point(|point| point.charge_s > left_s).clamp(1, self.points.len() - 1);
+        let [low, high] = [self.points[above - 1], self.points[above]];
+        let share = ((low.charge_s - left_s) / (low.charge_s - high.charge_s).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (low.soc + share * (high.soc - low.soc)).max(soc)
+    }
+
     /// The charge from a state of charge to a level: how long (s) and how much (W), in order, without the lift.
     #[must_use]
     pub fn stretches(&self, soc: f64, to_soc: f64) -> Vec<(f64, f64)> {
@@ -145,6 +155,14 @@ impl Table {
         let part = self.between(soc.value, to_soc);
         // What a charge begins with counts in full, wherever it ends.
         self.with_doubt(part.need_wh, self.own_variance(soc) - whole.own_variance + part.own_variance, wider)
+    }
+
+    /// What charging the pack alone takes from an uncertain state of charge, without its robot.
+    #[must_use]
+    pub fn bare(&self, soc: Estimate, wider: f64) -> Need {
+        let at = self.at(soc.value);
+        let share = if at.need_wh > 0.0 { at.bare_wh / at.need_wh } else { 0.0 };
+        self.with_doubt(at.bare_wh, share * share * self.own_variance(soc), wider)
     }
 
     /// The part of that need's variance that is the robot's own: its battery's, and that of its state of charge, Wh².

@@ -14,6 +14,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::carry::{Load, Part, SIGMAS_MAX};
 use super::charging::Course;
 use super::problem::{PackState, PackView, StationView};
+use super::recharging::Recharging;
 use super::solve::WHOLE_FLEET_MAX;
 use super::translate::Task;
 
@@ -21,7 +22,9 @@ use super::translate::Task;
 pub(super) struct Cover<'a> {
     station: &'a StationView,
     /// When each service draws, s from now, and what it takes, in order of start.
-    pub(super) draws: Vec<(f64, f64, Need)>,
+    draws: Vec<(f64, f64, Need)>,
+    /// What charging the packs takes that they leave.
+    recharging: Vec<Option<Recharging>>,
     /// The same as it is drawn; none in a fleet where that would take too long.
     parts: Option<Vec<Vec<Part>>>,
 }
@@ -32,12 +35,23 @@ impl<'a> Cover<'a> {
         let station = &task.view.stations[index];
         let draw = |session: &&Session| {
             let [start_s, end_s] = times_s(task, session);
-            (start_s, end_s, task.need(session.robot, index, session.start, session.mode))
+            let whole = task.need(session.robot, index, session.start, session.mode);
+            let (need, left) = match task.charge_after(session) {
+                Some(charge) => Recharging::split(&whole, charge, end_s),
+                None => (whole, None),
+            };
+            ((start_s, end_s, need), left)
         };
-        let draws: Vec<_> = here.iter().map(draw).collect();
+        let (draws, recharging): (Vec<_>, Vec<_>) = here.iter().map(draw).unzip();
         let is_stepped = task.view.robots.len() <= WHOLE_FLEET_MAX;
         let parts = is_stepped.then(|| here.iter().zip(&draws).map(|(session, (.., need))| parts(task, index, session, need)).collect());
-        Self { station, draws, parts }
+        Self { station, draws, recharging, parts }
+    }
+
+    /// All that the service at this place in order takes, with the charge of the pack that it leaves.
+    pub(super) fn need(&self, place: usize) -> Need {
+        let (service, left) = (&self.draws[place].2, self.recharging[place].as_ref());
+        left.map_or_else(|| service.clone(), |left| service.plus(&left.need))
     }
 
     /// Probability that the packs last until then: a service that ends with others beside it is as sure as they are,
@@ -57,6 +71,9 @@ impl<'a> Cover<'a> {
         let mut need = self.station.committed.plus(&overhead);
         for (start_s, end_s, draws) in self.draws.iter().filter(|(start_s, ..)| *start_s < until_s) {
             need.add(draws, ((until_s - start_s) / (end_s - start_s)).min(1.0));
+        }
+        for charged in self.recharging.iter().flatten().chain(&self.station.recharging) {
+            need.add(&charged.by(until_s), 1.0);
         }
         let there = self.station.packs.iter().filter(|pack| pack.available_s < until_s.max(f64::MIN_POSITIVE));
         let counts_more = there.clone().any(|pack| pack.uncounted_wh > 0.0);
@@ -92,10 +109,8 @@ impl<'a> Cover<'a> {
     /// All that services draw, also those that have begun.
     fn load(&self) -> Option<Vec<Part>> {
         let mut parts: Vec<Part> = self.parts.as_ref()?.iter().flatten().copied().collect();
-        let begun_s = self.station.committed_until_s;
-        if begun_s > 0.0 {
-            parts.push((0.0, begun_s, self.station.committed.mean_wh / begun_s * S_PER_H));
-        }
+        parts.extend(self.recharging.iter().flatten().map(Recharging::part));
+        parts.extend(self.station.begun_parts());
         Some(parts)
     }
 

@@ -178,7 +178,7 @@ impl<'a> Ledger<'a> {
         let mut spares = station.spares.clone();
         spares.sort_by(|a, b| b.soc.total_cmp(&a.soc).then_with(|| a.spare.cmp(&b.spare)));
         let cover = Cover::new(task, index, here);
-        Self { task, station, index, told, spares, cover, need: station.committed.clone(), until_s: station.committed_until_s }
+        Self { task, station, index, told, spares, cover, need: station.owed(), until_s: station.committed_until_s }
     }
 
     /// The service at this place in order.
@@ -192,7 +192,7 @@ impl<'a> Ledger<'a> {
         // Who comes in the first tick in which it can be there, and is late already, leaves at once: the
         // rest of a tick is the planner's rounding, and each new plan would round up anew.
         let at_once = session.start <= first && who.not_before < first;
-        let need = self.cover.draws[place].2.clone();
+        let need = self.cover.need(place);
         let need_wh = need.mean_wh;
         let (start_s, end_s) = (start.seconds_since(now), end.seconds_since(now));
         let before_wh = self.need.mean_wh + self.overhead(self.until_s.max(start_s)).mean_wh;

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
+use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::carry::Part;
 use super::charging::Table;
+use super::recharging::Recharging;
 use crate::forecast::Handling;
 
 /// Everything a plan is made from.
@@ -98,10 +101,34 @@ pub struct StationView {
     pub committed: Need,
     /// When the last of these ends, s.
     pub committed_until_s: f64,
+    /// Packs that robots left, or are about to leave to services that have begun.
+    pub recharging: Vec<Recharging>,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
     /// Change of what a Wh of service takes by one standard deviation of each shared parameter.
     pub shared_per_wh: Vec<f64>,
+}
+
+impl StationView {
+    /// Everything that is drawn for services that have begun and for packs that robots left, beside what the station takes.
+    #[must_use]
+    pub fn owed(&self) -> Need {
+        self.recharging.iter().fold(self.committed.clone(), |sum, charged| sum.plus(&charged.need))
+    }
+
+    /// The part of that which is drawn until the services that have begun are over, with what the station takes.
+    #[must_use]
+    pub fn begun(&self) -> Need {
+        let begun = self.committed.plus(&self.overhead_per_h.scaled(self.committed_until_s / S_PER_H));
+        self.recharging.iter().fold(begun, |sum, charged| sum.plus(&charged.by(self.committed_until_s)))
+    }
+
+    /// What is drawn for services that have begun and for packs that robots left, as parts of a load.
+    pub(super) fn begun_parts(&self) -> Vec<Part> {
+        let until_s = self.committed_until_s;
+        let services = (until_s > 0.0).then(|| (0.0, until_s, self.committed.mean_wh / until_s * S_PER_H));
+        services.into_iter().chain(self.recharging.iter().map(Recharging::part)).collect()
+    }
 }
 
 /// A service that has begun.

@@ -49,6 +49,7 @@ fn station(name: &str, bays: usize, usable_wh: &[f64], spares: &[f64]) -> Statio
         packs: usable_wh.iter().enumerate().map(pack).collect(),
         committed: Need::default(),
         committed_until_s: 0.0,
+        recharging: Vec::new(),
         overhead_per_h: Need { mean_wh: 6.0, shared_wh: vec![0.2], own_variance: 0.0 },
         shared_per_wh: vec![0.01],
     }

@@ -8,12 +8,13 @@ pub(super) use station::KEEP_CONFIDENCE;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use energy::Need;
 use energy::units::S_PER_H;
 use planner::problem::{Battery, Problem, Robot, Station, Tick, Travel};
 use planner::{Mode, Session};
 use proto::{RobotId, Timestamp};
 
-use super::charging::Table;
+use super::charging::{Point, Table};
 use super::plan::Planned;
 use super::problem::{RobotView, View};
 use crate::models::Settings;
@@ -170,9 +171,9 @@ impl Task {
 
     /// What a service takes: its energy with its doubt.
     #[must_use]
-    pub fn need(&self, robot: usize, station: usize, start: Tick, mode: Mode) -> energy::Need {
+    pub fn need(&self, robot: usize, station: usize, start: Tick, mode: Mode) -> Need {
         let (view, who) = (&self.view.robots[robot], &self.problem.robots[robot]);
-        let Some((_, _, table)) = view.travel.iter().find(|(index, _, _)| *index == station) else { return energy::Need::default() };
+        let Some((_, _, table)) = view.travel.iter().find(|(index, _, _)| *index == station) else { return Need::default() };
         let soc = self.soc_at(robot, start);
         let at = table.between(soc, self.to_soc(mode));
         let there = &self.problem.stations[station];
@@ -186,11 +187,18 @@ impl Task {
         let whole_wh = table.at(soc).need_wh;
         let scale = if whole_wh > 0.0 { mean_wh / whole_wh } else { 0.0 };
         let shared = &self.view.stations[station].shared_per_wh;
-        energy::Need {
+        Need {
             mean_wh,
             shared_wh: shared.iter().map(|change| change * mean_wh).collect(),
             own_variance: own / UNITS_PER_WH.powi(2) * scale * scale,
         }
+    }
+
+    /// The charge of the pack that an exchange leaves, once that is over; none where none follows.
+    #[must_use]
+    pub fn charge_after(&self, session: &Session) -> Option<Point> {
+        let (_, _, table) = self.view.robots[session.robot].travel.iter().find(|(index, _, _)| *index == session.station)?;
+        (session.mode == Mode::SwapAndRecharge).then(|| table.at(self.soc_at(session.robot, session.start)))
     }
 
     /// Level at which a service ends, if it is a charge: else the usual one.

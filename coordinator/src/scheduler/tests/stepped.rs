@@ -1,5 +1,7 @@
 //! Where it is close: packs stepped along the load of a plan.
 
+use planner::Mode;
+
 use super::*;
 
 /// Whether a pack carries a robot's way and service, by stepping it: 6 W all the time, a lift of 0.1 Wh for half a minute and
@@ -92,4 +94,40 @@ fn who_charges_beside_another_is_as_sure_as_that_one_and_who_came_before_is_sure
     assert!(beside.iter().all(|sure| (0.95..0.99).contains(sure)) && (beside[0] - beside[1]).abs() < 0.03, "{beside:?}");
     let after = just_enough_for_both(1, [0.2, 0.7]);
     assert!(after[0] > 0.999 && (0.95..0.99).contains(&after[1]), "{after:?}");
+}
+
+#[test]
+fn the_pack_that_an_exchange_leaves_is_charged_over_an_hour_not_while_the_robot_is_exchanged() {
+    // A whole charge is 19 Wh. Drawn within the minute of the exchange it were 1.1 kW, which no pack gives.
+    let mut with = station("s", 0, &[40.0], &[0.98]);
+    with.charges_spares = true;
+    with.packs[0].usable_wh.sigma = 4.0;
+    with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(0.5), temperature_degc: 25.0 });
+    let plan = planned(vec![robot("r", 0.1, &[(0, 60.0)])], with);
+    let exchange = plan.planned.first().expect("there is a spare");
+    assert_eq!(exchange.mode, Mode::SwapAndRecharge);
+    assert!(exchange.probability > 0.999, "{}", exchange.probability);
+    // Told is all that the packs give for it.
+    assert!((17.0..20.0).contains(&exchange.need.mean_wh), "{}", exchange.need.mean_wh);
+}
+
+#[test]
+fn a_pack_that_is_charged_takes_its_energy_before_the_next_robots_come() {
+    // 22 Wh for a pack that a robot left, drawn in the next hour: nothing of it is there for services after that.
+    let pays = |until_s: f64| {
+        let mut with = station("s", 1, &[60.0], &[]);
+        let need = Need { mean_wh: 22.0, ..Need::default() };
+        with.recharging = vec![Recharging { from_s: 0.0, until_s, need }];
+        with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(0.7), temperature_degc: 25.0 });
+        with.committed_until_s = 1800.0;
+        let left = packs_after_begun(&with).expect("its pack is known").remove(0).soc.value;
+        (with.begun().mean_wh, with.owed().mean_wh, left)
+    };
+    // 6 W by itself for half an hour are 3 Wh; of the charge half is drawn by then.
+    let (begun_wh, owed_wh, left) = pays(3600.0);
+    assert!((begun_wh - 14.0).abs() < 1e-9 && (owed_wh - 22.0).abs() < 1e-9);
+    let (whole_wh, _, less) = pays(1800.0);
+    assert!((whole_wh - 25.0).abs() < 1e-9);
+    // 11 Wh of some 86.
+    assert!((0.1..0.16).contains(&(left - less)), "{left} {less}");
 }

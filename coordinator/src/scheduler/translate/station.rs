@@ -83,7 +83,7 @@ pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_w
 /// How certain it must be that the packs hold what is promised, in the problem's units.
 fn chance(station: &StationView, settings: &Settings, grid: Grid) -> Chance {
     let tick_h = f64::from(grid.tick_s) / S_PER_H;
-    let (begun, hotel) = (&station.committed, station.overhead_per_h.scaled(tick_h));
+    let (begun, hotel) = (station.owed(), station.overhead_per_h.scaled(tick_h));
     let parts = [&begun.shared_wh, &hotel.shared_wh, &station.shared_per_wh];
     // What goes with a unit of service is a ratio, the others are Wh.
     let scales = [UNITS_PER_WH, UNITS_PER_WH, 1.0];

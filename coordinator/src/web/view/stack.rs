@@ -40,7 +40,7 @@ pub(super) fn stacks(basis: &Basis<'_>, schedule: &Schedule) -> Stacks {
     for (id, models) in &basis.models.stations {
         let Some(station) = basis.fleet.stations.get(id) else { continue };
         let view = basis.station(id, models, Some(station));
-        let begun = view.committed.plus(&view.overhead_per_h.scaled(view.committed_until_s / S_PER_H)).estimate();
+        let begun = view.owed().plus(&view.overhead_per_h.scaled(view.committed_until_s / S_PER_H)).estimate();
         let planned = schedule.services.iter().filter(|service| service.station == *id && service.status == ServiceStatus::Planned);
         let planned: Vec<Estimate> = planned.map(|service| from_wire(service.pack_energy_wh)).collect();
         let owed = planned.iter().fold(begun, |sum, next| Estimate::new(sum.value + next.value, sum.sigma + next.sigma));
