@@ -98,7 +98,12 @@ fn as_planned(planned: &Planned, table: &Table, soc: f64, models: &StationModels
     let time_s = planned.end.seconds_since(planned.start);
     let (need, left) = match planned.mode {
         Mode::SwapAndRecharge => Recharging::split(&planned.need, table.at(soc), time_s),
-        _ => (planned.need.clone(), None),
+        // Also where the plan does not count on it, the station charges what robots leave.
+        Mode::Swap if models.spare_battery.is_some() => {
+            let (charge, need) = (table.at(soc), table.bare(Estimate::exact(soc), 1.0));
+            (planned.need.clone(), Some(Recharging { from_s: time_s, until_s: time_s + charge.charge_s, need }))
+        }
+        Mode::Swap | Mode::Charge(_) => (planned.need.clone(), None),
     };
     let course = match planned.mode {
         Mode::Charge(_) => Course::charge(table, soc, planned.to_soc, models.handling.load_s),

@@ -14,7 +14,7 @@ use super::cover::Cover;
 use super::plan::Plan;
 use super::problem::{PackState, View};
 use super::solve::Solved;
-use super::translate::{KEEP_CONFIDENCE, Task};
+use super::translate::KEEP_CONFIDENCE;
 
 /// Less than this is not worth another plan, Wh.
 const WORTH_IT_WH: f64 = 0.05;
@@ -39,9 +39,9 @@ pub(super) fn with_the_uncounted(solved: &Solved, but: &BTreeSet<usize>) -> Opti
     is_more.then_some(view)
 }
 
-/// Stations at which a plan promises anything new that is less certain than is asked, or what was promised less certainly than that
+/// Robots that a plan promises anything new that is less certain than is asked, or what was promised less certainly than that
 /// and than the plan that counts no more, or than promises must be to be kept.
-pub(super) fn unsure(task: &Task, plan: &Plan, counted: &Plan, before: &Plan, confidence: f64) -> BTreeSet<usize> {
+pub(super) fn unsure(plan: &Plan, counted: &Plan, before: &Plan, confidence: f64) -> BTreeSet<RobotId> {
     let promised: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
     let covered: BTreeMap<&RobotId, f64> = counted.planned.iter().map(|planned| (&planned.robot, planned.covered)).collect();
     let asked = |robot: &RobotId| match promised.contains(robot) {
@@ -49,5 +49,5 @@ pub(super) fn unsure(task: &Task, plan: &Plan, counted: &Plan, before: &Plan, co
         true => covered.get(robot).map_or(KEEP_CONFIDENCE, |counted| counted.min(confidence)),
     };
     let unsure = plan.planned.iter().filter(|planned| planned.covered < asked(&planned.robot));
-    unsure.filter_map(|planned| task.view.stations.iter().position(|station| station.station == planned.station)).collect()
+    unsure.map(|planned| planned.robot.clone()).collect()
 }

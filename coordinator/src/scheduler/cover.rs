@@ -35,10 +35,11 @@ impl<'a> Cover<'a> {
         let station = &task.view.stations[index];
         let draw = |session: &&Session| {
             let [start_s, end_s] = times_s(task, session);
-            let whole = task.need(session.robot, index, session.start, session.mode);
+            let need = |mode: Mode| task.need(session.robot, index, session.start, mode);
+            // Also where the plan does not count on it, the station charges what robots leave.
             let (need, left) = match task.charge_after(session) {
-                Some(charge) => Recharging::split(&whole, charge, end_s),
-                None => (whole, None),
+                Some(charge) => Recharging::split(&need(Mode::SwapAndRecharge), charge, end_s),
+                None => (need(session.mode), None),
             };
             ((start_s, end_s, need), left)
         };
@@ -47,13 +48,6 @@ impl<'a> Cover<'a> {
         let parts = is_stepped.then(|| here.iter().zip(&draws).map(|(session, (.., need))| parts(task, index, session, need)).collect());
         Self { station, draws, recharging, parts }
     }
-
-    /// All that the service at this place in order takes, with the charge of the pack that it leaves.
-    pub(super) fn need(&self, place: usize) -> Need {
-        let (service, left) = (&self.draws[place].2, self.recharging[place].as_ref());
-        left.map_or_else(|| service.clone(), |left| service.plus(&left.need))
-    }
-
     /// Probability that the packs last until then: a service that ends with others beside it is as sure as they are,
     /// for when the packs give out, all of them end. A pack that is brought later pays for nothing before; while
     /// no service draws, the station may go dark until it comes.

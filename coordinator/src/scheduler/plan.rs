@@ -99,7 +99,7 @@ impl Plan {
             let mut here: Vec<&Session> = plan.sessions.iter().filter(|session| session.station == index).collect();
             here.sort_by_key(|session| (session.start, session.robot));
             let mut ledger = Ledger::new(task, station, index, &here, &promised);
-            planned.extend(here.into_iter().enumerate().map(|(place, session)| ledger.planned(place, session)));
+            planned.extend(here.into_iter().map(|session| ledger.planned(session)));
         }
         planned.sort_by(|a, b| a.start.cmp(&b.start).then_with(|| a.robot.cmp(&b.robot)));
         let told: BTreeMap<&RobotId, &Rejected> = before.rejected.iter().map(|rejected| (&rejected.robot, rejected)).collect();
@@ -181,8 +181,8 @@ impl<'a> Ledger<'a> {
         Self { task, station, index, told, spares, cover, need: station.owed(), until_s: station.committed_until_s }
     }
 
-    /// The service at this place in order.
-    fn planned(&mut self, place: usize, session: &Session) -> Planned {
+    /// The next service in order.
+    fn planned(&mut self, session: &Session) -> Planned {
         let (task, now) = (self.task, self.task.view.now);
         let robot = &task.view.robots[session.robot];
         let [start, end] = [session.start, session.end].map(|tick| task.grid.time(tick));
@@ -192,7 +192,7 @@ impl<'a> Ledger<'a> {
         // Who comes in the first tick in which it can be there, and is late already, leaves at once: the
         // rest of a tick is the planner's rounding, and each new plan would round up anew.
         let at_once = session.start <= first && who.not_before < first;
-        let need = self.cover.need(place);
+        let need = task.need(session.robot, self.index, session.start, session.mode);
         let need_wh = need.mean_wh;
         let (start_s, end_s) = (start.seconds_since(now), end.seconds_since(now));
         let before_wh = self.need.mean_wh + self.overhead(self.until_s.max(start_s)).mean_wh;
@@ -235,7 +235,7 @@ impl<'a> Ledger<'a> {
         let half_tick_s = f64::from(self.task.grid.tick_s);
         let place = self.spares.iter().position(|spare| spare.ready_s <= start_s + half_tick_s)?;
         let spare = self.spares.remove(place);
-        if self.station.charges_spares {
+        if session.mode == Mode::SwapAndRecharge {
             self.spares.push(SpareView { ready_s: start_s + self.recharged_s(session), ..spare.clone() });
         }
         Some(spare.spare)

@@ -8,7 +8,7 @@ use proto::RobotId;
 
 use super::again::{unsure, with_the_uncounted};
 use super::plan::Plan;
-use super::problem::{RobotView, View};
+use super::problem::{RobotView, StationView, View};
 use super::translate::{Offer, Task, worth};
 use crate::models::{Settings, ShortEnergy};
 
@@ -99,8 +99,10 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     if best.plan.quality.stranded == 0 || !asked.is_small() {
         return best;
     }
-    // Else it is energy that is short.
+    // Else it is energy that is short: for a charge, or for that of a pack that would be left for a spare.
+    best = asked.with_spares(best);
     match settings.short_energy {
+        _ if best.plan.quality.stranded == 0 => best,
         ShortEnergy::WholeCharges => asked.with_the_rest(best),
         ShortEnergy::MostRobots => asked.other(best, Offer::Scarce),
     }
@@ -128,28 +130,62 @@ impl Asked<'_> {
     /// The plan with as much for those who strand as its own services, held like promises, leave in the packs, counted at full power.
     /// If that helps nobody, it is the same plan, and says what even the least charge is short of.
     fn with_the_rest(&self, mut best: Solved) -> Solved {
-        let left: BTreeSet<RobotId> = best.plan.rejected.iter().filter(|left| left.stranded).map(|left| left.robot.clone()).collect();
         // There is no part of an exchange.
-        let has_bays = |station: usize| !self.view.stations[station].bays.is_empty();
-        let charges = |robot: &RobotView| robot.travel.iter().any(|(station, ..)| has_bays(*station));
-        if !self.view.robots.iter().any(|robot| left.contains(&robot.robot) && charges(robot)) {
+        let left = self.left(&best, |station| !station.bays.is_empty());
+        if left.is_empty() {
             return best;
         }
-        let before = Plan { planned: best.plan.planned.clone(), ..Plan::default() };
-        let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
-        let mut view = self.view.clone();
-        view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
-        // Only who is left gets a place: a plan is mended for that.
-        let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, Offer::Rest(&left));
-        let is_sure = unsure(&shared.task, &shared.plan, &best.plan, &before, self.settings.confidence).is_empty();
-        if is_sure && missed(&shared) < missed(&best) {
-            shared.plan.moved = shared.plan.moved_from(self.before);
+        let (shared, unsure) = self.beside(&best, Offer::Rest(&left));
+        if unsure.is_empty() && missed(&shared) < missed(&best) {
             return shared;
         }
         if places(&shared) == places(&best) {
             best.plan.rejected = shared.plan.rejected;
         }
         best
+    }
+
+    /// The plan with spares for those who strand, as far as the packs last for exchanges though not for charging all that robots leave.
+    fn with_spares(&self, best: Solved) -> Solved {
+        let mut left = self.left(&best, |station| station.charges_spares && !station.spares.is_empty());
+        while !left.is_empty() {
+            let (shared, unsure) = self.beside(&best, Offer::Spares(&left));
+            if missed(&shared) >= missed(&best) {
+                break;
+            }
+            if unsure.is_empty() {
+                return shared;
+            }
+            // By when these would come, charging what others left has emptied the packs; if it is a service of the plan that it
+            // would cost, nobody is asked about again.
+            if unsure.is_disjoint(&left) {
+                break;
+            }
+            left.retain(|robot| !unsure.contains(robot));
+        }
+        best
+    }
+
+    /// Who strands and could come to such a station.
+    fn left(&self, best: &Solved, to: impl Fn(&StationView) -> bool) -> BTreeSet<RobotId> {
+        let stranded: BTreeSet<&RobotId> = best.plan.rejected.iter().filter(|left| left.stranded).map(|left| &left.robot).collect();
+        let comes = |robot: &&RobotView| robot.travel.iter().any(|(station, ..)| to(&self.view.stations[*station]));
+        let left = self.view.robots.iter().filter(|robot| stranded.contains(&robot.robot)).filter(comes);
+        left.map(|robot| robot.robot.clone()).collect()
+    }
+
+    /// The plan in which those who are left are offered this, and all others keep their services as they were promised; and who of all is
+    /// less sure in it than must be.
+    fn beside(&self, best: &Solved, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
+        let before = Plan { planned: best.plan.planned.clone(), ..Plan::default() };
+        let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
+        let mut view = self.view.clone();
+        view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
+        // Only who is left gets a place: a plan is mended for that.
+        let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, offer);
+        shared.plan.moved = shared.plan.moved_from(self.before);
+        let unsure = unsure(&shared.plan, &best.plan, &before.with_newer(self.before), self.settings.confidence);
+        (shared, unsure)
     }
 
     /// The better of a plan and the one with something else on offer.
@@ -174,11 +210,12 @@ impl Asked<'_> {
             if missed(&other) >= missed(solved) {
                 return None;
             }
-            let unsure = unsure(&other.task, &other.plan, &solved.plan, self.before, self.settings.confidence);
+            let unsure = unsure(&other.plan, &solved.plan, self.before, self.settings.confidence);
             if unsure.is_empty() {
                 return Some(other);
             }
-            but.extend(unsure);
+            let promised_there = other.plan.planned.iter().filter(|planned| unsure.contains(&planned.robot)).map(|planned| &planned.station);
+            but.extend(promised_there.filter_map(|there| self.view.stations.iter().position(|station| station.station == *there)));
         }
         None
     }

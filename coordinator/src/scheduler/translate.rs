@@ -91,6 +91,8 @@ pub enum Offer<'a> {
     Scarce,
     /// There is not the energy for all: these, for whom there is none, may come earlier and leave with less.
     Rest(&'a BTreeSet<RobotId>),
+    /// The packs that robots leave are charged as far as the energy lasts: these may come for a spare although it may not last for that.
+    Spares(&'a BTreeSet<RobotId>),
 }
 
 impl Task {
@@ -125,7 +127,7 @@ impl Task {
         let charger_of = battery::share_chargers(&mut batteries, view.stations.len());
         let stations = view.stations.iter().enumerate().map(|(index, station)| {
             let lift_wh = tables.iter().find_map(|tables| tables.get(&index)).map_or(0.0, |table| table.lift_wh);
-            station::station(&view, station, charger_of[index], lift_wh, settings, grid)
+            station::station(&view, station, charger_of[index], lift_wh, settings, grid, offer)
         });
         let stations: Vec<Station> = stations.collect();
         let before_of = before.iter().map(|planned| (&planned.robot, planned)).collect();
@@ -198,7 +200,8 @@ impl Task {
     #[must_use]
     pub fn charge_after(&self, session: &Session) -> Option<Point> {
         let (_, _, table) = self.view.robots[session.robot].travel.iter().find(|(index, _, _)| *index == session.station)?;
-        (session.mode == Mode::SwapAndRecharge).then(|| table.at(self.soc_at(session.robot, session.start)))
+        let charges = self.view.stations[session.station].charges_spares && !matches!(session.mode, Mode::Charge(_));
+        charges.then(|| table.at(self.soc_at(session.robot, session.start)))
     }
 
     /// Level at which a service ends, if it is a charge: else the usual one.
@@ -297,7 +300,7 @@ impl Places<'_> {
             Offer::Usual => (false, false),
             Offer::Early => (true, false),
             Offer::Scarce => (true, true),
-            Offer::Rest(robots) => [robots.contains(&robot.robot); 2].into(),
+            Offer::Rest(robots) | Offer::Spares(robots) => [robots.contains(&robot.robot); 2].into(),
         };
         let lowest_target = if may_leave_early { 0 } else { was_promised.map_or(full, |level| level.min(full)) };
         let gate = if may_come_early { 0 } else { promised.map_or(wanted, |(start, _)| start.min(wanted)) };

@@ -5,7 +5,7 @@ use planner::problem::{Chance, LeftPacks, Ongoing, Pack, Station, Tick};
 use proto::BayId;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::{Grid, UNITS_PER_WH, battery};
+use super::{Grid, Offer, UNITS_PER_WH, battery};
 use crate::models::Settings;
 use crate::scheduler::problem::{StationView, View};
 
@@ -16,7 +16,7 @@ const NO_LIMIT: i64 = 1 << 40;
 pub(in crate::scheduler) const KEEP_CONFIDENCE: f64 = 0.5;
 
 /// The station of the view; `charger` is how it charges.
-pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_wh: f64, settings: &Settings, grid: Grid) -> Station {
+pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_wh: f64, settings: &Settings, grid: Grid, offer: Offer<'_>) -> Station {
     let ahead_s = view.now.seconds_since(grid.origin);
     let tick = |seconds: f64| grid.up(seconds + ahead_s);
     let [load_ticks, unload_ticks, swap_ticks] =
@@ -64,7 +64,11 @@ pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_w
         swap_ticks,
         swap_draw: (swap_wh * UNITS_PER_WH / f64::from(swap_ticks.max(1))).round() as i64,
         spares: battery::spares_alike(station).map(|spare| if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }).collect(),
-        left_packs: if station.charges_spares { LeftPacks::Charged } else { LeftPacks::PutAside },
+        left_packs: match offer {
+            _ if !station.charges_spares => LeftPacks::PutAside,
+            Offer::Spares(_) => LeftPacks::AsPlanned,
+            _ => LeftPacks::Charged,
+        },
         packs: station
             .packs
             .iter()
@@ -76,14 +80,16 @@ pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_w
             })
             .collect(),
         ongoing: begun.filter(|begun| !out || begun.bay.is_none()).collect(),
-        chance: Some(chance(station, settings, grid)),
+        chance: Some(chance(station, settings, grid, offer)),
     }
 }
 
 /// How certain it must be that the packs hold what is promised, in the problem's units.
-fn chance(station: &StationView, settings: &Settings, grid: Grid) -> Chance {
+fn chance(station: &StationView, settings: &Settings, grid: Grid, offer: Offer<'_>) -> Chance {
     let tick_h = f64::from(grid.tick_s) / S_PER_H;
-    let (begun, hotel) = (station.owed(), station.overhead_per_h.scaled(tick_h));
+    // What lasts for no spare's charge may last for exchanges before it is drawn: how long it does is stepped afterwards.
+    let begun = if matches!(offer, Offer::Spares(_)) { station.committed.clone() } else { station.owed() };
+    let hotel = station.overhead_per_h.scaled(tick_h);
     let parts = [&begun.shared_wh, &hotel.shared_wh, &station.shared_per_wh];
     // What goes with a unit of service is a ratio, the others are Wh.
     let scales = [UNITS_PER_WH, UNITS_PER_WH, 1.0];
