@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use energy::Estimate;
 use proto::{BayId, BayPhase, BayState, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 /// What is believed of a robot.
@@ -51,10 +52,27 @@ pub struct Station {
     pub state: Option<StationState>,
     /// The last gauge message of each pack.
     pub packs: BTreeMap<PackId, Gauge>,
-    /// Since when each spare's place holds a pack that a robot left and that is not charged yet.
-    pub left: BTreeMap<SpareId, Timestamp>,
+    /// Packs that robots left and that are not charged yet, by the spare whose place they took.
+    pub left: BTreeMap<SpareId, LeftPack>,
     /// Whether it was lost after it had spoken.
     pub lost: bool,
+}
+
+/// A pack that a robot left.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeftPack {
+    /// Since when it is known to stand there.
+    pub since: Timestamp,
+    /// What its robot's gauge said of it before; none of a pack whose robot is not known.
+    pub soc: Option<Estimate>,
+}
+
+impl LeftPack {
+    /// The better known of what the station says of its charge and of what its robot said.
+    #[must_use]
+    pub fn soc(&self, station: Estimate) -> Estimate {
+        self.soc.filter(|robot| robot.sigma < station.sigma).unwrap_or(station)
+    }
 }
 
 impl Station {

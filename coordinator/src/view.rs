@@ -1,5 +1,6 @@
 //! Makes the planning view from beliefs, models and services that have begun.
 
+mod begun;
 mod packs;
 
 use std::cell::OnceCell;
@@ -15,7 +16,7 @@ use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::{Table, step_of};
-use crate::scheduler::{Begun, PackState, PackView, Recharging, RobotView, SpareView, StationView, Tables, View};
+use crate::scheduler::{PackState, PackView, Recharging, RobotView, SpareView, StationView, Tables, View};
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::trust::Trust;
 use crate::watch::{Subject, Watch};
@@ -186,7 +187,7 @@ impl Basis<'_> {
         for run in here.into_iter().filter(|run| run.stage != Stage::LetOut) {
             let ends_s = self.ends_s(run);
             view.committed_until_s = view.committed_until_s.max(ends_s);
-            view.committed = view.committed.plus(&self.still_needs(run, models));
+            view.committed = view.committed.plus(&self.still_needs(run, models, ends_s));
             view.begun.push(self.begun(run, ends_s));
         }
         view.packs = self.packs(id, models, station, state);
@@ -219,14 +220,15 @@ impl Basis<'_> {
             } else if spare.ready {
                 (0.0, spare.soc.value)
             } else {
-                let since_s = station.left.get(&spare.spare).map_or(0.0, |since| self.now.seconds_since(*since));
-                let whole_s = charge_s(spare.soc.value).max(1.0);
+                let left = station.left.get(&spare.spare);
+                let since_s = left.map_or(0.0, |left| self.now.seconds_since(left.since));
+                let soc = left.map_or(from_wire(spare.soc), |left| left.soc(from_wire(spare.soc)));
+                let whole_s = charge_s(soc.value).max(1.0);
                 // What it has taken since then, the packs' gauges have counted.
                 let lacking = (1.0 - since_s / whole_s).clamp(0.0, 1.0);
-                let need = reference.as_ref().map(|table| {
-                    let soc = table.reached(spare.soc.value, since_s);
-                    table.bare(Estimate::new(soc, lacking * spare.soc.sigma), factor)
-                });
+                let need = reference
+                    .as_ref()
+                    .map(|table| table.bare(Estimate::new(table.reached(soc.value, since_s), lacking * soc.sigma), factor));
                 let until_s = (whole_s - since_s).max(SPARE_LATE_S);
                 view.recharging.extend(need.map(|need| Recharging { from_s: 0.0, until_s, need }));
                 (until_s, to_soc)
@@ -258,57 +260,6 @@ impl Basis<'_> {
     fn usable(&self, bay: &proto::BayId, phase: BayPhase, here: &[&ServiceRun]) -> bool {
         let held = here.iter().any(|run| run.is_in(&run.station, bay));
         phase != BayPhase::Failed && (held || phase == BayPhase::Free)
-    }
-
-    /// When a service that has begun ends, s from now; negative once the robot is out. Once it charges, its gauge says so
-    /// better than the plan.
-    #[must_use]
-    pub fn ends_s(&self, run: &ServiceRun) -> f64 {
-        if run.stage == Stage::LetOut {
-            return run.end.seconds_since(self.now);
-        }
-        let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
-        if !matches!(run.stage, Stage::Charging | Stage::ChargingItself) {
-            return planned_s;
-        }
-        let belief = self.fleet.robots.get(&run.robot).and_then(Robot::known);
-        let charging = belief.filter(|(_, state)| state.phase == RobotPhase::Charging).and_then(|(gauge, state)| {
-            let (models, battery) = (self.models.stations.get(&run.station)?, self.models.battery(&run.robot, &state.battery)?);
-            let table = self.table(&run.station, models, battery, gauge.temperature_degc);
-            let to_soc = run.how.to_soc().unwrap_or(table.target_soc());
-            Some(table.between(gauge.soc.value, to_soc).charge_s + models.handling.unload_s)
-        });
-        charging.map_or(planned_s, |left_s| left_s.max(1.0))
-    }
-
-    /// How much later than planned a service can begin, s: as long as somebody else is still in its bay, or comes into it
-    /// before, and never earlier than now.
-    #[must_use]
-    pub fn late_s(&self, run: &ServiceRun) -> f64 {
-        let How::Recharge { bay, .. } = &run.how else { return 0.0 };
-        if !run.under_way() {
-            return 0.0;
-        }
-        let ahead = |other: &&ServiceRun| {
-            other.is_in(&run.station, bay) && (!other.under_way() || (other.start, &other.robot) < (run.start, &run.robot))
-        };
-        let free_s = self.running.values().filter(ahead).map(|other| self.ends_s(other)).fold(0.0, f64::max);
-        (free_s - run.start.seconds_since(self.now)).max(0.0)
-    }
-
-    fn begun(&self, run: &ServiceRun, until_s: f64) -> Begun {
-        let bay = if let How::Recharge { bay, .. } = &run.how { Some(bay.clone()) } else { None };
-        let from_s = if run.under_way() { (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0) } else { 0.0 };
-        Begun { bay, from_s, to_load: run.under_way() || run.stage == Stage::Loading, until_s }
-    }
-
-    /// What a service that has begun still takes: the charge that the robot still lacks, or the exchange alone.
-    fn still_needs(&self, run: &ServiceRun, models: &StationModels) -> Need {
-        let Some(to_soc) = run.how.to_soc() else { return self.doubted(&run.station, forecast::exchange(models)) };
-        let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
-        let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
-        let factor = self.watch.wider(&Subject::Station(run.station.clone()));
-        self.table(&run.station, models, battery, gauge.temperature_degc).need_to(from_wire(gauge.soc), to_soc, factor)
     }
 
     /// Packs that hold something, in the order in which they are drained: the active one, then

@@ -1,9 +1,12 @@
 //! Takes in what robots and stations say: the newest word of each, and what changed with it.
 
-use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp};
+use std::collections::BTreeMap;
+
+use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 use super::{Core, REFUSED_MAX};
-use crate::fleet::newer;
+use crate::fleet::{LeftPack, newer};
+use crate::models::from_wire;
 use crate::scheduler;
 use crate::service_run::{How, Stage};
 use crate::store::Record;
@@ -99,13 +102,21 @@ impl Core {
         }
         let before = station.state.replace(state.clone());
         station.lost = false;
+        let here = self.running.values().filter(|run| run.station == *id);
+        let taken: BTreeMap<&SpareId, &RobotId> =
+            here.filter_map(|run| if let How::Swap { spare } = &run.how { Some((spare, &run.robot)) } else { None }).collect();
         for spare in &state.spares {
-            // A pack that a robot left stands in its place from when that is first heard of.
             if spare.ready {
                 station.left.remove(&spare.spare);
-            } else {
-                station.left.entry(spare.spare.clone()).or_insert(state.at);
+                continue;
             }
+            // A pack that a robot left stands in its place from when that is first heard of, which is before the robot's gauge
+            // begins to speak of its new one.
+            let soc = || {
+                let robot = self.fleet.robots.get(*taken.get(&spare.spare)?)?;
+                Some(from_wire(robot.gauge.as_ref()?.soc))
+            };
+            station.left.entry(spare.spare.clone()).or_insert_with(|| LeftPack { since: state.at, soc: soc() });
         }
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
         let Some(before) = before else {

@@ -3,10 +3,11 @@
 mod capacity;
 mod services;
 
-use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase, Travel};
+use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase, SpareId, SpareState, Travel};
 
 use super::*;
 use crate::config::Config;
+use crate::models::from_wire;
 use crate::service_run::{How, Stage};
 
 /// More than are planned as a whole at once.

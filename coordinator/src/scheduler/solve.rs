@@ -135,7 +135,7 @@ impl Asked<'_> {
         if left.is_empty() {
             return best;
         }
-        let (shared, unsure) = self.beside(&best, Offer::Rest(&left));
+        let (shared, unsure) = self.beside(&best, &left, Offer::Rest(&left));
         if unsure.is_empty() && missed(&shared) < missed(&best) {
             return shared;
         }
@@ -145,23 +145,21 @@ impl Asked<'_> {
         best
     }
 
-    /// The plan with spares for those who strand, as far as the packs last for exchanges though not for charging all that robots leave.
-    fn with_spares(&self, best: Solved) -> Solved {
-        let mut left = self.left(&best, |station| station.charges_spares && !station.spares.is_empty());
-        while !left.is_empty() {
-            let (shared, unsure) = self.beside(&best, Offer::Spares(&left));
-            if missed(&shared) >= missed(&best) {
-                break;
+    /// The plan with spares for those who strand, as far as the packs last for exchanges though not for charging all that robots leave:
+    /// one after the other, who was promised one first, then who is empty first, as long as all that is promised stays sure.
+    fn with_spares(&self, mut best: Solved) -> Solved {
+        let has_spares = |station: &StationView| station.charges_spares && !station.spares.is_empty();
+        let spares: usize = self.view.stations.iter().filter(|station| has_spares(station)).map(|station| station.spares.len()).sum();
+        let left = self.left(&best, has_spares);
+        let promised = |robot: &RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
+        let mut left: Vec<&RobotView> = self.view.robots.iter().filter(|robot| left.contains(&robot.robot)).collect();
+        left.sort_by(|a, b| promised(b).cmp(&promised(a)).then(a.empty_s.total_cmp(&b.empty_s)));
+        for robot in left.into_iter().take(spares) {
+            let asked = BTreeSet::from([robot.robot.clone()]);
+            let (shared, unsure) = self.beside(&best, &asked, Offer::Spares(&asked));
+            if unsure.is_empty() && missed(&shared) < missed(&best) {
+                best = shared;
             }
-            if unsure.is_empty() {
-                return shared;
-            }
-            // By when these would come, charging what others left has emptied the packs; if it is a service of the plan that it
-            // would cost, nobody is asked about again.
-            if unsure.is_disjoint(&left) {
-                break;
-            }
-            left.retain(|robot| !unsure.contains(robot));
         }
         best
     }
@@ -174,14 +172,17 @@ impl Asked<'_> {
         left.map(|robot| robot.robot.clone()).collect()
     }
 
-    /// The plan in which those who are left are offered this, and all others keep their services as they were promised; and who of all is
-    /// less sure in it than must be.
-    fn beside(&self, best: &Solved, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
-        let before = Plan { planned: best.plan.planned.clone(), ..Plan::default() };
+    /// The plan in which these of those who are left are offered this, or keep what they were promised, all others who have services keep
+    /// them, and nobody else is asked about; and who of all is less sure in it than must be.
+    fn beside(&self, best: &Solved, asked: &BTreeSet<RobotId>, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
+        let rejected = best.plan.rejected.iter().filter(|left| !asked.contains(&left.robot)).cloned().collect();
+        let promised = self.before.planned.iter().filter(|promised| asked.contains(&promised.robot));
+        let planned = best.plan.planned.iter().chain(promised).cloned().collect();
+        let before = Plan { planned, rejected, ..Plan::default() };
         let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
         let mut view = self.view.clone();
         view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
-        // Only who is left gets a place: a plan is mended for that.
+        // Only who is asked about gets a place: a plan is mended for that.
         let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, offer);
         shared.plan.moved = shared.plan.moved_from(self.before);
         let unsure = unsure(&shared.plan, &best.plan, &before.with_newer(self.before), self.settings.confidence);
@@ -214,7 +215,8 @@ impl Asked<'_> {
             if unsure.is_empty() {
                 return Some(other);
             }
-            let promised_there = other.plan.planned.iter().filter(|planned| unsure.contains(&planned.robot)).map(|planned| &planned.station);
+            let promised_there =
+                other.plan.planned.iter().filter(|planned| unsure.contains(&planned.robot)).map(|planned| &planned.station);
             but.extend(promised_there.filter_map(|there| self.view.stations.iter().position(|station| station.station == *there)));
         }
         None

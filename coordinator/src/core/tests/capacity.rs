@@ -1,6 +1,6 @@
 //! What packs can still service follows the plan.
 
-use proto::{Mode, Promise, Service, ServiceStatus, SpareState, StationCapacity};
+use proto::{Mode, Promise, Service, ServiceStatus, StationCapacity};
 
 use super::*;
 

@@ -146,6 +146,33 @@ fn an_exchange_is_done_when_the_gauge_of_the_new_pack_is_heard() {
 }
 
 #[test]
+fn a_pack_that_a_robot_left_is_as_full_as_its_gauge_said_unless_the_station_knows_better() {
+    let mut core = begun(How::Swap { spare: id("spare-1") }, Stage::Swapping);
+    let said = core.fleet.robots[&id::<RobotId>("r0")].gauge.as_ref().unwrap().soc;
+    let spare = |soc: Estimate, ready: bool| SpareState { spare: id("spare-1"), soc, ready };
+    let told = |core: &mut Core, time_s: f64, spare: SpareState| {
+        let state = StationState {
+            at: at(time_s),
+            seq: (time_s * 1e3) as u64 + 2,
+            spares: vec![spare],
+            ..core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap()
+        };
+        core.handle(at(time_s), Input::StationState(id("s"), state));
+        core.fleet.stations[&id::<StationId>("s")].left.get(&id::<SpareId>("spare-1")).copied()
+    };
+    // A station that cannot measure a pack says that it may be anything.
+    let anything = Estimate::new(0.0, 0.2);
+    let left = told(&mut core, 110.0, spare(anything, false)).expect("a pack stands there");
+    assert_eq!((left.since, left.soc), (at(110.0), Some(from_wire(said))));
+    core.handle(at(170.0), Input::RobotGauge(id("r0"), gauge(169.0, 0.95, 14.6)));
+    let left = told(&mut core, 171.0, spare(anything, false)).expect("it still does");
+    assert_eq!((left.since, left.soc(from_wire(anything))), (at(110.0), from_wire(said)), "the gauge speaks of another pack now");
+    let measured = Estimate::new(0.18, said.sigma / 2.0);
+    assert_eq!(left.soc(from_wire(measured)), from_wire(measured));
+    assert_eq!(told(&mut core, 4000.0, spare(Estimate::new(0.98, 0.01), true)), None);
+}
+
+#[test]
 fn who_was_taken_in_elsewhere_is_taken_over_there() {
     let mut core = begun(How::Recharge { bay: id("bay-2"), to_soc: 0.98 }, Stage::Travelling);
     holds(&mut core, 110.0, BayPhase::Occupied, Some("r0"));

@@ -16,7 +16,15 @@ const NO_LIMIT: i64 = 1 << 40;
 pub(in crate::scheduler) const KEEP_CONFIDENCE: f64 = 0.5;
 
 /// The station of the view; `charger` is how it charges.
-pub(super) fn station(view: &View, station: &StationView, charger: usize, lift_wh: f64, settings: &Settings, grid: Grid, offer: Offer<'_>) -> Station {
+pub(super) fn station(
+    view: &View,
+    station: &StationView,
+    charger: usize,
+    lift_wh: f64,
+    settings: &Settings,
+    grid: Grid,
+    offer: Offer<'_>,
+) -> Station {
     let ahead_s = view.now.seconds_since(grid.origin);
     let tick = |seconds: f64| grid.up(seconds + ahead_s);
     let [load_ticks, unload_ticks, swap_ticks] =

@@ -1,0 +1,71 @@
+//! Services that have begun: when they end, what they hold, and what they still take.
+
+use energy::Need;
+use proto::RobotPhase;
+
+use super::Basis;
+use crate::fleet::Robot;
+use crate::forecast;
+use crate::models::{StationModels, from_wire};
+use crate::scheduler::Begun;
+use crate::service_run::{How, ServiceRun, Stage};
+use crate::watch::Subject;
+
+impl Basis<'_> {
+    /// When a service that has begun ends, s from now; negative once the robot is out. Once it charges, its gauge says so
+    /// better than the plan.
+    #[must_use]
+    pub fn ends_s(&self, run: &ServiceRun) -> f64 {
+        if run.stage == Stage::LetOut {
+            return run.end.seconds_since(self.now);
+        }
+        let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
+        if !matches!(run.stage, Stage::Charging | Stage::ChargingItself) {
+            return planned_s;
+        }
+        let belief = self.fleet.robots.get(&run.robot).and_then(Robot::known);
+        let charging = belief.filter(|(_, state)| state.phase == RobotPhase::Charging).and_then(|(gauge, state)| {
+            let (models, battery) = (self.models.stations.get(&run.station)?, self.models.battery(&run.robot, &state.battery)?);
+            let table = self.table(&run.station, models, battery, gauge.temperature_degc);
+            let to_soc = run.how.to_soc().unwrap_or(table.target_soc());
+            Some(table.between(gauge.soc.value, to_soc).charge_s + models.handling.unload_s)
+        });
+        charging.map_or(planned_s, |left_s| left_s.max(1.0))
+    }
+
+    /// How much later than planned a service can begin, s: as long as somebody else is still in its bay, or comes into it
+    /// before, and never earlier than now.
+    #[must_use]
+    pub fn late_s(&self, run: &ServiceRun) -> f64 {
+        let How::Recharge { bay, .. } = &run.how else { return 0.0 };
+        if !run.under_way() {
+            return 0.0;
+        }
+        let ahead = |other: &&ServiceRun| {
+            other.is_in(&run.station, bay) && (!other.under_way() || (other.start, &other.robot) < (run.start, &run.robot))
+        };
+        let free_s = self.running.values().filter(ahead).map(|other| self.ends_s(other)).fold(0.0, f64::max);
+        (free_s - run.start.seconds_since(self.now)).max(0.0)
+    }
+
+    pub(super) fn begun(&self, run: &ServiceRun, until_s: f64) -> Begun {
+        let bay = if let How::Recharge { bay, .. } = &run.how { Some(bay.clone()) } else { None };
+        let from_s = if run.under_way() { (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0) } else { 0.0 };
+        Begun { bay, from_s, to_load: run.under_way() || run.stage == Stage::Loading, until_s }
+    }
+
+    /// What a service that has begun and ends then still takes: the charge that the robot still lacks, or the exchange alone. What the
+    /// lift takes in its last moments goes with the time that is left: the packs are not asked for all of it within a second.
+    pub(super) fn still_needs(&self, run: &ServiceRun, models: &StationModels, ends_s: f64) -> Need {
+        let handling = &models.handling;
+        let left = |whole_s: f64| (ends_s / whole_s.max(1.0)).clamp(0.0, 1.0);
+        let Some(to_soc) = run.how.to_soc() else {
+            return self.doubted(&run.station, forecast::exchange(models).scaled(left(handling.swap_s)));
+        };
+        let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
+        let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
+        let factor = self.watch.wider(&Subject::Station(run.station.clone()));
+        let need = self.table(&run.station, models, battery, gauge.temperature_degc).need_to(from_wire(gauge.soc), to_soc, factor);
+        if run.stage == Stage::Unloading { need.scaled(left(handling.load_s + handling.unload_s)) } else { need }
+    }
+}
