@@ -112,11 +112,35 @@ impl OcvTable {
 
     /// Open-circuit voltage of one cell and its slope at `soc`, V.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn line_v(&self, soc: f64) -> (f64, f64) {
         let low = self.segment(soc);
         let slope_v = self.slopes_v[low];
         ((soc - self.soc[low]) * slope_v + self.voltage_v[low], slope_v)
+    }
+
+    /// Sums of the open-circuit voltage of one cell and of its slope, V, at so many states of charge, one as far from the next as the
+    /// first is from `before` and the last of them `last`: on a line of the table all of them count as their mean does.
+    #[must_use]
+    pub fn sums_v(&self, before: f64, last: f64, count: usize) -> (f64, f64) {
+        let step = (last - before) / count as f64;
+        let (mut volts, mut slopes, mut done) = (0.0, 0.0, 0);
+        while done < count {
+            let soc = before + step * (done + 1) as f64;
+            let low = self.segment(soc);
+            // The first and the last line go on.
+            let end = match step > 0.0 {
+                true if low + 2 < self.soc.len() => self.soc[low + 1],
+                false if low > 0 => self.soc[low],
+                _ => f64::INFINITY * step,
+            };
+            let on_line = (((end - soc) / step) as usize).min(count - done - 1) + 1;
+            let mean = soc + step * 0.5 * (on_line - 1) as f64;
+            volts += on_line as f64 * ((mean - self.soc[low]) * self.slopes_v[low] + self.voltage_v[low]);
+            slopes += on_line as f64 * self.slopes_v[low];
+            done += on_line;
+        }
+        (volts, slopes)
     }
 
     /// State of charge at which a rested cell shows `voltage_v`, kept within the table. On a
@@ -170,6 +194,21 @@ mod tests {
             let soc = f64::from(step) / 1000.0;
             let plain = knots.partition_point(|&knot| knot <= soc).clamp(1, knots.len() - 1) - 1;
             assert_eq!(table.segment(soc), plain, "{soc}");
+        }
+    }
+
+    #[test]
+    fn sums_are_those_of_the_voltages_one_by_one() {
+        let table = OcvTable::new(vec![0.0, 0.1, 0.15, 0.6, 1.0], vec![3.0, 3.4, 3.5, 3.7, 4.2]).unwrap();
+        for (before, last) in [(-0.2, 1.3), (1.1, -0.1), (0.05, 0.12), (0.3, 0.3), (0.7, 0.6), (0.15, 0.15)] {
+            for count in [0_usize, 1, 2, 7, 40] {
+                let socs = (1..=count).map(|row| before + (last - before) / count as f64 * row as f64);
+                let (volts, slopes) = socs.map(|soc| table.line_v(soc)).fold((0.0, 0.0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+                let found = table.sums_v(before, last, count);
+                assert!((found.0 - volts).abs() < 1e-9, "{before} {last} {count}: {found:?}, {volts}");
+                // Where two lines meet, rounding decides whose slope counts.
+                assert!((found.1 - slopes).abs() < 4.0, "{before} {last} {count}: {found:?}, {slopes}");
+            }
         }
     }
 

@@ -293,7 +293,7 @@ fn bend(model: &Model, show: &Show, soc: [f64; 3]) -> (f64, f64) {
         slope += weight * steep;
     };
     for (rows, begin, end) in [(before, soc[2], soc[1]), (rows, soc[1], soc[0])] {
-        (1..=rows).for_each(|row| add(show.each, at(begin + (end - begin) * (row as f64 / rows as f64))));
+        add(show.each, facts.ocv.sums_v(begin, end, rows));
     }
     soc.into_iter().zip(show.weights).filter(|(_, weight)| *weight != 0.0).for_each(|(soc, weight)| add(-weight, at(soc)));
     (volts, slope)
