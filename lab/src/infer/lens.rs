@@ -85,10 +85,22 @@ const COLUMNS: usize = 128;
 
 /// A matrix times the transpose of another.
 pub(super) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut sum = DMatrix::zeros(a.nrows(), b.nrows());
+    product_all(a, std::slice::from_ref(b))
+}
+
+/// A matrix times the transposes of several others, side by side.
+pub(super) fn product_all(a: &DMatrix<f64>, others: &[DMatrix<f64>]) -> DMatrix<f64> {
+    let width = others.iter().map(DMatrix::nrows).sum();
+    let mut sum = DMatrix::zeros(a.nrows(), width);
+    let mut turned = DMatrix::zeros(COLUMNS, width);
     for begin in (0..a.ncols()).step_by(COLUMNS) {
         let count = COLUMNS.min(a.ncols() - begin);
-        sum.gemm(1.0, &a.columns(begin, count), &b.columns(begin, count).transpose(), 1.0);
+        let mut place = 0;
+        for other in others {
+            other.columns(begin, count).transpose_to(&mut turned.view_mut((0, place), (count, other.nrows())));
+            place += other.nrows();
+        }
+        sum.gemm(1.0, &a.columns(begin, count), &turned.rows(0, count), 1.0);
     }
     sum
 }

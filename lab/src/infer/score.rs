@@ -18,9 +18,13 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidate::{Candidate, usual};
 use super::frame::Frame;
-use super::lens::{Absorber, Lens, product, square, whiten_all};
+use super::lens::{product, whiten_all};
 use super::state::{State, filters, likelihood, noises, observed};
 use crate::prepare::predicted_channels;
+
+mod view;
+
+use view::{Look, Onset, View};
 
 /// One absent effect at its best shape.
 #[derive(Debug, Clone)]
@@ -46,15 +50,17 @@ pub struct Score {
     /// the base would absorb, in units in which it can be subtracted.
     whole: DVector<f64>,
     absorbed: DVector<f64>,
+    /// Sum of the squares of what a refit of the base would leave of that.
+    unique2: f64,
 }
 
 impl Score {
     /// How alike two effects look to these logs, 0..1.
     #[must_use]
     pub fn confounded(&self, other: &Score) -> f64 {
-        let product = |a: &Score, b: &Score| a.whole.dot(&b.whole) - a.absorbed.dot(&b.absorbed);
-        let scale = (product(self, self) * product(other, other)).max(0.0).sqrt();
-        if scale > 0.0 { (product(self, other).abs() / scale).min(1.0) } else { 0.0 }
+        let scale = (self.unique2 * other.unique2).max(0.0).sqrt();
+        let product = self.whole.dot(&other.whole) - self.absorbed.dot(&other.absorbed);
+        if scale > 0.0 { (product.abs() / scale).min(1.0) } else { 0.0 }
     }
 }
 
@@ -68,38 +74,6 @@ pub struct Scoring<'a> {
     linear_cost: f64,
     /// The same on coarser evidence, which tells the best of many shapes.
     coarse: Option<Box<Scoring<'a>>>,
-}
-
-/// The rows through one kind of noise, and what a refit leaves of them.
-struct View {
-    lens: Lens,
-    base: Absorber,
-}
-
-impl View {
-    fn new(state: &State, lens: Lens) -> View {
-        View { base: Absorber::new(&lens, state.held()), lens }
-    }
-}
-
-/// An onset of a candidate: what it adds to the rows, one row of the matrix for each of its own
-/// parameters that have a null.
-struct Onset {
-    at: Vec<f64>,
-    slopes: DMatrix<f64>,
-}
-
-/// What one view says of one onset.
-struct Look {
-    statistic: f64,
-    freedom: usize,
-    /// Change of each of the onset's own parameters; of those, as the view has it.
-    change: Vec<f64>,
-    free: DVector<f64>,
-    uniqueness: f64,
-    /// The onset's rows through the view's noise, and how they pull on the base's unknowns.
-    seen: DMatrix<f64>,
-    cross: DMatrix<f64>,
 }
 
 /// What is seen of an onset: with the sensors' noise alone, and the statistic beside slow noise.
@@ -119,8 +93,24 @@ const WORTH_ASKING: f64 = 6.0;
 /// Usual sizes, as multiples, at which an effect is looked at that does nothing at its onset.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
 
-/// Null, and the reach below and above it, of each own parameter.
-type Sides = [(f64, f64, f64)];
+/// A candidate that is asked about: which of its own parameters have a null, and their sides.
+struct Asked<'a> {
+    candidate: &'a Candidate,
+    own: Vec<usize>,
+    sides: Vec<(f64, f64, f64)>,
+}
+
+impl<'a> Asked<'a> {
+    fn of(candidate: &'a Candidate) -> Self {
+        let parameters = candidate.spec.parameters;
+        let own: Vec<usize> = (0..parameters.len()).filter(|&index| parameters[index].null.is_some()).collect();
+        let side = |&index: &usize| {
+            let null = parameters[index].null.unwrap_or(parameters[index].default);
+            (null, parameters[index].min - null, parameters[index].max - null)
+        };
+        Asked { sides: own.iter().map(side).collect(), own, candidate }
+    }
+}
 
 impl<'a> Scoring<'a> {
     /// Of this state.
@@ -143,51 +133,68 @@ impl<'a> Scoring<'a> {
     /// The best of a candidate's onsets; none when the logs do not excite it.
     #[must_use]
     pub fn score(&self, candidate: &Candidate) -> Option<Score> {
-        let own: Vec<usize> =
-            (0..candidate.spec.parameters.len()).filter(|&index| candidate.spec.parameters[index].null.is_some()).collect();
-        let side = |&index: &usize| {
-            let parameter = &candidate.spec.parameters[index];
-            let null = parameter.null.unwrap_or(parameter.default);
-            (null, parameter.min - null, parameter.max - null)
-        };
-        let sides: Vec<(f64, f64, f64)> = own.iter().map(side).collect();
-        let shapes = match &self.coarse {
-            Some(coarse) if candidate.onsets.len() > SHAPES => {
-                let onsets = coarse.onsets(candidate, &own, &candidate.onsets);
-                let looks = coarse.looks(&onsets, &sides);
-                let best: Vec<Vec<f64>> = best(&looks).into_iter().map(|place| looks[place].at.clone()).collect();
-                if best.is_empty() { candidate.onsets[..1].to_vec() } else { best }
-            }
-            _ => candidate.onsets.clone(),
-        };
-        let onsets = self.onsets(candidate, &own, &shapes);
-        let looks = self.looks(&onsets, &sides);
-        let places = best(&looks);
-        if places.is_empty() {
-            let first = onsets.iter().find(|onset| onset.slopes.iter().any(|slope| *slope != 0.0));
-            return first.map(|onset| self.absorbed(candidate, &own, onset));
-        }
-        let scores = places.into_iter().map(|place| self.of(candidate, &own, &sides, &looks[place]));
-        scores.max_by(|a, b| a.gain.total_cmp(&b.gain))
+        self.score_all(std::slice::from_ref(candidate)).pop().flatten()
     }
 
-    /// What is seen of onsets that can be seen.
-    fn looks(&self, onsets: &[Onset], sides: &Sides) -> Vec<Seen> {
-        let seen = |view: &View, onset: &Onset| view.look(self.state, onset, sides);
-        let look = |onset: &Onset| {
-            let white = seen(&self.white, onset)?;
-            let statistic = match &self.slow {
-                Some(slow) => seen(slow, onset)?.statistic,
+    /// The same of many candidates.
+    #[must_use]
+    pub(super) fn score_all(&self, candidates: &[Candidate]) -> Vec<Option<Score>> {
+        let asked: Vec<Asked<'_>> = candidates.iter().map(Asked::of).collect();
+        let onsets: Vec<Vec<Onset>> = asked.iter().zip(self.shapes(&asked)).map(|(asked, shapes)| self.onsets(asked, &shapes)).collect();
+        let looks = self.looks(&asked, &onsets);
+        let best_of = |((asked, onsets), looks): ((&Asked<'_>, &Vec<Onset>), Vec<Seen>)| {
+            let places = best(&looks);
+            if places.is_empty() {
+                let first = onsets.iter().find(|onset| onset.slopes.iter().any(|slope| *slope != 0.0));
+                return first.map(|onset| self.absorbed(asked, onset));
+            }
+            let scores = places.into_iter().map(|place| self.of(asked, &looks[place]));
+            scores.max_by(|a, b| a.gain.total_cmp(&b.gain))
+        };
+        asked.iter().zip(&onsets).zip(looks).map(best_of).collect()
+    }
+
+    /// The shapes of each candidate that are looked at: all of few, and of many the best on coarser evidence.
+    fn shapes(&self, asked: &[Asked<'_>]) -> Vec<Vec<Vec<f64>>> {
+        let mut shapes: Vec<Vec<Vec<f64>>> = asked.iter().map(|asked| asked.candidate.onsets.clone()).collect();
+        let Some(coarse) = &self.coarse else { return shapes };
+        let (many, of_many): (Vec<&mut Vec<Vec<f64>>>, Vec<Asked<'_>>) = shapes
+            .iter_mut()
+            .zip(asked)
+            .filter(|(shapes, _)| shapes.len() > SHAPES)
+            .map(|(shapes, asked)| (shapes, Asked::of(asked.candidate)))
+            .unzip();
+        let onsets: Vec<Vec<Onset>> = of_many.iter().zip(&many).map(|(asked, shapes)| coarse.onsets(asked, shapes)).collect();
+        for (shapes, looks) in many.into_iter().zip(coarse.looks(&of_many, &onsets)) {
+            let best = best(&looks);
+            match best.is_empty() {
+                true => shapes.truncate(1),
+                false => *shapes = best.into_iter().map(|place| looks[place].at.clone()).collect(),
+            }
+        }
+        shapes
+    }
+
+    /// What is seen of the onsets of each candidate that can be seen.
+    fn looks(&self, asked: &[Asked<'_>], onsets: &[Vec<Onset>]) -> Vec<Vec<Seen>> {
+        let all = || asked.iter().zip(onsets).flat_map(|(asked, onsets)| onsets.iter().map(|onset| (onset, asked.sides.as_slice())));
+        let mut white = self.white.looks(self.state, all()).into_iter();
+        let mut slow = self.slow.as_ref().map(|slow| slow.looks(self.state, all()).into_iter());
+        let mut look = |onset: &Onset| {
+            let (white, slow) = (white.next()?, slow.as_mut().map(Iterator::next));
+            let white = white?;
+            let statistic = match slow {
+                Some(slow) => slow??.statistic,
                 None => white.statistic,
             };
             Some(Seen { white, statistic, at: onset.at.clone() })
         };
-        onsets.iter().filter_map(look).collect()
+        onsets.iter().map(|onsets| onsets.iter().filter_map(&mut look).collect()).collect()
     }
 
     /// Of an effect that the base model, bent as it is, does altogether: the logs say nothing of it beside
     /// the base, and a refit that puts the base back may.
-    fn absorbed(&self, candidate: &Candidate, own: &[usize], onset: &Onset) -> Score {
+    fn absorbed(&self, Asked { candidate, own, .. }: &Asked<'_>, onset: &Onset) -> Score {
         let View { lens, base } = &self.white;
         let parameters = candidate.spec.parameters;
         let sizes = own.iter().map(|&index| usual(&parameters[index]) - parameters[index].null.unwrap_or(0.0));
@@ -205,6 +212,7 @@ impl<'a> Scoring<'a> {
             gain: 0.0,
             whole: DVector::zeros(rows),
             absorbed: DVector::zeros(self.state.x.len()),
+            unique2: 0.0,
         }
     }
 
@@ -218,9 +226,9 @@ impl<'a> Scoring<'a> {
     /// onset, and what that changes divided by the size; the others with their derivatives. An effect
     /// that does not begin with its size (a delay far below a step does nothing) is looked at where it
     /// has usual ones.
-    fn onsets(&self, candidate: &Candidate, own: &[usize], shapes: &[Vec<f64>]) -> Vec<Onset> {
+    fn onsets(&self, Asked { candidate, own, .. }: &Asked<'_>, shapes: &[Vec<f64>]) -> Vec<Onset> {
         let shows_the_same = predicted_channels(&candidate.model) == predicted_channels(&self.state.frame.model);
-        let (only, parameters) = (if let [only] = own { Some(*only) } else { None }, candidate.spec.parameters);
+        let (only, parameters) = (if let [only] = own[..] { Some(only) } else { None }, candidate.spec.parameters);
         let secant = only.filter(|_| shows_the_same);
         let mut all = Vec::new();
         for at in shapes {
@@ -267,7 +275,7 @@ impl<'a> Scoring<'a> {
         Onset { at, slopes }
     }
 
-    fn of(&self, candidate: &Candidate, own: &[usize], sides: &Sides, Seen { white, statistic, at }: &Seen) -> Score {
+    fn of(&self, Asked { candidate, own, sides }: &Asked<'_>, Seen { white, statistic, at }: &Seen) -> Score {
         let mut expected = at.clone();
         for ((&index, (null, _, _)), change) in own.iter().zip(sides).zip(&white.change) {
             expected[index] = null + change;
@@ -279,6 +287,7 @@ impl<'a> Scoring<'a> {
         let left = &lens.whitened - &whole - lens.design.tr_mul(&change);
         // Noise that is asked for again never makes much of what explains next to nothing.
         let worth = white.statistic.max(*statistic) > WORTH_ASKING;
+        let absorbed = base.absorbed(DMatrix::from_column_slice(pull.len(), 1, pull.as_slice())).column(0).into_owned();
         Score {
             spec: candidate.spec,
             gain: if worth { self.linear_cost - left_cost(self.state, &left, &change) } else { *statistic },
@@ -288,7 +297,8 @@ impl<'a> Scoring<'a> {
             freedom: white.freedom,
             uniqueness: white.uniqueness,
             expected,
-            absorbed: base.absorbed(DMatrix::from_column_slice(pull.len(), 1, pull.as_slice())).column(0).into_owned(),
+            unique2: whole.norm_squared() - absorbed.norm_squared(),
+            absorbed,
             whole,
         }
     }
@@ -316,65 +326,4 @@ pub(super) fn left_cost(state: &State, left: &DVector<f64>, change: &DVector<f64
     let known = frame.known.iter().enumerate();
     let priors: f64 = known.map(|(place, known)| ((state.x[free + place] + change[free + place]) / known.sigma).powi(2)).sum();
     likelihood(frame, &residual, &filters(frame, &noise)) + priors
-}
-
-impl View {
-    fn look(&self, state: &State, onset: &Onset, sides: &Sides) -> Option<Look> {
-        let View { lens, base } = self;
-        let seen = whiten_all(&state.frame, &lens.filters, onset.slopes.clone());
-        let cross = product(&lens.design, &seen);
-        let whole = square(&seen);
-        let absorbed = base.absorbed(cross.clone());
-        let unique = &whole - absorbed.tr_mul(&absorbed);
-        let right = &seen * &base.left;
-        // Directions that the base absorbs to the last digits are not there.
-        let count = whole.nrows();
-        let mut active: Vec<usize> = (0..count).filter(|&c| unique[(c, c)] > 1e-8 * whole[(c, c)]).collect();
-        loop {
-            if active.is_empty() {
-                return None;
-            }
-            let (change, freedom) = least(&unique, &right, &active);
-            // A size on the wrong side of null is not an effect.
-            let wrong = |&place: &usize| {
-                let (_, low, high) = sides[active[place]];
-                (change[place] < 0.0 && low >= 0.0) || (change[place] > 0.0 && high <= 0.0)
-            };
-            let worst = (0..active.len()).filter(wrong).max_by(|&a, &b| {
-                let size = |place: usize| change[place].abs() * unique[(active[place], active[place])].sqrt();
-                size(a).total_cmp(&size(b))
-            });
-            if let Some(place) = worst {
-                active.remove(place);
-                continue;
-            }
-            let (mut all, mut free) = (vec![0.0; count], DVector::zeros(count));
-            for (&place, &change) in active.iter().zip(&change) {
-                let (_, low, high) = sides[place];
-                all[place] = change.clamp(low, high);
-                free[place] = change;
-            }
-            let (statistic, left, size) = (right.dot(&free), (&unique * &free).dot(&free), (&whole * &free).dot(&free));
-            let uniqueness = (left.max(0.0) / size.max(f64::MIN_POSITIVE)).sqrt().min(1.0);
-            return Some(Look { statistic, freedom, change: all, free, uniqueness, seen, cross });
-        }
-    }
-}
-
-/// Sizes of the active parameters that explain most, without directions that they hardly have, and
-/// how many directions they do have.
-fn least(unique: &DMatrix<f64>, right: &DVector<f64>, active: &[usize]) -> (Vec<f64>, usize) {
-    let scale: Vec<f64> = active.iter().map(|&place| unique[(place, place)].sqrt()).collect();
-    let gram = DMatrix::from_fn(active.len(), active.len(), |i, j| unique[(active[i], active[j])] / (scale[i] * scale[j]));
-    let right = DVector::from_fn(active.len(), |i, _| right[active[i]] / scale[i]);
-    let eigen = gram.symmetric_eigen();
-    let mut change = DVector::zeros(active.len());
-    let mut freedom = 0;
-    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-        if *value > 1e-6 {
-            change += vector * (vector.dot(&right) / value);
-            freedom += 1;
-        }
-    }
-    (change.iter().zip(&scale).map(|(change, scale)| change / scale).collect(), freedom)
 }

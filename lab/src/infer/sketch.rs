@@ -74,7 +74,8 @@ impl Sketches {
         let tried = able.len();
         let coarse = base.coarse();
         let scoring = Scoring::with_coarse(base, &coarse);
-        let mut scored: Vec<(Score, Candidate)> = able.into_iter().filter_map(|one| Some((scoring.score(&one)?, one))).collect();
+        let scores = scoring.score_all(&able);
+        let mut scored: Vec<(Score, Candidate)> = scores.into_iter().zip(able).filter_map(|(score, one)| Some((score?, one))).collect();
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         let worth = worth_a_refit(base, &scored, tried);
         let mut sketches = Sketches { scored, untested, tried, base: coarse, drawn: Vec::new(), handed_over: Vec::new(), seen: Vec::new() };
