@@ -127,7 +127,7 @@ impl<'a> Valley<'a> {
         (normal, pull): (&'a DMatrix<f64>, &'a DVector<f64>),
     ) -> Valley<'a> {
         let filters = filters(frame, noise);
-        let cost = likelihood(frame, residual, &filters) + known(frame, x, &all(frame));
+        let cost = likelihood(frame, residual, &filters) + priors(frame, x, &all(frame));
         Valley { x, normal, pull, filters, cost }
     }
 
@@ -135,7 +135,7 @@ impl<'a> Valley<'a> {
     fn holds(&self, frame: &Frame, x: &[f64], residual: &[f64]) -> bool {
         let way = DVector::from_iterator(x.len(), x.iter().zip(self.x).map(|(there, bottom)| there - bottom));
         let expected = way.dot(&(self.normal * &way)) - 2.0 * self.pull.dot(&way);
-        let above = likelihood(frame, residual, &self.filters) + known(frame, x, &all(frame)) - self.cost;
+        let above = likelihood(frame, residual, &self.filters) + priors(frame, x, &all(frame)) - self.cost;
         above > -ENOUGH.0 && (above - expected).abs() < ON_THE_SLOPE * expected.max(above).max(1.0)
     }
 }
@@ -148,7 +148,7 @@ pub(super) fn descend(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], 
 /// The same for who asks where the way ends, and not for the derivatives there.
 pub(super) fn descend_roughly(frame: &Frame, start: &[f64], noise: &[(Channel, Noise)], by: &[usize], asked: Asked) -> Place {
     let place = Place::at(frame, within(frame, start, by), noise.to_vec(), by, Derived::Nearly);
-    descend_until(frame, place, by, asked, Derived::Nearly, |_, _| false).0
+    descend_until(frame, place, by, asked, Derived::Nearly, None).0
 }
 
 /// The same with the noise that is left at the start.
@@ -173,7 +173,7 @@ pub(super) fn descend_elsewhere(
     }
     let noise = noise.map_or_else(|| noises(frame, &residual), <[_]>::to_vec);
     let place = Place::at(frame, x, noise, &by, Derived::Nearly);
-    let (place, ended) = descend_until(frame, place, &by, asked, Derived::Here, |x, residual| valley.holds(frame, x, residual));
+    let (place, ended) = descend_until(frame, place, &by, asked, Derived::Here, Some(valley));
     (ended == Ended::Below).then_some(place)
 }
 
@@ -186,7 +186,7 @@ fn within(frame: &Frame, start: &[f64], by: &[usize]) -> Vec<f64> {
 
 /// The same from a place whose derivatives by these unknowns are known.
 pub(super) fn descend_from(frame: &Frame, place: Place, by: &[usize], asked: Asked) -> Place {
-    descend_until(frame, place, by, asked, Derived::Here, |_, _| false).0
+    descend_until(frame, place, by, asked, Derived::Here, None).0
 }
 
 /// Where a way ended.
@@ -198,20 +198,24 @@ enum Ended {
     Known,
 }
 
-/// The same, until the way leads to what is known already, with derivatives of at least a kind at its end.
+/// The same, until the way leads into a valley that is known, with derivatives of at least a kind at its end.
 ///
 /// On the way, derivatives that are nearly right will do, as long as they lead down; better ones are asked for before it ends.
+///
+/// Nearly every step leads down, and the derivatives where it ends are asked for next: a walk that carries them from the first
+/// spares one that shows the residuals alone. Not so once a step has failed, or where the way may end in a known valley.
 fn descend_until(
     frame: &Frame,
     mut place: Place,
     by: &[usize],
     asked: Asked,
     least: Derived,
-    known_already: impl Fn(&[f64], &[f64]) -> bool,
+    known: Option<&Valley<'_>>,
 ) -> (Place, Ended) {
     let all = frame.bounds();
     let bounds: Vec<(f64, f64)> = by.iter().map(|&unknown| all[unknown]).collect();
     let (mut scale, mut damping) = (vec![0.0_f64; by.len()], 1e-4);
+    let mut leads_down = known.is_none();
     for _ in 0..STEPS_MAX {
         let Place { x, lens, .. } = &place;
         let enough = if frame.evidence.shows_the_way { ON_THE_WAY } else { ENOUGH.0 } + ENOUGH.1 * lens.whitened.norm_squared();
@@ -229,12 +233,18 @@ fn descend_until(
             for ((&unknown, step), (min, max)) in by.iter().zip(step.iter()).zip(&bounds) {
                 tried[unknown] = (tried[unknown] + step).clamp(*min, *max);
             }
-            let residual = super::state::residual(frame, &tried);
+            let (residual, derivatives) = if leads_down {
+                let (residual, slopes, derived) = linearised(frame, &tried, by, Derived::Nearly);
+                (residual, Some((slopes, derived)))
+            } else {
+                (super::state::residual(frame, &tried), None)
+            };
             let unlikely = likelihood(frame, &residual, &lens.filters);
-            let cost = unlikely + known(frame, &tried, by);
+            let cost = unlikely + priors(frame, &tried, by);
+            leads_down &= cost < lens.cost;
             if cost < lens.cost {
                 damping = (damping / 10.0).max(1e-15);
-                next = Some((tried, residual, cost, unlikely));
+                next = Some((tried, residual, derivatives, cost, unlikely));
                 break;
             }
             if place.derived < least {
@@ -242,14 +252,14 @@ fn descend_until(
             }
             damping *= 10.0;
         }
-        let Some((x, residual, cost, unlikely)) = next else {
+        let Some((x, residual, derivatives, cost, unlikely)) = next else {
             if place.derived >= least {
                 break;
             }
             place = place.with_derivatives(frame, by, least);
             continue;
         };
-        if known_already(&x, &residual) {
+        if known.is_some_and(|valley| valley.holds(frame, &x, &residual)) {
             return (place, Ended::Known);
         }
         let settled = lens.cost - cost <= enough;
@@ -261,7 +271,11 @@ fn descend_until(
                 (noise, filters) = (new, through);
             }
         }
-        place = Place::through(frame, x, noise, filters, by, if settled { least } else { Derived::Nearly });
+        let wanted = if settled { least } else { Derived::Nearly };
+        place = match derivatives {
+            Some((slopes, derived)) if derived >= wanted => Place::of(frame, x, noise, filters, by, (residual, slopes, derived)),
+            _ => Place::through(frame, x, noise, filters, by, wanted),
+        };
         if settled && had >= least {
             break;
         }
@@ -270,6 +284,6 @@ fn descend_until(
 }
 
 /// What is known of the rough numbers among these unknowns, against their values.
-fn known(frame: &Frame, x: &[f64], by: &[usize]) -> f64 {
+fn priors(frame: &Frame, x: &[f64], by: &[usize]) -> f64 {
     by.iter().filter_map(|&unknown| Some((x[unknown] / sigma(frame, unknown)?).powi(2))).sum()
 }
