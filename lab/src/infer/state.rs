@@ -46,6 +46,8 @@ pub struct State {
     rms: OnceLock<Vec<(Channel, f64)>>,
     /// See [`State::told`].
     pub(super) least_squares: OnceLock<Box<State>>,
+    /// See [`State::coarse`].
+    on_coarser: OnceLock<Box<State>>,
 }
 
 /// Slow noise, in floors, that needs no second look.
@@ -78,7 +80,7 @@ impl State {
     /// The state on coarser evidence.
     #[must_use]
     pub(super) fn coarse(&self) -> State {
-        self.clone().on(self.frame.coarse().evidence)
+        State::clone(self.on_coarser.get_or_init(|| Box::new(self.clone().on(self.frame.coarse().evidence))))
     }
 
     /// Fits all unknowns, beginning at `start`: once with the noise that is left there and, where
@@ -207,6 +209,7 @@ impl State {
             freedom,
             rms: OnceLock::new(),
             least_squares: OnceLock::new(),
+            on_coarser: OnceLock::new(),
         }
     }
 
