@@ -205,6 +205,8 @@ impl Basis<'_> {
         let (to_soc, factor) = (self.settings.charge_to_soc, self.watch.wider(&Subject::Station(view.station.clone())));
         let reference = self.reference(&view.station, models);
         let charge_s = |soc: f64| reference.as_ref().map_or(0.0, |table| table.at(soc).charge_s);
+        // Nothing of it comes from the packs where what robots leave is put aside, or charged from outside.
+        let bare = |soc: Estimate| reference.as_ref().map(|table| table.bare(soc, factor)).filter(|need| need.mean_wh > 0.0);
         for spare in &state.spares {
             let taker = here.iter().find(|run| matches!(&run.how, How::Swap { spare: taken } if *taken == spare.spare));
             // A spare at the level at which robots want a service is none.
@@ -213,9 +215,9 @@ impl Basis<'_> {
                 // The pack that its robot leaves takes its place.
                 let gauge = self.fleet.robots.get(&run.robot).and_then(|robot| robot.gauge.as_ref());
                 let soc = gauge.map_or(Estimate::exact(0.0), |gauge| from_wire(gauge.soc));
-                let (from_s, need) = (self.ends_s(run), reference.as_ref().map(|table| table.bare(soc, factor)));
+                let from_s = self.ends_s(run);
                 let until_s = from_s + charge_s(soc.value);
-                view.recharging.extend(need.map(|need| Recharging { from_s, until_s, need }));
+                view.recharging.extend(bare(soc).map(|need| Recharging { from_s, until_s, need }));
                 (until_s, to_soc)
             } else if spare.ready {
                 (0.0, spare.soc.value)
@@ -226,10 +228,9 @@ impl Basis<'_> {
                 let whole_s = charge_s(soc.value).max(1.0);
                 // What it has taken since then, the packs' gauges have counted.
                 let lacking = (1.0 - since_s / whole_s).clamp(0.0, 1.0);
-                let need = reference
-                    .as_ref()
-                    .map(|table| table.bare(Estimate::new(table.reached(soc.value, since_s), lacking * soc.sigma), factor));
+                let reached = reference.as_ref().map_or(soc.value, |table| table.reached(soc.value, since_s));
                 let until_s = (whole_s - since_s).max(SPARE_LATE_S);
+                let need = bare(Estimate::new(reached, lacking * soc.sigma));
                 view.recharging.extend(need.map(|need| Recharging { from_s: 0.0, until_s, need }));
                 (until_s, to_soc)
             };

@@ -196,12 +196,12 @@ impl Task {
         }
     }
 
-    /// The charge of the pack that an exchange leaves, once that is over; none where none follows.
+    /// The charge of the pack that an exchange leaves, once that is over; none where none follows, or not from the station's packs.
     #[must_use]
     pub fn charge_after(&self, session: &Session) -> Option<Point> {
         let (_, _, table) = self.view.robots[session.robot].travel.iter().find(|(index, _, _)| *index == session.station)?;
         let charges = self.view.stations[session.station].charges_spares && !matches!(session.mode, Mode::Charge(_));
-        charges.then(|| table.at(self.soc_at(session.robot, session.start)))
+        charges.then(|| table.at(self.soc_at(session.robot, session.start))).filter(|charge| charge.bare_wh > 0.0)
     }
 
     /// Level at which a service ends, if it is a charge: else the usual one.

@@ -42,6 +42,8 @@ pub struct Grounds {
     without: Without,
     /// Level at which a charge ends below the usual one, %.
     only_to: Option<i64>,
+    /// Whether the packs may not last for charging what an exchange leaves.
+    leaves_uncharged: bool,
     /// What it takes, tenths of a Wh.
     need: i64,
     /// How likely the packs hold that, tenths of a percent.
@@ -96,7 +98,15 @@ impl Grounds {
         let to_soc = task.to_soc(session.mode);
         let only_to =
             (session.mode != task.full_charge() && matches!(session.mode, Mode::Charge(_))).then(|| (to_soc * 100.0).round() as i64);
-        Self { comes, without, only_to, need: (need_wh * 10.0).round() as i64, covered: (covered * 1000.0).round() as i64 }
+        let leaves_uncharged = session.mode == Mode::Swap && task.charge_after(session).is_some();
+        Self {
+            comes,
+            without,
+            only_to,
+            leaves_uncharged,
+            need: (need_wh * 10.0).round() as i64,
+            covered: (covered * 1000.0).round() as i64,
+        }
     }
 
     /// Why this service: what it saves, when it comes, and who pays.
@@ -117,8 +127,9 @@ impl Grounds {
         let only = self.only_to.map(|percent| {
             format!("is charged to {percent} % only: a whole charge would take place or energy from others, or more than there is")
         });
+        let left = self.leaves_uncharged.then(|| "the pack that it leaves is charged as far as the station's packs last".to_owned());
         let takes = format!("takes {need} Wh from {from}; the packs hold it with probability {covered} %");
-        [format!("{comes}; {without}")].into_iter().chain(only).chain([takes]).collect()
+        [format!("{comes}; {without}")].into_iter().chain(only).chain([takes]).chain(left).collect()
     }
 }
 

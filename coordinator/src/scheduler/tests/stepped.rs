@@ -112,6 +112,24 @@ fn the_pack_that_an_exchange_leaves_is_charged_over_an_hour_not_while_the_robot_
 }
 
 #[test]
+fn a_charged_spare_is_handed_out_though_the_packs_do_not_last_for_charging_what_is_left() {
+    // 5 Wh: an exchange takes next to nothing, a whole charge 19 Wh. The second robot could come only when the first one's pack has
+    // emptied the station's.
+    let mut with = station("s", 0, &[5.0], &[0.98, 0.98]);
+    with.charges_spares = true;
+    with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(0.08), temperature_degc: 25.0 });
+    let robots = |later: f64| vec![robot("r", 0.1, &[(0, 60.0)]), robot("t", later, &[(0, 60.0)])];
+    let told = |plan: &Plan| plan.planned.iter().map(|planned| (planned.robot.to_string(), planned.mode)).collect::<Vec<_>>();
+    let plan = planned(robots(0.11), with.clone());
+    assert_eq!(told(&plan), [("r".to_owned(), Mode::Swap), ("t".to_owned(), Mode::Swap)]);
+    assert!(plan.planned.iter().all(|exchange| exchange.probability > 0.95 && exchange.need.mean_wh < 1.0));
+    assert!(plan.planned[0].why.iter().any(|why| why.contains("as far as the station's packs last")), "{:?}", plan.planned[0].why);
+    let plan = planned(robots(0.6), with);
+    let sure = plan.planned.iter().all(|exchange| exchange.probability > 0.95);
+    assert!(sure && plan.planned.iter().any(|exchange| exchange.robot.as_ref() == "r"), "{plan:?}");
+}
+
+#[test]
 fn a_pack_that_is_charged_takes_its_energy_before_the_next_robots_come() {
     // 22 Wh for a pack that a robot left, drawn in the next hour: nothing of it is there for services after that.
     let pays = |until_s: f64| {
