@@ -45,16 +45,17 @@ pub fn overhead_breakdown(station: &StationModels) -> BTreeMap<String, f64> {
     service::overhead_breakdown(&station.load, circumstances(station, 1).pack_v)
 }
 
-/// What the station's packs give to charge a pack that a robot left behind: nothing where such
-/// packs are put aside, or charged from outside.
+/// A charger that nobody stops goes on until its current has fallen off: no battery that is charged so holds as much as this before.
+const UNTIL_IT_ENDS_SOC: f64 = 1.1;
+
+/// What the station's packs give to charge a pack that a robot left behind until its charger ends, Wh, and how long that takes, s. They
+/// give nothing where such packs are charged from outside; none where packs are put aside.
 #[must_use]
-pub fn spare_again(station: &StationModels, soc: Estimate, target_soc: f64) -> Need {
-    match &station.spare_battery {
-        Some(battery) if station.recharge_w <= 0.0 => {
-            service::pack_energy(&station.load, battery, soc, target_soc, &circumstances(station, 1)).need
-        }
-        _ => Need::default(),
-    }
+pub fn spare_again(station: &StationModels, soc: f64) -> Option<(f64, f64)> {
+    let battery = station.spare_battery.as_ref()?;
+    let recharge = service::pack_energy(&station.load, battery, Estimate::exact(soc), UNTIL_IT_ENDS_SOC, &circumstances(station, 1));
+    let given_wh = if station.recharge_w <= 0.0 { recharge.need.mean_wh } else { 0.0 };
+    Some((given_wh, recharge.charge_s))
 }
 
 /// What an exchange takes without the charge of the pack that is left.

@@ -204,7 +204,7 @@ impl Basis<'_> {
     fn spares(&self, view: &mut StationView, models: &StationModels, station: &Station, state: &StationState, here: &[&ServiceRun]) {
         let (to_soc, factor) = (self.settings.charge_to_soc, self.watch.wider(&Subject::Station(view.station.clone())));
         let reference = self.reference(&view.station, models);
-        let charge_s = |soc: f64| reference.as_ref().map_or(0.0, |table| table.at(soc).charge_s);
+        let charge_s = |soc: f64| reference.as_ref().map_or(0.0, |table| table.at(soc).bare_s);
         // Nothing of it comes from the packs where what robots leave is put aside, or charged from outside.
         let bare = |soc: Estimate| reference.as_ref().map(|table| table.bare(soc, factor)).filter(|need| need.mean_wh > 0.0);
         for spare in &state.spares {
@@ -230,7 +230,7 @@ impl Basis<'_> {
                 let lacking = (1.0 - since_s / whole_s).clamp(0.0, 1.0);
                 let reached = reference.as_ref().map_or(soc.value, |table| table.reached(soc.value, since_s));
                 let until_s = (whole_s - since_s).max(SPARE_LATE_S);
-                let need = bare(Estimate::new(reached, lacking * soc.sigma));
+                let need = bare(Estimate::new(reached, lacking * soc.sigma)).filter(|_| lacking > 0.0);
                 view.recharging.extend(need.map(|need| Recharging { from_s: 0.0, until_s, need }));
                 (until_s, to_soc)
             };

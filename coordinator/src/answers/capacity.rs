@@ -101,7 +101,7 @@ fn as_planned(planned: &Planned, table: &Table, soc: f64, models: &StationModels
         // Also where the plan does not count on it, the station charges what robots leave.
         Mode::Swap if models.spare_battery.is_some() && table.at(soc).bare_wh > 0.0 => {
             let (charge, need) = (table.at(soc), table.bare(Estimate::exact(soc), 1.0));
-            (planned.need.clone(), Some(Recharging { from_s: time_s, until_s: time_s + charge.charge_s, need }))
+            (planned.need.clone(), Some(Recharging { from_s: time_s, until_s: time_s + charge.bare_s, need }))
         }
         Mode::Swap | Mode::Charge(_) => (planned.need.clone(), None),
     };

@@ -34,8 +34,10 @@ pub struct Point {
     pub need_wh: f64,
     /// Variance of that by the battery's parameters, Wh².
     pub own_variance: f64,
-    /// What the station's packs give to charge the pack alone, Wh.
+    /// What the station's packs give to charge the pack alone until its charger ends, Wh.
     pub bare_wh: f64,
+    /// Time that takes, s.
+    pub bare_s: f64,
 }
 
 /// A charge from any state of charge to the target.
@@ -57,9 +59,9 @@ impl Table {
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
-            let bare_wh = forecast::spare_again(station, Estimate::exact(soc), to_soc).mean_wh;
+            let (bare_wh, bare_s) = forecast::spare_again(station, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
-            Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh }
+            Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh, bare_s }
         };
         let reference = recharge(from_soc);
         let mean_wh = reference.need.mean_wh.max(f64::MIN_POSITIVE);
@@ -94,6 +96,7 @@ impl Table {
             need_wh: between(|point| point.need_wh),
             own_variance: between(|point| point.own_variance),
             bare_wh: between(|point| point.bare_wh),
+            bare_s: between(|point| point.bare_s),
         }
     }
 
@@ -107,7 +110,8 @@ impl Table {
             charge_s: (from.charge_s - to.charge_s).max(0.0),
             need_wh: (from.need_wh - to.need_wh).max(0.0) + self.lift_wh,
             own_variance: share * share * from.own_variance,
-            bare_wh: (from.bare_wh - to.bare_wh).max(0.0),
+            bare_wh: from.bare_wh,
+            bare_s: from.bare_s,
         }
     }
 

@@ -245,7 +245,7 @@ impl<'a> Ledger<'a> {
     fn recharged_s(&self, session: &Session) -> f64 {
         let (view, soc) = (&self.task.view.robots[session.robot], self.task.soc_at(session.robot, session.start));
         let table = view.travel.iter().find(|(station, _, _)| *station == self.index);
-        self.station.handling.swap_s + table.map_or(0.0, |(_, _, table)| table.at(soc).charge_s)
+        self.station.handling.swap_s + table.map_or(0.0, |(_, _, table)| table.at(soc).bare_s)
     }
 
     /// Packs over which what is taken between two totals falls when all are drained in order.

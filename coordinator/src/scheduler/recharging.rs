@@ -26,7 +26,7 @@ impl Recharging {
         let share = (charge.bare_wh / whole.mean_wh.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         let exchange = Need { own_variance: 0.0, ..whole.scaled(1.0 - share) };
         let need = Need { own_variance: whole.own_variance, ..whole.scaled(share) };
-        (exchange, Some(Self { from_s: end_s, until_s: end_s + charge.charge_s, need }))
+        (exchange, Some(Self { from_s: end_s, until_s: end_s + charge.bare_s, need }))
     }
 
     /// What of it is drawn by a time, s from now.

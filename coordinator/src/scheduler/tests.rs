@@ -21,7 +21,7 @@ fn table() -> Arc<Table> {
     let point = |step: u32| {
         let soc = 0.98 * f64::from(step) / 10.0;
         let left = 1.0 - f64::from(step) / 10.0;
-        Point { soc, charge_s: HOUR * left, need_wh: 0.1 + 26.0 * left, own_variance: 0.01, bare_wh: 19.0 * left }
+        Point { soc, charge_s: HOUR * left, need_wh: 0.1 + 26.0 * left, own_variance: 0.01, bare_wh: 19.0 * left, bare_s: HOUR * left }
     };
     Arc::new(Table { points: (0..=10).map(point).collect(), lift_wh: 0.1, shared_per_wh: vec![0.01], breakdown_wh: BTreeMap::new() })
 }

@@ -181,15 +181,15 @@ mission.inputs = {{ speed_mps = 0.1 }}
 
 #[test]
 fn promises_are_kept_as_often_as_they_say() {
-    judge(Setting::of_bays);
+    judge(10_000, Setting::of_bays);
 }
 
 #[test]
 fn so_are_those_of_exchanges() {
-    judge(Setting::of_exchanges);
+    judge(20_000, Setting::of_exchanges);
 }
 
-fn judge(setting: fn(&mut Draw) -> Setting) {
+fn judge(first: u64, setting: fn(&mut Draw) -> Setting) {
     let worlds: u64 = std::env::var("TENDER_CALIBRATION").map_or(4, |number| number.parse().expect("a number of worlds"));
     let next = std::sync::atomic::AtomicU64::new(0);
     let made = std::sync::Mutex::new(Vec::new());
@@ -201,7 +201,7 @@ fn judge(setting: fn(&mut Draw) -> Setting) {
                     if number >= worlds {
                         return;
                     }
-                    let world = world(10_000 + number, setting);
+                    let world = world(first + number, setting);
                     made.lock().unwrap().push(world);
                 }
             });

@@ -85,6 +85,9 @@ pub(super) fn spares_alike(station: &StationView) -> impl Iterator<Item = &Spare
 /// A table as stretches of equal power.
 fn curve(table: &Table, capacity: f64, tick_s: u32) -> Vec<Segment> {
     let mut curve: Vec<Segment> = Vec::new();
+    // What a pack alone takes after the last point, its charger's end, is spread over what it takes before.
+    let bare_wh = [&table.points[0], &table.points[table.points.len() - 1]].map(|point| point.bare_wh);
+    let to_the_end = bare_wh[0] / (bare_wh[0] - bare_wh[1]).max(f64::MIN_POSITIVE);
     for pair in table.points.windows(2) {
         let [low, high] = [pair[0], pair[1]];
         let ticks = (low.charge_s - high.charge_s) / f64::from(tick_s);
@@ -98,7 +101,7 @@ fn curve(table: &Table, capacity: f64, tick_s: u32) -> Vec<Segment> {
             below,
             gain: (((high.soc - low.soc) * capacity / ticks).round() as i64).max(1),
             draw: per_tick(low.need_wh - high.need_wh),
-            draw_bare: per_tick(low.bare_wh - high.bare_wh),
+            draw_bare: per_tick(to_the_end * (low.bare_wh - high.bare_wh)),
         });
     }
     if let Some(last) = curve.last_mut() {
