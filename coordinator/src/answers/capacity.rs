@@ -127,7 +127,10 @@ fn holding(basis: &Basis<'_>, station: &StationView, pack: &PackId, is_connected
         pack: pack.clone(),
         remaining_wh: gauge.filter(|_| is_connected).map_or(usable_wh, |gauge| from_wire(gauge.remaining_wh)),
         usable_wh,
-        gain_wh: planned.map_or(0.0, |index| station.packs[index].gain_wh),
+        gain_wh: planned.map_or(Estimate::exact(0.0), |index| {
+            let pack = &station.packs[index];
+            Estimate::new(pack.gain_wh, pack.usable_wh.sigma)
+        }),
         state: planned.and_then(|index| Some(states?[index].clone())),
         from_s: planned.map_or(0.0, |index| (station.packs[index].available_s - station.committed_until_s).max(0.0)),
     })

@@ -97,8 +97,8 @@ pub struct Holding {
     pub remaining_wh: Estimate,
     /// What it gives to services as one of the station's packs, Wh.
     pub usable_wh: Estimate,
-    /// How much more it gives alone, Wh.
-    pub gain_wh: f64,
+    /// How much more it gives alone, Wh, and how surely it is known what it gives at all.
+    pub gain_wh: Estimate,
     /// How it stands when the services that have begun are over; none where that is not known, or would take too long.
     pub state: Option<PackState>,
     /// When it is there, s from when the services that have begun are over.
@@ -133,7 +133,8 @@ pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capac
 }
 
 fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapacity {
-    let usable_wh = Estimate::new(holding.usable_wh.value + holding.gain_wh, holding.usable_wh.sigma);
+    let (usable, gain) = (holding.usable_wh, holding.gain_wh);
+    let usable_wh = Estimate::new(usable.value + gain.value, usable.sigma.max(gain.sigma));
     // Asked alone, a pack is there.
     let count = question.count(usable_wh, &[Holding { from_s: 0.0, ..holding.clone() }], confidence);
     let per_service_h = question.service.time_s / S_PER_H / f64::from(question.bays.max(1));

@@ -8,7 +8,7 @@ use super::*;
 fn question(usable_wh: &[f64], bays: u32) -> Question {
     let pack = |(n, wh): (usize, &f64)| {
         let (pack, wh) = (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh));
-        Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: 0.0, state: None, from_s: 0.0 }
+        Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: Estimate::exact(0.0), state: None, from_s: 0.0 }
     };
     Question {
         station: StationId::new("s").unwrap(),
