@@ -123,8 +123,6 @@ duration_s = {duration_s}
 [policy]
 confidence = 0.5
 serve_below_soc = 0.10
-# A promise is one of a whole charge: nobody leaves with less.
-charge_at_least_soc = 0.98
 [[station]]
 id = "mds-1"
 load = "mds-station"
