@@ -270,3 +270,19 @@ impl Tables {
 pub(crate) fn step_of(temperature_degc: f64) -> f64 {
     (temperature_degc / TEMPERATURE_STEP_DEGC).round()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_charge_has_reached_the_level_from_which_it_takes_as_much_less_time() {
+        // An hour from empty to 90 %, the last third of it for the last tenth.
+        let point = |soc: f64, charge_s: f64| Point { soc, charge_s, need_wh: 0.0, own_variance: 0.0, bare_wh: 0.0, bare_s: 0.0 };
+        let points = vec![point(0.0, 3600.0), point(0.8, 1200.0), point(0.9, 0.0)];
+        let table = Table { points, lift_wh: 0.0, shared_per_wh: Vec::new(), breakdown_wh: BTreeMap::new() };
+        for (soc, after_s, reached) in [(0.0, 0.0, 0.0), (0.0, 1200.0, 0.4), (0.4, 1800.0, 0.85), (0.4, 9000.0, 0.9), (0.95, 60.0, 0.95)] {
+            assert!((table.reached(soc, after_s) - reached).abs() < 1e-9, "{soc} {after_s}: {}", table.reached(soc, after_s));
+        }
+    }
+}
