@@ -109,10 +109,16 @@ pub struct Models {
 }
 
 impl Models {
+    /// The battery model of that name.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Option<&Arc<Model>> {
+        self.batteries.get(name).or_else(|| self.built_in.get(name))
+    }
+
     /// The battery model of a robot that says it has a battery of that name.
     #[must_use]
     pub fn battery(&self, robot: &RobotId, name: &str) -> Option<&Arc<Model>> {
-        self.robots.get(robot).or_else(|| self.batteries.get(name)).or_else(|| self.built_in.get(name))
+        self.robots.get(robot).or_else(|| self.named(name))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Makes the planning view from beliefs, models and services that have begun.
 
 mod begun;
+mod fit;
 mod packs;
 
 use std::cell::OnceCell;
@@ -12,6 +13,7 @@ use energy::{Estimate, Model, Need};
 use proto::{BayPhase, Gauge, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use self::fit::SpareKind;
 use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
@@ -58,8 +60,8 @@ pub struct Basis<'a> {
 
 /// What the views of all robots have in common.
 struct Around<'v> {
-    /// Place in the order of stations, and what is believed of it.
-    stations: BTreeMap<&'v StationId, (usize, &'v StationView)>,
+    /// Place in the order of stations, what is believed of it, and the kinds of its spares.
+    stations: BTreeMap<&'v StationId, (usize, &'v StationView, Vec<SpareKind>)>,
     /// What charging takes: at a station, for a battery, in a step of temperature.
     tables: BTreeMap<(usize, usize, i32), Arc<Table>>,
     /// Standard deviations that the confidence asks for.
@@ -73,8 +75,12 @@ impl Basis<'_> {
     pub fn view(&self) -> View {
         let stations: Vec<StationView> =
             self.models.stations.iter().map(|(id, models)| self.station(id, models, self.fleet.stations.get(id))).collect();
+        let kinds = |station: &StationView| {
+            let (models, known) = (&self.models.stations[&station.station], self.fleet.stations.get(&station.station));
+            known.and_then(Station::known).map_or_else(Vec::new, |state| self.kinds_of_spares(models, state))
+        };
         let mut around = Around {
-            stations: stations.iter().enumerate().map(|(index, station)| (&station.station, (index, station))).collect(),
+            stations: stations.iter().enumerate().map(|(index, station)| (&station.station, (index, station, kinds(station)))).collect(),
             tables: BTreeMap::new(),
             caution: Normal::standard().inverse_cdf(self.settings.confidence),
             is_doubting: self.watch.is_doubting(),
@@ -120,12 +126,14 @@ impl Basis<'_> {
             until_s: state.mission.until.map(|until| until.seconds_since(self.now)),
             held,
             travel: Vec::new(),
+            unfit: Vec::new(),
             closed: Vec::new(),
         };
         let mut handled_s: f64 = 0.0;
         // Ways are in order of station, as stations are.
         for (station, travel) in &state.travel {
-            let Some(&(index, station)) = around.stations.get(station) else { continue };
+            let Some((index, station, kinds)) = around.stations.get(station) else { continue };
+            let index = *index;
             if let Some(why) = &station.out_of_order {
                 view.closed.push((station.station.clone(), why.clone()));
                 continue;
@@ -135,6 +143,8 @@ impl Basis<'_> {
             let table = Arc::clone(around.tables.entry(kind).or_insert_with(made));
             handled_s = handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
             view.travel.push((index, travel.time_s, table));
+            let unfit = kinds.iter().enumerate().filter(|(_, kind)| !kind.fits(&state.battery, battery));
+            view.unfit.extend(unfit.map(|(kind, _)| (index, Some(kind))));
         }
         // It lives on its own pack until it is in the bay, or has the other pack.
         view.empty_s = (empty_s - handled_s).max(0.0);
@@ -207,6 +217,7 @@ impl Basis<'_> {
         let charge_s = |soc: f64| reference.as_ref().map_or(0.0, |table| table.at(soc).bare_s);
         // Nothing of it comes from the packs where what robots leave is put aside, or charged from outside.
         let bare = |soc: Estimate| reference.as_ref().map(|table| table.bare(soc, factor)).filter(|need| need.mean_wh > 0.0);
+        let kinds = self.kinds_of_spares(models, state);
         for spare in &state.spares {
             let taker = here.iter().find(|run| matches!(&run.how, How::Swap { spare: taken } if *taken == spare.spare));
             // A spare at the level at which robots want a service is none.
@@ -235,7 +246,8 @@ impl Basis<'_> {
                 (until_s, to_soc)
             };
             if (ready_s == 0.0 && charged) || (ready_s > 0.0 && view.charges_spares) {
-                view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s });
+                let kind = self.place_of(&kinds, models, spare);
+                view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s, kind });
             }
         }
     }

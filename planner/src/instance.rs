@@ -252,7 +252,7 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         }
         let ticks = range(at(&format!("travel time to station {id}")), ticks, 0, i64::from(Tick::MAX))?;
         let list = if ticks < horizon { &mut travel } else { &mut beyond };
-        list.push(Travel { station, ticks: ticks as Tick, variance: 0.0 });
+        list.push(Travel { station, ticks: ticks as Tick, variance: 0.0, spares_fit: true });
     }
     Ok(Robot {
         name: raw.id.to_string(),

@@ -257,6 +257,8 @@ pub struct Travel {
     pub ticks: Tick,
     /// Variance of what a charge there takes that is this robot's own, units².
     pub variance: f64,
+    /// Whether the spares there go into it.
+    pub spares_fit: bool,
 }
 
 impl Robot {
@@ -291,6 +293,12 @@ impl Problem {
     #[must_use]
     pub fn battery(&self, robot: usize) -> &Battery {
         &self.batteries[self.robots[robot].battery]
+    }
+
+    /// Whether there may be a spare for the robot at the end of this way.
+    #[must_use]
+    pub fn exchanges(&self, travel: &Travel) -> bool {
+        travel.spares_fit && !self.stations[travel.station].spares.is_empty()
     }
 
     /// First tick in which a service can begin at the end of this way: the robot and the station must be there.

@@ -39,6 +39,8 @@ pub enum Why {
     },
     /// It has neither bay nor spare.
     NoPlace,
+    /// It has no bay, and spares that do not fit the robot.
+    NoFit,
     /// No service that adds enough ends within the horizon.
     TooLate {
         /// What it must add.
@@ -134,8 +136,8 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     if i64::from(soonest) > endurance || who.energy - who.drain_hi * i64::from(soonest) < battery.floor {
         return if soonest > travel.ticks { Why::NotThere { opens: soonest, endurance } } else { Why::TooFar { away: soonest, endurance } };
     }
-    if station.bays == 0 && station.spares.is_empty() {
-        return Why::NoPlace;
+    if station.bays == 0 && !problem.exchanges(travel) {
+        return if station.spares.is_empty() { Why::NoPlace } else { Why::NoFit };
     }
     if problem.strands(robot) {
         return Why::TooLate { min_gain: battery.min_gain, horizon: problem.horizon };
@@ -163,6 +165,7 @@ impl fmt::Display for Why {
                 write!(f, "it takes robots in from tick {opens}, and the robot may be empty in {endurance}")
             }
             Why::NoPlace => write!(f, "it has neither bay nor spare"),
+            Why::NoFit => write!(f, "it has no bay, and its spares do not fit the robot"),
             Why::TooLate { min_gain, horizon } => write!(f, "no service of at least {min_gain} mWh ends by tick {horizon}"),
             Why::Pointless => write!(f, "a service there would cost more work than it gives"),
             Why::Free { start, cost, unserved } => write!(f, "could be serviced from tick {start} at a cost of {cost} against {unserved}"),

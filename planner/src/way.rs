@@ -286,7 +286,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     // Ways are made in the order in which equal ones stay: by start, station and mode.
     let mut travels: Vec<&Travel> = robot.travel.iter().filter(|travel| is_asked(travel.station)).collect();
     travels.sort_by_key(|travel| travel.station);
-    let swaps = robot.travel.iter().any(|travel| !problem.stations[travel.station].spares.is_empty());
+    let swaps = robot.travel.iter().any(|travel| problem.exchanges(travel));
     made.ways.reserve(usize::try_from(last - i64::from(first) + 1).unwrap_or(0) * robot.travel.len());
     for start in first.. {
         if i64::from(start) > last || robot.energy - robot.drain_hi * i64::from(start) < battery.floor {
@@ -339,7 +339,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
                     add(mode, end, stored, NEVER, from.charged_runs, handling + taken(&from.charged.runs, ticks));
                 }
             }
-            let Some(bare) = from.bare.as_ref().filter(|_| !station.spares.is_empty()) else { continue };
+            let Some(bare) = from.bare.as_ref().filter(|_| problem.exchanges(travel)) else { continue };
             let (end, stored) = (start + station.swap_ticks, battery.chargers[station.charger].swap_energy);
             let energy = i64::from(station.swap_ticks) * station.swap_draw;
             if station.left_packs != LeftPacks::Charged {

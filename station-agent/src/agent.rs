@@ -29,8 +29,8 @@ pub struct Profile {
     pub id: StationId,
     /// Its bays.
     pub bays: Vec<BayId>,
-    /// Its spares and their state of charge as written on them.
-    pub spares: BTreeMap<SpareId, proto::Estimate>,
+    /// Its spares as they are at first.
+    pub spares: Vec<SpareState>,
     /// When its selector changes packs, and to which.
     pub rule: Rule,
     /// How often it speaks.
@@ -135,10 +135,9 @@ impl Agent {
     /// An agent with one gauge per pack, in the selector's order.
     #[must_use]
     pub fn new(profile: Profile, packs: Vec<(PackId, Box<dyn Estimator>)>) -> Self {
-        let spare = |(spare, &soc): (&SpareId, &proto::Estimate)| SpareState { spare: spare.clone(), soc, ready: true };
         Self {
             bays: profile.bays.iter().map(|id| Bay { id: id.clone(), phase: BayPhase::Free, robot: None }).collect(),
-            spares: profile.spares.iter().map(spare).collect(),
+            spares: profile.spares.clone(),
             active_pack: packs.first().map(|(id, _)| id.clone()),
             packs: packs
                 .into_iter()

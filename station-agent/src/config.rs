@@ -8,7 +8,7 @@ use energy::System;
 use energy::gauge::Kind;
 use node::files::{ModelRef, read_text};
 use node::{Age, Charging, ClockConfig, Depot, NetworkConfig, Publish, SelectorConfig, UNTIL_EMPTY, Vehicle};
-use proto::{BayId, Estimate, PackId, SiteId, SpareId, StationId};
+use proto::{BayId, Estimate, PackId, SiteId, SpareId, SpareState, StationId};
 use serde::{Deserialize, Serialize};
 
 use crate::agent::{Agent, Alone, Profile};
@@ -72,6 +72,17 @@ pub struct SpareConfig {
     pub id: SpareId,
     /// Its state of charge.
     pub soc: f64,
+    /// Name of the battery model that describes it, as robots name theirs; what packs of robots are where they are charged, or
+    /// whatever fits, when this is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub battery: Option<String>,
+}
+
+impl SpareConfig {
+    /// What the agent says of it at first: what is written on it.
+    fn stated(&self) -> SpareState {
+        SpareState { spare: self.id.clone(), soc: Estimate::new(self.soc, 0.01), ready: true, battery: self.battery.clone() }
+    }
 }
 
 /// `[source]`: where samples come from.
@@ -243,7 +254,7 @@ impl Config {
             id: self.id.clone(),
             alone: self.alone,
             bays: self.bays.clone(),
-            spares: self.spares.iter().map(|spare| (spare.id.clone(), Estimate::new(spare.soc, 0.01))).collect(),
+            spares: self.spares.iter().map(SpareConfig::stated).collect(),
             rule: selector.map_or(UNTIL_EMPTY, |selector| selector.rule()),
             publish: self.publish,
             source: "sim".to_owned(),

@@ -56,25 +56,34 @@ fn question(basis: &Basis<'_>, robots: &[(f64, Option<&Planned>, &RobotView)], i
     let state = known.known()?;
     let table = basis.reference(id, models)?;
     let from_soc = basis.settings.serve_below_soc;
+    // Where nothing charges in a bay, a service is an exchange.
+    let exchanges = state.bays.is_empty() && !(station.spares.is_empty() && station.recharging.is_empty());
+    let usual = |soc: Estimate, table: &Table| match exchanges {
+        true => exchange(basis, station, models, table, soc),
+        false => charge(station, models, table, soc),
+    };
     let coming = robots.iter().filter_map(|(from_s, planned, robot)| {
         let (_, _, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
         let soc = Estimate::new((robot.soc.value - robot.drain_soc_per_s * from_s).max(0.0), robot.soc.sigma);
         let wanted = match planned {
-            Some(planned) => as_planned(planned, table, soc.value, models),
-            None => charge(station, models, table, soc),
+            Some(planned) => as_planned(planned, station, models, table, soc),
+            None if !station.spares.iter().any(|spare| robot.takes(index, spare.kind)) => charge(station, models, table, soc),
+            None => usual(soc, table),
         };
         let from_s = from_s - station.committed_until_s;
         Some(Coming { robot: robot.robot.clone(), wanted, from_s, is_planned: planned.is_some() })
     });
+    let service = usual(Estimate::exact(from_soc), &table);
     Some(Question {
         station: id.clone(),
         packs: state.packs.iter().filter_map(|pack| holding(basis, station, &pack.pack, pack.connected)).collect(),
         usable_wh: together_wh(station),
         robots: coming.collect(),
         recharging: station.recharging.iter().map(|charged| charged.after(station.committed_until_s)).collect(),
-        service: charge(station, models, &table, Estimate::exact(from_soc)),
-        breakdown_wh: table.breakdown_wh.clone(),
+        breakdown_wh: if exchanges { by_cause(&service) } else { table.breakdown_wh.clone() },
+        service,
         bays: state.bays.len() as u32,
+        spares_s: station.spares.iter().map(|spare| (spare.ready_s - station.committed_until_s).max(0.0)).collect(),
         overhead_per_h: station.overhead_per_h.clone(),
         overhead_breakdown: forecast::overhead_breakdown(models),
     })
@@ -93,20 +102,38 @@ fn charge(station: &StationView, models: &StationModels, table: &Table, soc: Est
     }
 }
 
+/// An exchange for a charged spare.
+fn exchange(basis: &Basis<'_>, station: &StationView, models: &StationModels, table: &Table, soc: Estimate) -> Wanted {
+    let (need, time_s) = (basis.exchange(&station.station, models), models.handling.swap_s);
+    let course = Course { even_wh: need.mean_wh, ..Course::default() };
+    Wanted { need, time_s, course, in_bay: false, left: left_behind(station, models, table, soc, time_s) }
+}
+
+/// The charge of the pack that a robot leaves after so many seconds; none where such packs are put aside.
+fn left_behind(station: &StationView, models: &StationModels, table: &Table, soc: Estimate, from_s: f64) -> Option<Recharging> {
+    models.spare_battery.as_ref()?;
+    let (need, until_s) = (table.bare(soc, 1.0), from_s + table.at(soc.value).bare_s);
+    let shared_wh = station.shared_per_wh.iter().map(|change| change * need.mean_wh).collect();
+    Some(Recharging { from_s, until_s, need: Need { shared_wh, ..need } })
+}
+
+/// Where the energy of an exchange goes, Wh.
+fn by_cause(exchange: &Wanted) -> BTreeMap<String, f64> {
+    let left_wh = exchange.left.as_ref().map(|left| ("spare_charge".to_owned(), left.need.mean_wh));
+    std::iter::once(("exchange".to_owned(), exchange.need.mean_wh)).chain(left_wh).collect()
+}
+
 /// What the plan says of a service.
-fn as_planned(planned: &Planned, table: &Table, soc: f64, models: &StationModels) -> Wanted {
+fn as_planned(planned: &Planned, station: &StationView, models: &StationModels, table: &Table, soc: Estimate) -> Wanted {
     let time_s = planned.end.seconds_since(planned.start);
     let (need, left) = match planned.mode {
-        Mode::SwapAndRecharge => Recharging::split(&planned.need, table.at(soc), time_s),
+        Mode::SwapAndRecharge => Recharging::split(&planned.need, table.at(soc.value), time_s),
         // Also where the plan does not count on it, the station charges what robots leave.
-        Mode::Swap if models.spare_battery.is_some() && table.at(soc).bare_wh > 0.0 => {
-            let (charge, need) = (table.at(soc), table.bare(Estimate::exact(soc), 1.0));
-            (planned.need.clone(), Some(Recharging { from_s: time_s, until_s: time_s + charge.bare_s, need }))
-        }
-        Mode::Swap | Mode::Charge(_) => (planned.need.clone(), None),
+        Mode::Swap => (planned.need.clone(), left_behind(station, models, table, Estimate::exact(soc.value), time_s)),
+        Mode::Charge(_) => (planned.need.clone(), None),
     };
     let course = match planned.mode {
-        Mode::Charge(_) => Course::charge(table, soc, planned.to_soc, models.handling.load_s),
+        Mode::Charge(_) => Course::charge(table, soc.value, planned.to_soc, models.handling.load_s),
         Mode::Swap | Mode::SwapAndRecharge => Course { even_wh: need.mean_wh, ..Course::default() },
     };
     Wanted { need, time_s, course, in_bay: matches!(planned.mode, Mode::Charge(_)), left }

@@ -73,6 +73,8 @@ impl Scenario {
                 charging: entry.charging.named(|name| believed(name)),
             };
             coordinator.stations.insert(entry.id.clone(), config);
+            let spares = entry.spares.iter().filter_map(|spare| spare.battery.as_ref());
+            coordinator.batteries.extend(spares.map(|name| (name.clone(), believed(name))));
             stations.push(self.station_config(entry, seed, &believed, &truth)?);
         }
         for robot in &robots {
@@ -131,6 +133,10 @@ impl Scenario {
     ) -> anyhow::Result<station_agent::Config> {
         let bays = (1..=entry.bays).map(|number| proto::BayId::new(format!("bay-{number}"))).collect::<Result<_, _>>()?;
         let true_pack = |pack: &super::PackEntry| station_agent::TruePack { battery: truth(&pack.battery), soc: pack.soc, age: pack.age };
+        let spare = |spare: &super::SpareEntry| {
+            let (id, soc, battery) = (spare.id.clone(), spare.soc, spare.battery.clone());
+            station_agent::SpareConfig { id, soc, battery }
+        };
         let config = station_agent::Config {
             schema: 1,
             id: entry.id.clone(),
@@ -141,7 +147,7 @@ impl Scenario {
                 .iter()
                 .map(|pack| station_agent::PackConfig { id: pack.id.clone(), gauge: pack.gauge, battery: believed(&pack.battery) })
                 .collect(),
-            spares: entry.spares.iter().map(|spare| station_agent::SpareConfig { id: spare.id.clone(), soc: spare.soc }).collect(),
+            spares: entry.spares.iter().map(spare).collect(),
             publish: self.publish,
             alone: Default::default(),
             memory: None,

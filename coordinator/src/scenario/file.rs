@@ -138,6 +138,9 @@ pub struct SpareEntry {
     pub id: SpareId,
     /// Its state of charge.
     pub soc: f64,
+    /// Model of it; left out, it is what packs of robots are where the station charges these, or else fits whoever comes.
+    #[serde(default)]
+    pub battery: Option<String>,
 }
 
 /// `[[robot]]`: one robot, or several of a kind.
@@ -245,8 +248,9 @@ impl StationEntry {
     /// Every model that it names.
     pub(super) fn model_names(&self) -> impl Iterator<Item = &str> {
         let packs = self.packs.iter().map(|pack| pack.battery.as_str());
+        let spares = self.spares.iter().filter_map(|spare| spare.battery.as_deref());
         let vehicle = self.vehicle.as_ref().map(|vehicle| vehicle.load.as_str());
-        std::iter::once(self.load.as_str()).chain(packs).chain(self.charging.spare_battery.as_deref()).chain(vehicle)
+        std::iter::once(self.load.as_str()).chain(packs).chain(spares).chain(self.charging.spare_battery.as_deref()).chain(vehicle)
     }
 }
 

@@ -54,6 +54,8 @@ pub struct Question {
     pub recharging: Vec<Recharging>,
     /// Services at once.
     pub bays: u32,
+    /// When each of its spares is charged and there to be handed out, s from when the services that have begun are over.
+    pub spares_s: Vec<f64>,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
     /// The same by cause, Wh.
@@ -69,10 +71,17 @@ pub struct Wanted {
     pub time_s: f64,
     /// What it draws when.
     pub course: Course,
-    /// Whether it takes a bay.
+    /// Whether it takes a bay; else a spare.
     pub in_bay: bool,
-    /// The charge of the pack that it leaves, s from its beginning.
+    /// The charge of the pack that it leaves, s from its beginning; then that is a spare.
     pub left: Option<Recharging>,
+}
+
+impl Wanted {
+    /// What the packs give for all of it.
+    fn whole(&self) -> Need {
+        self.left.iter().fold(self.need.clone(), |sum, left| sum.plus(&left.need))
+    }
 }
 
 /// A robot that comes.
@@ -113,8 +122,21 @@ struct Count {
     expected: u32,
     promised: u32,
     short_wh: f64,
-    /// Whether the first that is not promised lacks a bay.
-    lacks_bay: bool,
+    /// What the first that is not promised lacks, if that is not energy.
+    lacks: Option<Lack>,
+}
+
+/// What a service may lack however much energy there is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Lack {
+    Bay,
+    Spare,
+}
+
+/// Places and spares, and from when each is free, s.
+struct Free {
+    bays_s: Vec<f64>,
+    spares_s: Vec<f64>,
 }
 
 /// Answers for every pack and station, at this confidence.
@@ -142,7 +164,7 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
     for (cause, w) in &question.overhead_breakdown {
         *breakdown_wh.entry(cause.clone()).or_insert(0.0) += w * per_service_h;
     }
-    let service_wh = question.service.need.plus(&question.overhead_per_h.scaled(per_service_h)).estimate();
+    let service_wh = question.service.whole().plus(&question.overhead_per_h.scaled(per_service_h)).estimate();
     PackCapacity {
         station: question.station.clone(),
         pack: holding.pack.clone(),
@@ -154,7 +176,8 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
         robots_promised: count.promised,
         confidence,
         short_for_next_wh: count.short_wh,
-        lacks_bay: count.lacks_bay,
+        lacks_bay: count.lacks == Some(Lack::Bay),
+        lacks_spare: count.lacks == Some(Lack::Spare),
         promises: count.promises,
     }
 }
@@ -168,7 +191,8 @@ fn of_station(question: &Question, confidence: f64) -> StationCapacity {
         robots_expected: count.expected,
         robots_promised: count.promised,
         short_for_next_wh: count.short_wh,
-        lacks_bay: count.lacks_bay,
+        lacks_bay: count.lacks == Some(Lack::Bay),
+        lacks_spare: count.lacks == Some(Lack::Spare),
         promises: count.promises,
     }
 }
@@ -179,20 +203,15 @@ impl Question {
         let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
         let (mut services, mut recharging, mut short_wh) = (Need::default(), self.recharging.clone(), None);
         let mut parts: Vec<Part> = recharging.iter().map(Recharging::part).collect();
-        let mut lacks_bay = false;
-        let mut bays_free_s = vec![0.0_f64; self.bays.clamp(1, SERVICES_MAX as u32) as usize];
+        let mut lacks = None;
+        let mut free = Free { bays_s: vec![0.0_f64; self.bays.min(SERVICES_MAX as u32) as usize], spares_s: self.spares_s.clone() };
         let (mut ends_s, mut before, mut told_wh) = (0.0_f64, 1.0_f64, usable_wh.value);
         for number in 1..=SERVICES_MAX {
             let robot = self.robots.get(number - 1);
             let wanted = robot.map_or(&self.service, |coming| &coming.wanted);
             services.add(&wanted.need, 1.0);
             let soonest_s = robot.map_or(0.0, |coming| coming.from_s.max(0.0));
-            let bay = bays_free_s.iter_mut().min_by(|a, b| a.total_cmp(b)).filter(|_| wanted.in_bay);
-            let start_s =
-                bay.as_ref().filter(|_| robot.is_none_or(|coming| !coming.is_planned)).map_or(soonest_s, |free_s| free_s.max(soonest_s));
-            if let Some(free_s) = bay {
-                *free_s = free_s.max(start_s + wanted.time_s);
-            }
+            let (start_s, lack) = free.take(wanted, soonest_s, robot.is_some_and(|coming| coming.is_planned));
             // What the station takes by itself meanwhile, also while it waits for whoever wants nothing yet.
             ends_s = ends_s.max(start_s + wanted.time_s);
             parts.extend(wanted.course.parts(start_s, start_s + wanted.time_s));
@@ -212,7 +231,7 @@ impl Question {
                 told_wh = need.value + spare_wh;
             }
             let (mut probability, short) = margin(Estimate::new(spare_wh, sigma_wh), confidence);
-            if self.bays == 0 && wanted.in_bay {
+            if lack.is_some() {
                 probability = 0.0;
             }
             // One more is never likelier.
@@ -222,7 +241,7 @@ impl Question {
             promised += u32::from(probability >= confidence);
             if probability < confidence && short_wh.is_none() {
                 short_wh = Some(short);
-                lacks_bay = self.bays == 0 && wanted.in_bay;
+                lacks = lack;
             }
             if probability >= TOLD_MIN && (robot.is_some() || number <= TOLD_MAX) {
                 promises.push(Promise { robot: robot.map(|coming| coming.robot.clone()), probability, need_wh: node::wire(need) });
@@ -232,7 +251,7 @@ impl Question {
             }
         }
         let usable_wh = Estimate::new(told_wh, usable_wh.sigma);
-        Count { usable_wh, promises, expected, promised, short_wh: short_wh.unwrap_or(0.0), lacks_bay }
+        Count { usable_wh, promises, expected, promised, short_wh: short_wh.unwrap_or(0.0), lacks }
     }
 
     /// How much more than these services the packs could carry, Wh, where that is known.
@@ -241,6 +260,23 @@ impl Question {
         let there: Option<Vec<_>> = holding.map(|pack| Some((pack.from_s, pack.state.as_ref()?))).collect();
         let load = Load { parts, overhead_w: self.overhead_per_h.mean_wh, until_s };
         there.map(|packs| load.spare_wh(&packs, sigma_wh))
+    }
+}
+
+impl Free {
+    /// When a service begins that can at `soonest_s`, and what it lacks. One that is planned begins then, whatever else is said
+    /// of its bay or spare; any other one when these are free.
+    fn take(&mut self, wanted: &Wanted, soonest_s: f64, is_planned: bool) -> (f64, Option<Lack>) {
+        let (places_s, lack) = if wanted.in_bay { (&mut self.bays_s, Lack::Bay) } else { (&mut self.spares_s, Lack::Spare) };
+        let first = (0..places_s.len()).min_by(|&a, &b| places_s[a].total_cmp(&places_s[b]));
+        let start_s = first.filter(|_| !is_planned).map_or(soonest_s, |first| places_s[first].max(soonest_s));
+        match (first, wanted.in_bay) {
+            (Some(bay), true) => places_s[bay] = places_s[bay].max(start_s + wanted.time_s),
+            (Some(spare), false) => _ = places_s.swap_remove(spare),
+            (None, _) => {}
+        }
+        self.spares_s.extend(wanted.left.as_ref().map(|left| start_s + left.until_s));
+        (start_s, if first.is_none() && !is_planned { Some(lack) } else { None })
     }
 }
 

@@ -53,6 +53,8 @@ pub struct RobotView {
     pub held: bool,
     /// Stations in reach: index, time to get there (s), and what charging takes there.
     pub travel: Vec<(usize, f64, Arc<Table>)>,
+    /// Those of them whose spares of a kind do not fit it, or of all kinds.
+    pub unfit: Vec<(usize, Option<usize>)>,
     /// Stations that it could reach and that take no part, with the reason.
     pub closed: Vec<(StationId, String)>,
 }
@@ -63,6 +65,12 @@ impl RobotView {
     #[must_use]
     pub fn endures_s(&self, nearest_s: f64) -> f64 {
         if self.empty_s < nearest_s { self.empty_s.max(self.lasts_s.value) } else { self.empty_s }
+    }
+
+    /// Whether a spare of this kind at a station goes into it.
+    #[must_use]
+    pub fn takes(&self, station: usize, kind: usize) -> bool {
+        !self.unfit.iter().any(|&(there, unfit)| there == station && unfit.is_none_or(|unfit| unfit == kind))
     }
 
     /// Probability that it is not empty before a service that begins in so many seconds. 1 within the time that
@@ -153,6 +161,8 @@ pub struct SpareView {
     pub soc: f64,
     /// When that is, s.
     pub ready_s: f64,
+    /// What it is: spares of one kind are the same number.
+    pub kind: usize,
 }
 
 /// A pack to begin with.

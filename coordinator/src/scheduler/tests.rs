@@ -3,6 +3,7 @@
 mod stepped;
 
 use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use energy::{Estimate, Model, Need};
@@ -36,7 +37,8 @@ fn station(name: &str, bays: usize, usable_wh: &[f64], spares: &[f64]) -> Statio
         state: None,
         available_s: 0.0,
     };
-    let spare = |(n, soc): (usize, &f64)| SpareView { spare: SpareId::new(format!("spare-{n}")).unwrap(), soc: *soc, ready_s: 0.0 };
+    let spare =
+        |(n, soc): (usize, &f64)| SpareView { spare: SpareId::new(format!("spare-{n}")).unwrap(), soc: *soc, ready_s: 0.0, kind: 0 };
     StationView {
         station: StationId::new(name).unwrap(),
         out_of_order: None,
@@ -76,6 +78,7 @@ fn robot(name: &str, soc: f64, stations: &[(usize, f64)]) -> RobotView {
         until_s: None,
         held: false,
         travel: stations.iter().map(|&(station, travel_s)| (station, travel_s, table())).collect(),
+        unfit: Vec::new(),
         closed: Vec::new(),
     }
 }
@@ -99,6 +102,24 @@ fn solved(robots: Vec<RobotView>, stations: Vec<StationView>) -> Solved {
 
 fn names(plan: &Plan) -> Vec<&str> {
     plan.planned.iter().map(|planned| planned.robot.as_ref()).collect()
+}
+
+#[test]
+fn nobody_gets_a_spare_of_a_kind_that_does_not_fit() {
+    // Two kinds of spares, the fuller of the wrong kind for both robots; one of theirs is left for one of them.
+    let mut rack = station("rack", 0, &[80.0], &[0.99, 0.97, 0.98]);
+    (rack.spares[0].kind, rack.spares[2].kind) = (1, 1);
+    let explorer = |name: &str, soc: f64| RobotView { unfit: vec![(0, Some(1))], ..robot(name, soc, &[(0, 60.0)]) };
+    let found = solved(vec![explorer("a", 0.11), explorer("b", 0.12)], vec![rack.clone()]);
+    let [planned] = &found.plan.planned[..] else { panic!("{:?}", found.plan) };
+    assert_eq!(planned.spare.as_ref().map(AsRef::as_ref), Some("spare-1"));
+    assert_eq!(found.plan.rejected[0].reasons, ["rack: no bay works, and no spare that fits it is left"]);
+    // Who can take the other kind has it.
+    let other = RobotView { unfit: vec![(0, Some(0))], ..robot("c", 0.12, &[(0, 60.0)]) };
+    let found = solved(vec![explorer("a", 0.11), other], vec![rack]);
+    let given: BTreeSet<_> =
+        found.plan.planned.iter().map(|one| (one.robot.to_string(), one.spare.as_ref().unwrap().to_string())).collect();
+    assert_eq!(given, [("a", "spare-1"), ("c", "spare-0")].map(|(robot, spare)| (robot.to_owned(), spare.to_owned())).into());
 }
 
 #[test]

@@ -307,7 +307,9 @@ impl Places<'_> {
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
         let travel = robot.travel.iter().map(|(station, travel_s, table)| {
             let own_variance = table.own_variance(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma));
-            Travel { station: *station, ticks: grid.up(travel_s + ahead_s), variance: own_variance * UNITS_PER_WH.powi(2) }
+            let (ticks, spares_fit) =
+                (grid.up(travel_s + ahead_s), self.view.stations[*station].spares.iter().any(|spare| robot.takes(*station, spare.kind)));
+            Travel { station: *station, ticks, variance: own_variance * UNITS_PER_WH.powi(2), spares_fit }
         });
         let weight = (robot.weight * WORTH).round().clamp(0.0, 1e4) as i64;
         Robot {

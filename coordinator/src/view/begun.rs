@@ -1,7 +1,7 @@
 //! Services that have begun: when they end, what they hold, and what they still take.
 
 use energy::Need;
-use proto::RobotPhase;
+use proto::{RobotPhase, StationId};
 
 use super::Basis;
 use crate::fleet::Robot;
@@ -48,6 +48,12 @@ impl Basis<'_> {
         (free_s - run.start.seconds_since(self.now)).max(0.0)
     }
 
+    /// What an exchange takes without the charge of the pack that is left.
+    #[must_use]
+    pub fn exchange(&self, station: &StationId, models: &StationModels) -> Need {
+        self.doubted(station, forecast::exchange(models))
+    }
+
     pub(super) fn begun(&self, run: &ServiceRun, until_s: f64) -> Begun {
         let bay = if let How::Recharge { bay, .. } = &run.how { Some(bay.clone()) } else { None };
         let from_s = if run.under_way() { (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0) } else { 0.0 };
@@ -60,7 +66,7 @@ impl Basis<'_> {
         let handling = &models.handling;
         let left = |whole_s: f64| (ends_s / whole_s.max(1.0)).clamp(0.0, 1.0);
         let Some(to_soc) = run.how.to_soc() else {
-            return self.doubted(&run.station, forecast::exchange(models).scaled(left(handling.swap_s)));
+            return self.exchange(&run.station, models).scaled(left(handling.swap_s));
         };
         let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };

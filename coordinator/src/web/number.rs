@@ -54,8 +54,12 @@ pub fn likely(probability: f64) -> String {
 
 /// What a service is short of.
 #[must_use]
-pub fn short(wh: f64, lacks_bay: bool) -> String {
-    if lacks_bay { "a bay".to_owned() } else { format!("{} Wh", short_of(wh)) }
+pub fn short(wh: f64, lacks_bay: bool, lacks_spare: bool) -> String {
+    match () {
+        () if lacks_bay => "a bay".to_owned(),
+        () if lacks_spare => "a charged spare".to_owned(),
+        () => format!("{} Wh", short_of(wh)),
+    }
 }
 
 /// A probability that is less than what was asked for shows that.
@@ -155,7 +159,10 @@ mod tests {
     fn what_is_less_than_asked_does_not_read_like_it() {
         let told = |probability: f64| likely_of(probability, 0.95);
         assert_eq!([0.951, 0.95, 0.9497, 0.9464, 0.5].map(told), ["95 %", "95 %", "94.97 %", "94.6 %", "50 %"]);
-        assert_eq!([12.34, 0.05, 0.012, 0.003, 0.0].map(|wh| short(wh, false)), ["12.3 Wh", "0.1 Wh", "0.01 Wh", "0.003 Wh", "0.0 Wh"]);
-        assert_eq!(short(0.0, true), "a bay");
+        assert_eq!(
+            [12.34, 0.05, 0.012, 0.003, 0.0].map(|wh| short(wh, false, false)),
+            ["12.3 Wh", "0.1 Wh", "0.01 Wh", "0.003 Wh", "0.0 Wh"]
+        );
+        assert_eq!([short(0.0, true, false), short(0.0, false, true)], ["a bay", "a charged spare"]);
     }
 }

@@ -95,7 +95,7 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
             travel: travel
                 .into_iter()
                 .enumerate()
-                .filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks, variance: 0.0 }))
+                .filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks, variance: 0.0, spares_fit: true }))
                 .collect(),
             beyond: Vec::new(),
         },

@@ -47,6 +47,9 @@ pub struct SpareState {
     pub soc: Estimate,
     /// Whether it may be put into a robot now.
     pub ready: bool,
+    /// Name of the battery model that describes it, as robots name theirs; left out where it is what the station's robots have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub battery: Option<String>,
 }
 
 /// The pack that will stand in a place which is empty now, say because its own was taken to a depot.

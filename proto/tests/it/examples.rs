@@ -85,7 +85,7 @@ pub fn station_state() -> StationState {
         powered: true,
         pack_power_w: 31.5,
         arrives: Some(at(302)),
-        spares: vec![SpareState { spare: id("s1"), soc: Estimate::new(0.98, 0.01), ready: true }],
+        spares: vec![SpareState { spare: id("s1"), soc: Estimate::new(0.98, 0.01), ready: true, battery: None }],
         last_command: Some(id("c8")),
         note: Some("fan of bay b2 is loud".to_owned()),
     }
@@ -172,6 +172,7 @@ pub fn capacity() -> Capacity {
             confidence: 0.95,
             short_for_next_wh: 1.4,
             lacks_bay: false,
+            lacks_spare: false,
             promises: promises(),
         }],
         stations: vec![StationCapacity {
@@ -181,6 +182,7 @@ pub fn capacity() -> Capacity {
             robots_promised: 8,
             short_for_next_wh: 1.4,
             lacks_bay: false,
+            lacks_spare: false,
             promises: promises(),
         }],
         robots_expected: 9,

@@ -26,6 +26,10 @@ fn pack(number: u32) -> PackId {
     PackId::new(format!("pack-{number}")).unwrap()
 }
 
+fn charged(number: u32) -> SpareState {
+    SpareState { spare: spare(number), soc: proto::Estimate::new(0.98, 0.01), ready: true, battery: None }
+}
+
 fn spare(number: u32) -> SpareId {
     SpareId::new(format!("spare-{number}")).unwrap()
 }
@@ -51,7 +55,7 @@ fn bench() -> Bench {
         rule: node::UNTIL_EMPTY,
         alone: Alone::default(),
         bays: vec![bay(1), bay(2)],
-        spares: [1, 2].map(|number| (spare(number), proto::Estimate::new(0.98, 0.01))).into(),
+        spares: [1, 2].map(charged).into(),
         publish: Publish::default(),
         source: "test".to_owned(),
     };

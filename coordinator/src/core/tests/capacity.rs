@@ -75,7 +75,7 @@ fn who_has_no_place_in_the_plan_counts_at_one_station_only() {
 #[test]
 fn an_exchange_takes_the_arm_and_no_bay_and_its_spare_pays_for_itself() {
     let mut core = core_of_two();
-    let full = SpareState { spare: id("spare-1"), soc: Estimate::new(1.0, 0.01), ready: true };
+    let full = SpareState { spare: id("spare-1"), soc: Estimate::new(1.0, 0.01), ready: true, battery: None };
     opens(&mut core, "s", StationState { bays: Vec::new(), spares: vec![full], ..ready(0.0) });
     opens(&mut core, "t", StationState { powered: false, packs: Vec::new(), active_pack: None, ..ready(0.0) });
     come(&mut core, &[0.21]);
@@ -83,8 +83,8 @@ fn an_exchange_takes_the_arm_and_no_bay_and_its_spare_pays_for_itself() {
     assert_eq!(service.mode, Mode::Swap { spare: id("spare-1") });
     let capacity = core.capacity(at(2.0));
     let here = capacity.stations.iter().find(|station| station.station.as_ref() == "s").unwrap();
-    // The exchange itself, and the charge of the pack that comes out where the station charges it; a further robot would need a bay.
-    assert_eq!((here.robots_promised, here.lacks_bay), (1, true), "{here:?}");
+    // The exchange itself, and the charge of the pack that comes out where the station charges it; a further robot would need another spare.
+    assert_eq!((here.robots_promised, here.lacks_spare), (1, true), "{here:?}");
     assert_eq!(named(&here.promises), [&id::<RobotId>("r0")]);
     let taken_wh = here.promises[0].need_wh.value;
     assert!((service.pack_energy_wh.value - 1e-9..service.pack_energy_wh.value + 6.0).contains(&taken_wh), "{taken_wh} {service:?}");

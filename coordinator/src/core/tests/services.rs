@@ -149,7 +149,7 @@ fn an_exchange_is_done_when_the_gauge_of_the_new_pack_is_heard() {
 fn a_pack_that_a_robot_left_is_as_full_as_its_gauge_said_unless_the_station_knows_better() {
     let mut core = begun(How::Swap { spare: id("spare-1") }, Stage::Swapping);
     let said = core.fleet.robots[&id::<RobotId>("r0")].gauge.as_ref().unwrap().soc;
-    let spare = |soc: Estimate, ready: bool| SpareState { spare: id("spare-1"), soc, ready };
+    let spare = |soc: Estimate, ready: bool| SpareState { spare: id("spare-1"), soc, ready, battery: None };
     let told = |core: &mut Core, time_s: f64, spare: SpareState| {
         let state = StationState {
             at: at(time_s),

@@ -19,6 +19,7 @@ fn question(usable_wh: &[f64], bays: u32) -> Question {
         service: wanted(20.0),
         breakdown_wh: BTreeMap::new(),
         bays,
+        spares_s: Vec::new(),
         overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
         overhead_breakdown: BTreeMap::from([("hotel".to_owned(), 6.0)]),
     }
@@ -100,8 +101,42 @@ fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
     let mut asked = question(&[70.0], 0);
     asked.robots = vec![coming("a", 20.0, 0.0)];
     asked.robots[0].wanted.in_bay = false;
+    asked.spares_s = vec![0.0];
     let answer = first(&asked);
     assert_eq!((answer.robots_promised, answer.lacks_bay), (1, true));
+}
+
+/// Exchanges of a minute that take a Wh, and these Wh in an hour to charge what is left if the station does that.
+fn exchanges(usable_wh: f64, spares_s: &[f64], charge_wh: Option<f64>) -> Question {
+    let charge = |wh| Recharging { from_s: 60.0, until_s: 3660.0, need: Need { mean_wh: wh, ..Need::default() } };
+    let mut asked = question(&[usable_wh], 0);
+    asked.service = Wanted { time_s: 60.0, in_bay: false, left: charge_wh.map(charge), ..wanted(1.0) };
+    asked.spares_s = spares_s.to_vec();
+    asked
+}
+
+#[test]
+fn of_spares_that_are_put_aside_there_are_as_many_exchanges_as_spares() {
+    let answer = first(&exchanges(70.0, &[0.0, 1800.0], None));
+    assert_eq!((answer.robots_promised, answer.lacks_spare, answer.lacks_bay), (2, true, false));
+    // The second waits for its spare: two exchanges and 6 Wh an hour for half an hour and a minute.
+    let told: Vec<f64> = answer.promises.iter().map(|promise| promise.need_wh.value).collect();
+    assert!((told[0] - 1.1).abs() < 1e-9 && (told[1] - 5.1).abs() < 1e-9, "{told:?}");
+    let nothing_charged = first(&exchanges(70.0, &[], None));
+    assert_eq!((nothing_charged.robots_expected, nothing_charged.lacks_spare), (0, true));
+}
+
+#[test]
+fn a_spare_that_is_charged_again_serves_as_long_as_the_energy_lasts() {
+    // One spare, again and again: the k-th exchange ends 3660 s after the one before, with 20 Wh put into the pack before that.
+    let answer = first(&exchanges(70.0, &[0.0], Some(20.0)));
+    let needed = |k: f64| k + 20.0 * (k - 1.0) + 6.0 * ((k - 1.0) * 3660.0 + 60.0) / 3600.0;
+    let told: Vec<f64> = answer.promises.iter().map(|promise| promise.need_wh.value).collect();
+    assert!(told.iter().zip([needed(1.0), needed(2.0), needed(3.0)]).all(|(a, b)| (a - b).abs() < 1e-9), "{told:?}");
+    assert_eq!((answer.robots_promised, answer.lacks_spare), (3, false));
+    assert!((answer.short_for_next_wh - (needed(4.0) - 70.0)).abs() < 1e-6);
+    // An exchange and the charge that follows it, and a minute of the hotel.
+    assert!((answer.service_wh.value - 21.1).abs() < 1e-9);
 }
 
 /// Whether a pack carries services of 20 W for half an hour and 8 W for ten minutes, begun at these seconds, and 6 W beside
