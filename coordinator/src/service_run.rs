@@ -7,7 +7,7 @@ use proto::{
 };
 
 use crate::fleet::{Robot, Station};
-use energy::Need;
+use energy::{Estimate, Need};
 
 /// How a robot is serviced.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +82,8 @@ pub struct ServiceRun {
     pub stage: Stage,
     /// The command that waits for an answer.
     pub asked: Option<CommandId>,
+    /// State of charge of the pack that it hands over, as its robot's gauge said before: after that it may speak of the other one.
+    pub hands_over: Option<Estimate>,
 }
 
 /// What carries a service on.
@@ -201,8 +203,15 @@ impl ServiceRun {
             // Restarted without a memory, or moved by hand.
             (How::Recharge { .. }, Stage::Charging, RobotPhase::Working) => Step::Fail("the robot has left its bay".to_owned()),
             (How::Swap { spare }, Stage::Waiting, RobotPhase::Waiting) if place.swapping.is_none() => {
-                let action = RobotAction::SwapPack { station: self.station.clone(), spare: spare.clone() };
-                Step::AskRobot(action, Stage::Handing)
+                match place.spares.iter().find(|known| known.spare == *spare) {
+                    Some(known) if known.ready => {
+                        let action = RobotAction::SwapPack { station: self.station.clone(), spare: spare.clone() };
+                        Step::AskRobot(action, Stage::Handing)
+                    }
+                    // It is still charged.
+                    Some(_) => Step::Wait,
+                    None => Step::Fail(format!("spare {spare} is not there")),
+                }
             }
             (How::Swap { spare }, Stage::Handing, RobotPhase::Swapping) => {
                 let action = StationAction::SwapPack { robot: self.robot.clone(), spare: spare.clone() };

@@ -3,6 +3,7 @@
 mod begun;
 mod fit;
 mod packs;
+mod spares;
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,8 +19,8 @@ use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::{Table, step_of};
-use crate::scheduler::{PackState, PackView, Recharging, RobotView, SpareView, StationView, Tables, View};
-use crate::service_run::{How, ServiceRun, Stage};
+use crate::scheduler::{PackState, PackView, RobotView, StationView, Tables, View};
+use crate::service_run::{ServiceRun, Stage};
 use crate::trust::Trust;
 use crate::watch::{Subject, Watch};
 
@@ -29,9 +30,7 @@ const QUEUE_SHARE: f64 = 0.9;
 const HELD_CAUTION: f64 = 0.5;
 /// A station is handed over when its active pack lasts no longer than this at the present power, s.
 pub const HANDOVER_S: f64 = 60.0;
-/// A spare that should have been charged by now is counted on after this time, s.
-const SPARE_LATE_S: f64 = 300.0;
-/// The same for a pack that should have been brought, and a station that should have arrived by now, s.
+/// A pack that should have been brought, and a station that should have arrived by now, are counted on after this time, s.
 const COMES_LATE_S: f64 = 60.0;
 
 /// Everything that a view is made from.
@@ -208,48 +207,6 @@ impl Basis<'_> {
     fn comes_s(&self, at: Timestamp) -> f64 {
         let left_s = at.seconds_since(self.now);
         if left_s > 0.0 { left_s } else { COMES_LATE_S }
-    }
-
-    /// Spares that can be handed out, now or when they are charged again.
-    fn spares(&self, view: &mut StationView, models: &StationModels, station: &Station, state: &StationState, here: &[&ServiceRun]) {
-        let (to_soc, factor) = (self.settings.charge_to_soc, self.watch.wider(&Subject::Station(view.station.clone())));
-        let reference = self.reference(&view.station, models);
-        let charge_s = |soc: f64| reference.as_ref().map_or(0.0, |table| table.at(soc).bare_s);
-        // Nothing of it comes from the packs where what robots leave is put aside, or charged from outside.
-        let bare = |soc: Estimate| reference.as_ref().map(|table| table.bare(soc, factor)).filter(|need| need.mean_wh > 0.0);
-        let kinds = self.kinds_of_spares(models, state);
-        for spare in &state.spares {
-            let taker = here.iter().find(|run| matches!(&run.how, How::Swap { spare: taken } if *taken == spare.spare));
-            // A spare at the level at which robots want a service is none.
-            let charged = spare.soc.value > self.settings.serve_below_soc;
-            let (ready_s, soc) = if let Some(run) = taker {
-                // The pack that its robot leaves takes its place.
-                let gauge = self.fleet.robots.get(&run.robot).and_then(|robot| robot.gauge.as_ref());
-                let soc = gauge.map_or(Estimate::exact(0.0), |gauge| from_wire(gauge.soc));
-                let from_s = self.ends_s(run);
-                let until_s = from_s + charge_s(soc.value);
-                view.recharging.extend(bare(soc).map(|need| Recharging { from_s, until_s, need }));
-                (until_s, to_soc)
-            } else if spare.ready {
-                (0.0, spare.soc.value)
-            } else {
-                let left = station.left.get(&spare.spare);
-                let since_s = left.map_or(0.0, |left| self.now.seconds_since(left.since));
-                let soc = left.map_or(from_wire(spare.soc), |left| left.soc(from_wire(spare.soc)));
-                let whole_s = charge_s(soc.value).max(1.0);
-                // What it has taken since then, the packs' gauges have counted.
-                let lacking = (1.0 - since_s / whole_s).clamp(0.0, 1.0);
-                let reached = reference.as_ref().map_or(soc.value, |table| table.reached(soc.value, since_s));
-                let until_s = (whole_s - since_s).max(SPARE_LATE_S);
-                let need = bare(Estimate::new(reached, lacking * soc.sigma)).filter(|_| lacking > 0.0);
-                view.recharging.extend(need.map(|need| Recharging { from_s: 0.0, until_s, need }));
-                (until_s, to_soc)
-            };
-            if (ready_s == 0.0 && charged) || (ready_s > 0.0 && view.charges_spares) {
-                let kind = self.place_of(&kinds, models, spare);
-                view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s, kind });
-            }
-        }
     }
 
     /// How many robots may charge side by side at a station: as many as it has bays, or as can come.

@@ -174,8 +174,8 @@ fn recharge(
     around: &Circumstances,
 ) -> Recharge {
     let mut load = Run::new(Arc::clone(station), Start::at_soc(0.0));
-    let bay_w_max = charge_w_max(&mut load, around) / around.at_once.max(1.0);
     let docked = if handling.is_some() { 1.0 } else { 0.0 };
+    let bay_w_max = charge_w_max(&mut load, docked, around) / around.at_once.max(1.0);
     let [load_h, unload_h] = handling.map_or([0.0; 2], |handling| [handling.load_s / S_PER_H, handling.unload_s / S_PER_H]);
     let stay = |values: &[f64]| {
         let mut stretches = Vec::new();
@@ -270,16 +270,15 @@ pub fn converter_output_w(load: &mut Run<f64>, situation: &Situation) -> f64 {
     situation.charge_w + shares.iter().filter(|(id, _)| behind(id)).map(|(_, share_w)| share_w).sum::<f64>()
 }
 
-/// Most power into the batteries of all robots at once, W, when the converters give at most what
-/// the circumstances say; infinite without a limit, 0 when the robots' own loads take it all.
-#[must_use]
-pub fn charge_w_max(load: &mut Run<f64>, around: &Circumstances) -> f64 {
+/// Most power into all batteries that charge at once, W, where so many robots hang on the bays for each of them, when the converters
+/// give at most what the circumstances say; infinite without a limit, 0 when the robots' own loads take it all.
+fn charge_w_max(load: &mut Run<f64>, docked: f64, around: &Circumstances) -> f64 {
     if around.converter_w_max.is_infinite() {
         return f64::INFINITY;
     }
-    let robots = around.at_once.max(1.0);
-    let at = |charge_w: f64| Situation { charge_w, docked: robots, charging: robots, pack_v: around.pack_v, ..Situation::default() };
-    charge_w_within(load, around.converter_w_max, at)
+    let charging = around.at_once.max(1.0);
+    let nothing = Situation { docked: docked * charging, charging, pack_v: around.pack_v, ..Situation::default() };
+    charge_w_within(load, around.converter_w_max, |charge_w| Situation { charge_w, ..nothing })
 }
 
 /// The greatest charge power (W) at which the converters give at most `limit_w` in the situation

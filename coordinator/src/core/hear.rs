@@ -8,7 +8,7 @@ use super::{Core, REFUSED_MAX};
 use crate::fleet::{LeftPack, newer};
 use crate::models::from_wire;
 use crate::scheduler;
-use crate::service_run::{How, Stage};
+use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;
 use crate::watch::{Change, News};
 
@@ -103,18 +103,18 @@ impl Core {
         let before = station.state.replace(state.clone());
         station.lost = false;
         let here = self.running.values().filter(|run| run.station == *id);
-        let taken: BTreeMap<&SpareId, &RobotId> =
-            here.filter_map(|run| if let How::Swap { spare } = &run.how { Some((spare, &run.robot)) } else { None }).collect();
+        let taken: BTreeMap<&SpareId, &ServiceRun> =
+            here.filter_map(|run| if let How::Swap { spare } = &run.how { Some((spare, run)) } else { None }).collect();
         for spare in &state.spares {
             if spare.ready {
                 station.left.remove(&spare.spare);
                 continue;
             }
-            // A pack that a robot left stands in its place from when that is first heard of, which is before the robot's gauge
-            // begins to speak of its new one.
+            // A pack that a robot left stands in its place from when that is first heard of.
             let soc = || {
-                let robot = self.fleet.robots.get(*taken.get(&spare.spare)?)?;
-                Some(from_wire(robot.gauge.as_ref()?.soc))
+                let run = taken.get(&spare.spare)?;
+                let gauged = || Some(from_wire(self.fleet.robots.get(&run.robot)?.gauge.as_ref()?.soc));
+                run.hands_over.or_else(gauged)
             };
             station.left.entry(spare.spare.clone()).or_insert_with(|| LeftPack { since: state.at, soc: soc() });
         }

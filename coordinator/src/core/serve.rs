@@ -5,6 +5,7 @@ use proto::{BayId, BayPhase, BayState, EventKind, RobotAction, RobotId, RobotPha
 use super::{Concerned, Core};
 use crate::answers;
 use crate::fleet::{Robot, Station};
+use crate::models::from_wire;
 use crate::scheduler::Planned;
 use crate::service_run::{How, ServiceRun, Stage, Step};
 
@@ -37,6 +38,7 @@ impl Core {
                 why,
                 stage: Stage::Travelling,
                 asked: None,
+                hands_over: None,
             };
             let action = run.first();
             self.event(now, EventKind::ServiceStarted, Some(&robot), Some(&station), None, format!("{robot} goes to {station}"));
@@ -124,6 +126,9 @@ impl Core {
 
     pub(super) fn enter(&mut self, now: Timestamp, robot: &RobotId, stage: Stage) {
         if let Some(run) = self.running.get_mut(robot) {
+            if stage == Stage::Handing {
+                run.hands_over = self.fleet.robots.get(robot).and_then(|robot| robot.gauge.as_ref()).map(|gauge| from_wire(gauge.soc));
+            }
             run.enter(stage, now);
             self.refresh_schedule(now);
         }

@@ -146,6 +146,7 @@ impl Core {
             why: ["begun by the coordinator before this one, or by the robot itself".to_owned()].into(),
             stage,
             asked: None,
+            hands_over: None,
         };
         self.strays.remove(robot);
         self.plan.planned.retain(|planned| planned.robot != *robot);

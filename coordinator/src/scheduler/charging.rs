@@ -59,7 +59,7 @@ impl Table {
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
-            let (bare_wh, bare_s) = forecast::spare_again(station, soc).unwrap_or((0.0, recharge.charge_s));
+            let (bare_wh, bare_s) = forecast::spare_again(station, 1, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
             Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh, bare_s }
         };
@@ -115,13 +115,13 @@ impl Table {
         }
     }
 
-    /// Level that a charge has reached this long (s) after it was at that one.
+    /// Level that the charge of the pack alone has reached this long (s) after it was at that one.
     #[must_use]
-    pub fn reached(&self, soc: f64, after_s: f64) -> f64 {
-        let left_s = self.at(soc).charge_s - after_s;
-        let above = self.points.partition_point(|point| point.charge_s > left_s).clamp(1, self.points.len() - 1);
+    pub fn reached_alone(&self, soc: f64, after_s: f64) -> f64 {
+        let left_s = self.at(soc).bare_s - after_s;
+        let above = self.points.partition_point(|point| point.bare_s > left_s).clamp(1, self.points.len() - 1);
         let [low, high] = [self.points[above - 1], self.points[above]];
-        let share = ((low.charge_s - left_s) / (low.charge_s - high.charge_s).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let share = ((low.bare_s - left_s) / (low.bare_s - high.bare_s).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         (low.soc + share * (high.soc - low.soc)).max(soc)
     }
 
@@ -223,6 +223,8 @@ impl Course {
 
 /// Station, battery, robots side by side, temperature step.
 type Kind = (Alike, usize, usize, i32);
+/// Station, packs side by side, hundredths of charge.
+type Beside = (Alike, usize, i32);
 /// Station and its bays, kind of pack, power (bits), temperature step.
 type Ending = (Alike, usize, usize, u64, i32);
 
@@ -233,6 +235,8 @@ pub struct Tables {
     known: Mutex<BTreeMap<Kind, Arc<Table>>>,
     /// What gentle endings gain, Wh.
     gains: Mutex<BTreeMap<Ending, f64>>,
+    /// How long packs are charged side by side, s.
+    beside: Mutex<BTreeMap<Beside, Option<f64>>>,
     /// What packs give.
     pub usable: Usable,
 }
@@ -256,6 +260,19 @@ impl Tables {
         Arc::clone(known.entry(kind).or_insert_with(made))
     }
 
+    /// How long it takes to charge a pack that a robot left beside others, s, where they share what the station's converters give; none
+    /// where they do not.
+    #[must_use]
+    pub fn charged_beside(&self, station: &StationModels, at_once: usize, soc: f64) -> Option<f64> {
+        if at_once < 2 || station.converter_w_max.is_infinite() {
+            return None;
+        }
+        let percent = (soc * 100.0).round();
+        let mut known = self.beside.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = || forecast::spare_again(station, at_once, percent / 100.0).map(|(_, charge_s)| charge_s);
+        *known.entry((station.alike(), at_once, percent as i32)).or_insert_with(made)
+    }
+
     /// How much more a pack of this kind gives because the load of the station's bays ends gently, Wh.
     #[must_use]
     pub fn gain_wh(&self, station: &StationModels, bays: usize, pack: &Arc<Model>, temperature_degc: f64, draw: &Draw) -> f64 {
@@ -276,13 +293,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_charge_has_reached_the_level_from_which_it_takes_as_much_less_time() {
-        // An hour from empty to 90 %, the last third of it for the last tenth.
-        let point = |soc: f64, charge_s: f64| Point { soc, charge_s, need_wh: 0.0, own_variance: 0.0, bare_wh: 0.0, bare_s: 0.0 };
+    fn a_pack_alone_has_reached_the_level_from_which_its_charge_takes_as_much_less_time() {
+        // An hour from empty to 90 %, the last third of it for the last tenth; a robot in a bay takes three times as long.
+        let point = |soc: f64, bare_s: f64| Point { soc, charge_s: 3.0 * bare_s, need_wh: 0.0, own_variance: 0.0, bare_wh: 0.0, bare_s };
         let points = vec![point(0.0, 3600.0), point(0.8, 1200.0), point(0.9, 0.0)];
         let table = Table { points, lift_wh: 0.0, shared_per_wh: Vec::new(), breakdown_wh: BTreeMap::new() };
         for (soc, after_s, reached) in [(0.0, 0.0, 0.0), (0.0, 1200.0, 0.4), (0.4, 1800.0, 0.85), (0.4, 9000.0, 0.9), (0.95, 60.0, 0.95)] {
-            assert!((table.reached(soc, after_s) - reached).abs() < 1e-9, "{soc} {after_s}: {}", table.reached(soc, after_s));
+            let found = table.reached_alone(soc, after_s);
+            assert!((found - reached).abs() < 1e-9, "{soc} {after_s}: {found}");
         }
     }
 }

@@ -34,13 +34,19 @@ impl Basis<'_> {
     }
 
     /// How much later than planned a service can begin, s: as long as somebody else is still in its bay, or comes into it
-    /// before, and never earlier than now.
+    /// before, or its spare is still charged, and never earlier than now.
     #[must_use]
     pub fn late_s(&self, run: &ServiceRun) -> f64 {
-        let How::Recharge { bay, .. } = &run.how else { return 0.0 };
         if !run.under_way() {
             return 0.0;
         }
+        let bay = match &run.how {
+            How::Recharge { bay, .. } => bay,
+            How::Swap { spare } => {
+                let ready_s = self.ready_s(&run.station, spare);
+                return if ready_s > 0.0 { (ready_s - run.start.seconds_since(self.now)).max(0.0) } else { 0.0 };
+            }
+        };
         let ahead = |other: &&ServiceRun| {
             other.is_in(&run.station, bay) && (!other.under_way() || (other.start, &other.robot) < (run.start, &run.robot))
         };

@@ -124,6 +124,15 @@ fn a_shared_limit_lengthens_the_charge_and_the_own_load_runs_on() {
 }
 
 #[test]
+fn packs_alone_share_a_limit_without_any_robots_load() {
+    // Two behind chargers of 88 % share 30 W: 13.2 W each, until the voltage is full.
+    let two = Circumstances { pack_v: 11.4, at_once: 2.0, converter_w_max: 30.0, ..Circumstances::ALONE };
+    let charge = pack_energy(&model("mds-station"), &model("explorer-3s1p-1320mah"), Estimate::exact(0.2), 0.8, &two);
+    let mean_w = charge.breakdown_wh["charge"] / (charge.charge_s / S_PER_H);
+    assert!((mean_w - 13.2).abs() < 0.1, "{mean_w}");
+}
+
+#[test]
 fn a_doubtful_state_of_charge_is_the_services_own_doubt() {
     let station = model("mds-station");
     let sure = service(&station, Estimate::exact(0.3), &Circumstances::ALONE);

@@ -16,6 +16,7 @@ fn waits(n: usize, start_s: f64) -> ServiceRun {
         why: Vec::new().into(),
         stage: Stage::Waiting,
         asked: None,
+        hands_over: None,
     }
 }
 
@@ -143,6 +144,32 @@ fn an_exchange_is_done_when_the_gauge_of_the_new_pack_is_heard() {
     assert_eq!(noted(&mut core), [], "that one was under way for long");
     core.handle(at(153.0), Input::RobotGauge(id("r0"), gauge(152.0, 0.95, 14.6)));
     assert_eq!(noted(&mut core), [EventKind::ServiceDone]);
+}
+
+#[test]
+fn an_exchange_waits_for_its_spare_and_remembers_what_its_robot_hands_over() {
+    let mut core = begun(How::Swap { spare: id("spare-1") }, Stage::Travelling);
+    let shelf = |core: &mut Core, time_s: f64, ready: bool| {
+        let spare = SpareState { spare: id("spare-1"), soc: Estimate::new(0.9, 0.01), ready, battery: None };
+        let before = core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap();
+        let state = StationState { at: at(time_s), seq: (time_s * 1e3) as u64 + 2, spares: vec![spare], ..before };
+        core.handle(at(time_s), Input::StationState(id("s"), state));
+    };
+    let stage = |core: &Core| core.running[&id::<RobotId>("r0")].stage;
+    let asked = |core: &Core| core.running[&id::<RobotId>("r0")].asked.is_some();
+    shelf(&mut core, 110.0, false);
+    says(&mut core, 111.0, "r0", RobotPhase::Waiting);
+    core.handle(at(112.0), Input::Tick);
+    assert!(stage(&core) == Stage::Waiting && !asked(&core), "it is still charged, and nobody is asked for it");
+    shelf(&mut core, 150.0, true);
+    core.handle(at(151.0), Input::Tick);
+    assert!(asked(&core));
+    core.enter(at(152.0), &id("r0"), Stage::Handing);
+    let said = from_wire(core.fleet.robots[&id::<RobotId>("r0")].gauge.as_ref().unwrap().soc);
+    // The gauge of the new pack is heard before the station says that it has the old one.
+    core.handle(at(215.0), Input::RobotGauge(id("r0"), gauge(214.0, 0.95, 14.6)));
+    shelf(&mut core, 216.0, false);
+    assert_eq!(core.fleet.stations[&id::<StationId>("s")].left[&id::<SpareId>("spare-1")].soc, Some(said));
 }
 
 #[test]

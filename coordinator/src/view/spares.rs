@@ -1,0 +1,115 @@
+//! Spares: which can be handed out and when, and what those take that are still charged.
+
+use energy::{Estimate, Need};
+use proto::{SpareId, SpareState, StationId, StationState};
+
+use super::Basis;
+use crate::fleet::Station;
+use crate::models::{StationModels, from_wire};
+use crate::scheduler::charging::Table;
+use crate::scheduler::{Recharging, SpareView, StationView};
+use crate::service_run::{How, ServiceRun};
+use crate::watch::Subject;
+
+/// A spare that should have been charged by now is counted on after as long as it is late already, and this long at least, s.
+const LATE_S: f64 = 60.0;
+
+/// What is left of the charge of a pack that a robot left.
+struct Left {
+    /// When it is a spare again, s.
+    until_s: f64,
+    /// What the station's packs still give for it; none where they do not.
+    need: Option<Need>,
+}
+
+impl Basis<'_> {
+    /// Spares that can be handed out, now or when they are charged again.
+    pub(super) fn spares(
+        &self,
+        view: &mut StationView,
+        models: &StationModels,
+        station: &Station,
+        state: &StationState,
+        here: &[&ServiceRun],
+    ) {
+        let kinds = self.kinds_of_spares(models, state);
+        for spare in &state.spares {
+            let taker = here.iter().find(|run| matches!(&run.how, How::Swap { spare: taken } if *taken == spare.spare));
+            // While it is handed out, a station may still speak of the spare.
+            let is_charged = !spare.ready && taker.is_none_or(|run| run.under_way());
+            let left = is_charged.then(|| self.left(&view.station, models, station, state, spare));
+            let ready_s = left.as_ref().map_or(0.0, |left| left.until_s);
+            let still = left.and_then(|left| left.need);
+            view.recharging.extend(still.map(|need| Recharging { from_s: 0.0, until_s: ready_s, need }));
+            let (ready_s, soc) = if let Some(run) = taker {
+                // The pack that its robot leaves takes its place.
+                let gauged = || self.fleet.robots.get(&run.robot)?.gauge.as_ref().map(|gauge| from_wire(gauge.soc));
+                let soc = run.hands_over.or_else(gauged).unwrap_or(Estimate::exact(0.0));
+                let from_s = self.ends_s(run);
+                let (charge_s, need) = self.whole(&view.station, models, state, soc);
+                view.recharging.extend(need.map(|need| Recharging { from_s, until_s: from_s + charge_s, need }));
+                (from_s + charge_s, self.settings.charge_to_soc)
+            } else if spare.ready {
+                (0.0, spare.soc.value)
+            } else {
+                (ready_s, self.settings.charge_to_soc)
+            };
+            // A spare at the level at which robots want a service is none.
+            let charged = spare.soc.value > self.settings.serve_below_soc;
+            if (ready_s == 0.0 && charged) || (ready_s > 0.0 && view.charges_spares) {
+                let kind = self.place_of(&kinds, models, spare);
+                view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s, kind });
+            }
+        }
+    }
+
+    /// When a spare can be handed out, s; 0 for now, and for one that nobody knows.
+    pub(super) fn ready_s(&self, id: &StationId, spare: &SpareId) -> f64 {
+        let known = self.models.stations.get(id).zip(self.fleet.stations.get(id)).and_then(|(models, station)| {
+            let state = station.known()?;
+            let spare = state.spares.iter().find(|known| known.spare == *spare && !known.ready)?;
+            Some(self.left(id, models, station, state, spare).until_s)
+        });
+        known.unwrap_or(0.0)
+    }
+
+    fn left(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState, spare: &SpareState) -> Left {
+        let left = station.left.get(&spare.spare);
+        let since_s = left.map_or(0.0, |left| self.now.seconds_since(left.since));
+        let soc = left.map_or(from_wire(spare.soc), |left| left.soc(from_wire(spare.soc)));
+        let Some(table) = self.reference(id, models) else { return Left { until_s: LATE_S, need: None } };
+        let whole_s = table.at(soc.value).bare_s;
+        let alone_s = whole_s - since_s;
+        if alone_s <= 0.0 {
+            return Left { until_s: (-alone_s).max(LATE_S), need: None };
+        }
+        // What it has taken since then, the packs' gauges have counted.
+        let reached = table.reached_alone(soc.value, since_s);
+        let need = self.bare(id, &table, Estimate::new(reached, alone_s / whole_s * soc.sigma));
+        // From the last level of the table on, less and less of its charge is left.
+        let share = (alone_s / table.at(reached).bare_s).min(1.0);
+        let until_s = (alone_s * self.longer_beside(id, models, state, soc.value, whole_s)).max(LATE_S);
+        Left { until_s, need: need.map(|need| need.scaled(share)) }
+    }
+
+    /// What a pack that a robot leaves with that much charge takes then: how long, s, and how much of the station's packs.
+    fn whole(&self, id: &StationId, models: &StationModels, state: &StationState, soc: Estimate) -> (f64, Option<Need>) {
+        let Some(table) = self.reference(id, models) else { return (0.0, None) };
+        let whole_s = table.at(soc.value).bare_s;
+        (whole_s * self.longer_beside(id, models, state, soc.value, whole_s), self.bare(id, &table, soc))
+    }
+
+    /// What the station's packs give for it: nothing where what robots leave is put aside, or charged from outside.
+    fn bare(&self, id: &StationId, table: &Table, soc: Estimate) -> Option<Need> {
+        let factor = self.watch.wider(&Subject::Station(id.clone()));
+        Some(table.bare(soc, factor)).filter(|need| need.mean_wh > 0.0)
+    }
+
+    /// How many times as long that takes beside all that are charged now, where they share what the converters give.
+    fn longer_beside(&self, id: &StationId, models: &StationModels, state: &StationState, soc: f64, whole_s: f64) -> f64 {
+        let spares = state.spares.iter().filter(|spare| !spare.ready).count();
+        let robots = self.running.values().filter(|run| run.station == *id && run.at_place() && matches!(run.how, How::Recharge { .. }));
+        let shared_s = self.tables.charged_beside(models, spares + robots.count(), soc);
+        shared_s.map_or(1.0, |shared_s| (shared_s / whole_s.max(1.0)).max(1.0))
+    }
+}
