@@ -1,5 +1,6 @@
 //! Models by built-in name or by path. Reads the disk.
 
+use std::cell::RefCell;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -25,6 +26,8 @@ pub struct ModelSource {
     pub text: String,
     /// Where the text came from.
     pub origin: Origin,
+    /// Files that it names, and that were read for it.
+    pub tables: Vec<PathBuf>,
 }
 
 /// Loads a model: a built-in name, or else the path of a TOML file. Tables that the file names
@@ -33,9 +36,17 @@ pub struct ModelSource {
 /// # Errors
 /// Says what is wrong with place and near match.
 pub fn load_model(name_or_path: &str) -> Result<ModelSource, DocumentError> {
-    let FoundModel { model, text, built_in } = energy::find_model(name_or_path, &read)?;
+    let tables = RefCell::new(Vec::new());
+    let reading = |path: &Path| {
+        let text = read(path)?;
+        tables.borrow_mut().push(path.to_path_buf());
+        Ok(text)
+    };
+    let FoundModel { model, text, built_in } = energy::find_model(name_or_path, &reading)?;
     let origin = if built_in { Origin::BuiltIn(name_or_path.to_owned()) } else { Origin::File(PathBuf::from(name_or_path)) };
-    Ok(ModelSource { model: Arc::new(model), text, origin })
+    let mut tables = tables.into_inner();
+    tables.retain(|table| table != Path::new(name_or_path));
+    Ok(ModelSource { model: Arc::new(model), text, origin, tables })
 }
 
 /// Reads a model text as if it stood in the file at `path`: tables are relative to it.
@@ -78,6 +89,6 @@ mod tests {
         let error = load_model(&path.display().to_string()).unwrap_err().to_string();
         assert!(error.contains("ocv_csv"), "{error}");
         fs::write(directory.path().join("own.csv"), built_in(table).unwrap()).unwrap();
-        assert!(load_model(&path.display().to_string()).is_ok());
+        assert_eq!(load_model(&path.display().to_string()).unwrap().tables, [directory.path().join("own.csv")]);
     }
 }

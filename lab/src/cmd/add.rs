@@ -16,7 +16,7 @@ use lab::learned::left_out;
 use lab::report::addition::{Addition, Look};
 
 use super::case::{Case, Written, busy};
-use super::inputs::{LogInputs, ModelArg};
+use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
@@ -35,6 +35,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
     args.logs.spare(args.save.output())?;
+    args.model.spare(args.save.output(), Answered::Model)?;
     let spec = absent(&args.model.load()?.model, &args.effect)?;
     let case = Case::read(&args.model, &args.logs)?;
     let bar = busy(format!("fitting {} with {}", case.source.model.name, spec.id));

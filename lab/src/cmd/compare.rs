@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::ensure;
 use lab::compare::{Verdict, compare};
 use lab::output::{check_writable, write_whole};
 use lab::plot::file::{Kind, bars_svg, traces_svg};
@@ -9,7 +10,7 @@ use lab::plot::regimes::charts;
 use lab::plot::traces;
 use lab::report::comparison::human;
 
-use super::inputs::{LogArgs, ModelArg};
+use super::inputs::{Answered, LogArgs, ModelArg, same_file};
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]
@@ -31,6 +32,10 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         Kind::of(path)?;
         check_writable(path)?;
         args.logs.spare(Some(path))?;
+        args.model.spare(Some(path), Answered::Other)?;
+    }
+    if let (Some(traces), Some(regimes)) = (&args.plot, &args.plot_regimes) {
+        ensure!(!same_file(traces, regimes), "--plot and --plot-regimes both name {}; give each a file of its own", regimes.display());
     }
     let source = args.model.load()?;
     let (model, values) = (&source.model, source.model.values());

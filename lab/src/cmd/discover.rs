@@ -7,7 +7,7 @@ use lab::infer::discover::{Search, search};
 use lab::report::discovery::Reach;
 
 use super::case::{Case, busy};
-use super::inputs::{LogInputs, ModelArg};
+use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
@@ -24,6 +24,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
     args.logs.spare(args.save.output())?;
+    args.model.spare(args.save.output(), Answered::Model)?;
     let case = Case::read(&args.model, &args.logs)?;
     let search = searched(&case);
     let found = case.learned(search.last.told(), args.save.output(), args.save.date())?;

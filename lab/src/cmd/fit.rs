@@ -15,7 +15,7 @@ use lab::output::write_whole;
 use lab::report::fitted::FitReport;
 
 use super::case::{origin, same_directory};
-use super::inputs::{LogArgs, ModelArg};
+use super::inputs::{Answered, LogArgs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
@@ -38,6 +38,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
     args.logs.spare(args.save.output())?;
+    args.model.spare(args.save.output(), Answered::Model)?;
     let source = args.model.load()?;
     let model = &source.model;
     let free = free_parameters(model, &args.free, &args.fix)?;

@@ -1,6 +1,7 @@
 //! Arguments that verbs share: the model, the logs and the facts about them.
 
 mod facts;
+mod spare;
 mod store;
 
 use std::path::{Path, PathBuf};
@@ -13,6 +14,8 @@ use lab::prepare::{Prepared, odd_current, odd_voltage, predicted_channels, prepa
 use lab::{ModelSource, load_model};
 
 pub(super) use facts::FactArgs;
+use spare::spare_store;
+pub(super) use spare::{Answered, same_file, spare};
 use store::StoreArgs;
 
 #[derive(Debug, clap::Args)]
@@ -125,7 +128,9 @@ impl LogArgs {
 
     /// Refuses to write over a log, or over the facts beside it.
     pub(super) fn spare(&self, output: Option<&Path>) -> anyhow::Result<()> {
-        output.map_or(Ok(()), |output| self.logs.iter().try_for_each(|log| spare(log, output)))
+        let Some(output) = output else { return Ok(()) };
+        self.logs.iter().try_for_each(|log| spare(log, output))?;
+        self.store.store.iter().try_for_each(|store| spare_store(store, output))
     }
 
     fn files(&self) -> impl Iterator<Item = (&Path, Option<Role>)> {
@@ -188,19 +193,6 @@ impl LogInputs {
     pub(super) fn ready(&self, model: &Model, logs: &[Log]) -> anyhow::Result<Vec<Prepared>> {
         self.logs.ready(model, logs)
     }
-}
-
-/// Refuses to write over this log, or over the facts beside it.
-pub(super) fn spare(log: &Path, output: &Path) -> anyhow::Result<()> {
-    ensure!(!same_file(log, output), "{} is a log that is read here; write to another file", output.display());
-    let facts = log.with_extension("toml");
-    ensure!(!same_file(&facts, output), "{} holds the facts of the log {}; write to another file", output.display(), log.display());
-    Ok(())
-}
-
-/// Whether two paths name one file; of files that are not there, whether they are spelt alike.
-fn same_file(one: &Path, other: &Path) -> bool {
-    one == other || matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
 /// Tells the user what stops nothing.

@@ -7,7 +7,7 @@ use lab::predict::predict;
 use lab::prepare::prepare;
 use lab::report::prediction::{Predicted, csv_text};
 
-use super::inputs::{FactArgs, ModelArg, spare};
+use super::inputs::{Answered, FactArgs, ModelArg, spare};
 use super::{Answer, Format, print};
 
 #[derive(Debug, clap::Args)]
@@ -28,6 +28,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     if let Some(path) = &args.output {
         check_writable(path)?;
         spare(&args.log, path)?;
+        args.model.spare(Some(path), Answered::Other)?;
     }
     let source = args.model.load()?;
     let log = args.facts.read(&args.log)?;

@@ -18,7 +18,7 @@ use lab::report::proposal::{ProposalReport, Status};
 
 use super::case::unlike;
 use super::fit::stays_beside;
-use super::inputs::{LogInputs, ModelArg};
+use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
@@ -35,6 +35,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
     args.logs.spare(args.save.output())?;
+    args.model.spare(args.save.output(), Answered::Model)?;
     let source = args.model.load()?;
     let model = &source.model;
     let (train, holdout) = split(args.logs.train(model)?, args.logs.holdout(model)?)?;

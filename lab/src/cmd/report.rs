@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::case::Case;
 use super::compare::answer;
 use super::discover::searched;
-use super::inputs::{LogInputs, ModelArg};
+use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::date;
 use super::{Answer, Format, print};
 
@@ -51,6 +51,7 @@ struct Written {
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     check_writable(&args.output)?;
     args.logs.spare(Some(&args.output))?;
+    args.model.spare(Some(&args.output), Answered::Other)?;
     let case = Case::read(&args.model, &args.logs)?;
     let given = case.given()?;
     let (model, values) = (&given.model, given.model.values());

@@ -158,6 +158,13 @@ impl Overrides {
                 return Err(out_of_range(name, value, min, max));
             }
         }
+        for (index, mapping) in self.columns.iter().enumerate() {
+            let name = &mapping.canonical;
+            if let Some(first) = self.columns[..index].iter().find(|first| first.canonical == *name) {
+                let (first, second) = (&first.expression, &mapping.expression);
+                return Err(format!("--column {name}={first} and --column {name}={second}: one column has one source; give one of them"));
+            }
+        }
         Ok(())
     }
 

@@ -122,6 +122,53 @@ fn no_answer_is_written_over_a_log_or_its_facts() {
     }
 }
 
+/// Neither is a model, nor what it is made of.
+#[test]
+fn no_answer_is_written_over_the_model_or_its_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = "enertech-lco-2280mah-ocv.csv";
+    let model = energy::built_in(CELL).unwrap().replace(table, "ocv.csv");
+    write(folder.path(), "cell.toml", &model);
+    write(folder.path(), "ocv.csv", energy::built_in(table).unwrap());
+    write(folder.path(), "run.csv", RUN);
+    write(folder.path(), "run.db", "a store");
+    let given = |verb: &[&str], output: &[&str]| {
+        let logs = ["--soc-initial", "1", "--model", "cell.toml", "--log", "run.csv"];
+        lab_in(folder.path(), &[verb, &logs, output].concat())
+    };
+    for verb in [&["predict"][..], &["report"]] {
+        refuses(&given(verb, &["-o", "./cell.toml"]), "./cell.toml is the model that is read here");
+    }
+    for verb in [&["fit"][..], &["predict"], &["discover"], &["add", "rc1"], &["propose"], &["report"]] {
+        refuses(&given(verb, &["-o", "ocv.csv"]), "ocv.csv is a table of the model");
+    }
+    for verb in [&["fit"][..], &["discover"], &["add", "rc1"], &["propose"], &["report"]] {
+        for file in ["run.db", "run.db-wal"] {
+            let store = ["--store", "run.db", "--robot", "r1", "-o", file];
+            refuses(&given(verb, &store), "is the store that is read here");
+        }
+    }
+    assert_eq!(fs::read_to_string(folder.path().join("cell.toml")).unwrap(), model);
+    assert_eq!(fs::read_to_string(folder.path().join("ocv.csv")).unwrap(), energy::built_in(table).unwrap());
+    assert_eq!(fs::read_to_string(folder.path().join("run.db")).unwrap(), "a store");
+    // A better model may take the place of the one that it was made of.
+    let fitted = given(&["fit", "--free", "ohmic"], &["-o", "cell.toml"]);
+    assert_ne!(fitted.code, 2, "{}", fitted.stderr);
+    assert_ne!(fs::read_to_string(folder.path().join("cell.toml")).unwrap(), model);
+}
+
+#[test]
+fn one_file_for_two_plots_and_two_sources_for_one_column_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "run.csv", RUN);
+    let given =
+        |more: &[&str]| lab_in(folder.path(), &[&["compare", "--model", CELL, "--soc-initial", "1", "--log", "run.csv"], more].concat());
+    refuses(&given(&["--plot", "q.svg", "--plot-regimes", "./q.svg"]), "--plot and --plot-regimes both name ./q.svg");
+    assert!(!folder.path().join("q.svg").exists());
+    let columns = ["--column", "voltage_v=voltage_v", "--column", "voltage_v=current_a"];
+    refuses(&given(&columns), "--column voltage_v=voltage_v and --column voltage_v=current_a: one column has one source");
+}
+
 /// Whatever were learned from a current of the wrong sign would be that sign under another name.
 #[test]
 fn nothing_is_learned_from_a_current_of_the_wrong_sign() {
