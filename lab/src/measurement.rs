@@ -5,6 +5,7 @@
 //! `FORMAT`, and one line in `FORMATS`.
 
 mod csv;
+mod ending;
 mod facts;
 mod limits;
 mod log;

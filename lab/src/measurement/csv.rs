@@ -4,6 +4,7 @@
 use std::borrow::Cow;
 use std::io::BufRead;
 
+use super::ending::LastCells;
 use super::limits::{COLUMNS_MAX, Line, Lines, check_cells};
 use super::{Cells, Format, LogError, LogFacts, Table, some_places};
 
@@ -17,13 +18,18 @@ const MISSING: &[&str] =
 fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table, LogError> {
     let mut lines = Lines::of(file, input);
     let mut table = Table::default();
-    let mut headers = Vec::new();
+    let (mut headers, mut last_cells) = (Vec::new(), LastCells::default());
     while let Some(Line { number: line, text, whole }) = lines.next()? {
         if text.trim().is_empty() || text.starts_with('#') {
             continue;
         }
         let broken = |message: String| LogError::Row { file: file.to_owned(), line, message };
+        let cut = || format!("line {line}, the last, is cut off and left out");
         let Some(cells) = split(text) else {
+            if !whole && !table.names.is_empty() {
+                table.notes.push(cut());
+                break;
+            }
             return Err(broken("a quoted cell does not end on its line".to_owned()));
         };
         if table.names.is_empty() {
@@ -34,7 +40,7 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         }
         if cells.len() != table.names.len() {
             if !whole && cells.len() < table.names.len() {
-                table.notes.push(format!("line {line}, the last, is cut off and left out"));
+                table.notes.push(cut());
                 break;
             }
             return Err(broken(format!("{} cells where the header has {} columns", cells.len(), table.names.len())));
@@ -44,6 +50,12 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             headers.push(line);
             continue;
         }
+        let last = cells.last().map_or("", |cell| cell.as_ref());
+        if !whole && !last_cells.looks_whole(last) {
+            table.notes.push(format!("line {line}, the last, has no line end and fewer digits than others: taken as cut off and left out"));
+            break;
+        }
+        last_cells.add(last);
         table.lines.push(line);
         check_cells(file, &table)?;
         for (column, text) in table.columns.iter_mut().zip(&cells) {
@@ -175,5 +187,17 @@ mod tests {
         let table = read("time_s,a\n0,1\ntime_s,a\n1,2\n2").unwrap();
         assert_eq!(table.lines, [2, 4]);
         assert_eq!(table.notes, ["line 5, the last, is cut off and left out", "the header comes again and is skipped (line 3)"]);
+        assert_eq!(read("time_s,a\n0,\"x\"\n1,\"y").unwrap().notes, ["line 3, the last, is cut off and left out"]);
+    }
+
+    #[test]
+    fn a_last_row_without_a_line_end_counts_unless_its_last_number_was_cut() {
+        let rows = "time_s,voltage_v\n0,3.95452\n1,3.95234\n";
+        let cut = read(&format!("{rows}2,3.9")).unwrap();
+        assert_eq!(cut.lines, [2, 3]);
+        assert_eq!(cut.notes, ["line 4, the last, has no line end and fewer digits than others: taken as cut off and left out"]);
+        let whole = read(&format!("{rows}2,3.95102")).unwrap();
+        assert_eq!((whole.lines, whole.notes), (vec![2, 3, 4], Vec::new()));
+        assert_eq!(read("time_s,a\n0,1\n1,2").unwrap().lines, [2, 3]);
     }
 }
