@@ -115,6 +115,8 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
+    use crate::effect::{Own, Steps};
+    use crate::{Channel, Channels, Facts};
 
     #[test]
     fn the_catalogue_is_consistent() {
@@ -133,5 +135,25 @@ mod tests {
                 assert!(find(spec.system, other).is_some(), "{} names the unknown effect {other}", spec.id);
             }
         }
+    }
+
+    /// What one force takes hangs on the others: downhill it may be nothing.
+    #[test]
+    fn every_effect_that_pushes_says_that_only_the_sum_of_the_forces_counts() {
+        let mut pushing = Vec::new();
+        for effect in catalogue().iter().filter(|effect| effect.spec().system == System::Robot) {
+            let spec = effect.spec();
+            let parameters: Vec<f64> = spec.parameters.iter().map(|p| p.default).collect();
+            let (mut prepared, mut states) = (vec![0.0; effect.prepared_len()], vec![0.0; spec.states.len()]);
+            let mut channels = Channels::filled(1.0_f64);
+            Steps::<f64>::prepare(*effect, &Facts::robot(), 1.0, &parameters, &mut prepared);
+            let own = Own { parameters: &parameters, prepared: &prepared, states: &mut states };
+            Steps::<f64>::step(*effect, &Facts::robot(), 1.0, own, &mut channels);
+            if channels[Channel::TractionN] != 1.0 {
+                assert!(spec.equation.contains("max(0, v sum of all F)"), "{}: {}", spec.id, spec.equation);
+                pushing.push(spec.id);
+            }
+        }
+        assert!(pushing.len() >= 8 && pushing.contains(&"motion") && pushing.contains(&"slope"), "{pushing:?}");
     }
 }

@@ -19,7 +19,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps, Channel::AccelMps2],
-    equation: "F = m_eq a, P = F v",
+    equation: "F = m_eq a, P += what F adds to max(0, v sum of all F)",
     source: "Kottas, Eqs. 5.1 and 5.14",
     validity: "no wheel slip",
     signature: "a residual in bursts, when the robot speeds up",

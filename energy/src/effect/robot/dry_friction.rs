@@ -1,6 +1,7 @@
 //! Dry friction of bearings, gears and brushes: one force at any speed and load.
 //!
-//! `P = F v + P_step` while driving, nothing at rest; F in N at the ground, v in m/s. The step is
+//! `P = F v + P_step` while driving, nothing at rest, F in sum with the other forces and F v never
+//! below zero; F in N at the ground, v in m/s. The step is
 //! what the motors burn, at any speed, in making the torque that overcomes the friction; leave it at
 //! zero where `motor_copper` says that from the force.
 //!
@@ -18,7 +19,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "P = F v + P_step for v != 0",
+    equation: "F against v, P += what F adds to max(0, v sum of all F), and P_step while v != 0",
     source: "Coulomb friction; Kottas, Eq. 4.6 with its no-load current",
     validity: "speeds above creeping: no Stribeck rise near zero",
     signature: "a residual in proportion to speed, independent of load, with a step between rest and motion",

@@ -1,6 +1,7 @@
 //! Kind of floor: extra resistance on floors other than the reference floor.
 //!
-//! `F += F_class` for the classes 1, 2 and 3 of the channel `floor_class`, `P = F v`; class 0 is the
+//! `F = F_class` for the classes 1, 2 and 3 of the channel `floor_class`, `P = F v` in sum with the
+//! other forces, never below zero; class 0 is the
 //! floor for which the other numbers were stated, and takes nothing extra. N at the ground. A floor
 //! that is easier than the reference has a negative force. Other classes count as the reference.
 //!
@@ -18,7 +19,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps, Channel::FloorClass],
-    equation: "F += F_class, P = F v",
+    equation: "F = F_class, P += what F adds to max(0, v sum of all F)",
     source: "measured motor currents of one robot on three floors differ by a factor of three",
     validity: "a class is one kind of floor; edges and thresholds are not in it",
     signature: "a residual of driving that goes with the floor",

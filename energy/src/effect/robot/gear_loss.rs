@@ -16,7 +16,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "P += max(0, F v) (1/eta - 1)",
+    equation: "P += max(0, F v) (1/eta - 1), F the sum of all forces",
     source: "Kottas, Eq. 4.6",
     validity: "efficiency constant over load and speed; friction at no load is dry_friction",
     signature: "a residual in proportion to all mechanical power",

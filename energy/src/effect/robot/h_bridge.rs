@@ -19,7 +19,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps, Channel::VoltageV],
-    equation: "P = c F² v / V_bat + P_sw",
+    equation: "P = c F² |v| / V_bat + P_sw, F the sum of all forces",
     source: "Kottas, Eqs. A.1 and A.2; RMS current in place of a complex divider",
     validity: "duty from the back-EMF alone; ripple left out",
     signature: "a residual with speed and the square of force, more on an empty pack; and a step when the wheels turn",

@@ -21,7 +21,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "P += max(0, (m g (c_rr cos(pitch) + sin(pitch)) + m a) v / eta)",
+    equation: "F = m g (c_rr cos(pitch) + sin(pitch)) + m a, P += what F adds to max(0, v sum of all F) / eta",
     source: "Kottas, chapter 5; Newton's second law",
     validity: "no wheel slip; drive efficiency constant; no regeneration",
     signature: "the power residual grows with speed and uphill pitch",

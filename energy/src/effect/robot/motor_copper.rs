@@ -18,7 +18,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "P = c F²",
+    equation: "P = c F², F the sum of all forces",
     source: "Kottas, section 4.2",
     validity: "winding at the reference temperature; forces of both wheels equal (turning adds to it)",
     signature: "a residual with the square of force, independent of speed",

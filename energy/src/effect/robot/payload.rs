@@ -19,7 +19,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps, Channel::PayloadKg],
-    equation: "F = k m_payload (g sin(pitch) + a), P = F v",
+    equation: "F = k m_payload (g sin(pitch) + a), P += what F adds to max(0, v sum of all F)",
     source: "Newton's second law",
     validity: "payload fixed to the robot",
     signature: "a residual on slopes and when speeding up, in proportion to the payload",

@@ -16,7 +16,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps, Channel::AccelMps2],
-    equation: "P += rho min(0, F v)",
+    equation: "P += rho min(0, F v), F the sum of all forces",
     source: "energy balance of driving, of which Kottas, Eq. 5.2a, has the forward half",
     validity: "motors that brake into the battery (synchronous H-bridge), not into a resistor",
     signature: "a negative residual when braking and downhill",

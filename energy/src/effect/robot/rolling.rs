@@ -1,6 +1,7 @@
 //! Rolling resistance: the tyres' force, in proportion to the weight on them.
 //!
-//! `F = c_rr (m + m_payload) g cos(pitch)`, `P = F v`, in N and W. m is the robot's own mass in kg,
+//! `F = c_rr (m + m_payload) g cos(pitch)`, `P = F v` in sum with the other forces,
+//! never below zero, in N and W. m is the robot's own mass in kg,
 //! pitch the slope in rad, v the speed in m/s. The payload rolls with the robot; what it adds on
 //! slopes and when accelerated is the effect `payload`.
 //!
@@ -19,7 +20,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "F = c_rr (m + m_payload) g cos(pitch), P = F v",
+    equation: "F = c_rr (m + m_payload) g cos(pitch), P += what F adds to max(0, v sum of all F)",
     source: "Newton; rolling coefficient as in vehicle engineering",
     validity: "hard ground, slow speed, no slip",
     signature: "a residual in proportion to speed and to payload",

@@ -1,6 +1,6 @@
 //! Wheel slip: the wheels turn faster than the robot drives, the more the harder they push.
 //!
-//! `s = k |F|`, `P += F v s / (1 - s)`: the motors turn at `v / (1 - s)` against the same force. F is
+//! `s = k |F|`, `P += max(0, F v) s / (1 - s)`: the motors turn at `v / (1 - s)` against the same force. F is
 //! the sum of the forces at the wheels in N, k in 1/N; s ends at 0.9.
 //!
 //! Absence: hard pulls (slopes, acceleration, payload) take more than their force times the speed.
@@ -20,7 +20,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "P += F v s / (1 - s), s = k |F|",
+    equation: "P += max(0, F v) s / (1 - s), s = k |F|, F the sum of all forces",
     source: "Wong, Theory of Ground Vehicles: slip s = 1 - v / (r w), linear in force while small",
     validity: "adhesion not exceeded; speed over ground, not of the wheels",
     signature: "a residual with speed and the square of force",

@@ -18,7 +18,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps, Channel::PitchRad],
-    equation: "F = m g sin(pitch), P = F v",
+    equation: "F = m g sin(pitch), P += what F adds to max(0, v sum of all F)",
     source: "Newton's second law",
     validity: "pitch of the ground along the path, not of the body",
     signature: "a residual with speed and pitch",

@@ -1,6 +1,6 @@
 //! Viscous friction of lubricant, bearings and eddy currents: a force that grows with speed.
 //!
-//! `F = b v`, `P = b v²`, b in N s/m at the ground. For motors of damping f_m behind a gear N and a
+//! `F = b v`, `P = b v²` in sum with the other forces, never below zero, b in N s/m at the ground. For motors of damping f_m behind a gear N and a
 //! wheel r_w: `b = n f_m (N / r_w)²` (Kottas, Eq. 4.6, tau_f = f_m w).
 //!
 //! Absence: the power residual grows with the square of the speed.
@@ -17,7 +17,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "P = b v²",
+    equation: "F = b v, P += what F adds to max(0, v sum of all F)",
     source: "Kottas, Eq. 4.6",
     validity: "laminar lubrication; air drag of small robots is far less",
     signature: "a residual with the square of speed",
