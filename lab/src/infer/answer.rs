@@ -120,6 +120,9 @@ pub struct Rung {
     pub holdout_rms: ByChannel,
     /// Noise of the sensors.
     pub floor: ByChannel,
+    /// Channels for which the model states no floor: theirs is the noise that the logs show from row to row.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub floor_from_rows: Vec<&'static str>,
 }
 
 /// What is left of one channel.
@@ -129,6 +132,9 @@ pub struct Left {
     pub rms: f64,
     /// Noise of the sensor.
     pub floor: f64,
+    /// Whether the model states no such floor: then it is the noise that the logs show from row to row.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub floor_from_rows: bool,
     /// Deviation of what is left beside white noise.
     pub slow: f64,
     /// Persistence of that, s.
@@ -286,6 +292,7 @@ const OPEN: f64 = 0.9;
 
 fn ladder(search: &Search) -> Vec<Rung> {
     let floor = by_channel(&search.last.frame.evidence.floors);
+    let floor_from_rows = floors_from_rows(&search.last);
     let first = &search.steps[0];
     let mut rungs = vec![Rung {
         effect: None,
@@ -293,6 +300,7 @@ fn ladder(search: &Search) -> Vec<Rung> {
         train_rms: by_channel(&first.base.told().rms()),
         holdout_rms: by_channel(&first.base_holdout),
         floor: floor.clone(),
+        floor_from_rows: floor_from_rows.clone(),
     }];
     for step in search.steps.iter().filter(|step| matches!(step.outcome, Outcome::Missing(_))) {
         let best = &step.trials[0];
@@ -302,9 +310,17 @@ fn ladder(search: &Search) -> Vec<Rung> {
             train_rms: by_channel(&best.state.told().rms()),
             holdout_rms: by_channel(&best.holdout),
             floor: floor.clone(),
+            floor_from_rows: floor_from_rows.clone(),
         });
     }
     rungs
+}
+
+/// Channels for which the model states no sensor floor.
+pub(crate) fn floors_from_rows(state: &State) -> Vec<&'static str> {
+    let model = &state.frame.model;
+    let unstated = |channel: &Channel| model.sensor(*channel).floor() <= 0.0;
+    state.frame.evidence.floors.iter().map(|(channel, _)| *channel).filter(unstated).map(Channel::name).collect()
 }
 
 fn parameters(state: &State) -> BTreeMap<&'static str, BTreeMap<&'static str, Value>> {
@@ -317,13 +333,15 @@ fn parameters(state: &State) -> BTreeMap<&'static str, BTreeMap<&'static str, Va
 }
 
 fn left(state: &State) -> BTreeMap<&'static str, Left> {
+    let from_rows = floors_from_rows(state);
     let noise = |wanted| state.noise.iter().find(|(channel, _)| *channel == wanted).map(|(_, noise)| *noise);
     let of = |(channel, rms): (Channel, f64)| {
         let (floor, noise) = (state.frame.evidence.floor(channel), noise(channel));
         // What is forgotten from one row to the next is no slower than white noise.
         let lasts = |noise: &Noise| noise.tau_s > state.frame.evidence.step_s(channel);
         let (slow, tau_s) = noise.filter(lasts).map_or((0.0, 0.0), |noise| (noise.slow.min(rms), noise.tau_s));
-        (channel.name(), Left { rms, floor, slow, tau_s })
+        let floor_from_rows = from_rows.contains(&channel.name());
+        (channel.name(), Left { rms, floor, floor_from_rows, slow, tau_s })
     };
     state.rms().into_iter().map(of).collect()
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::compare::{Comparison, RegimeError};
 use crate::decision::Decisions;
-use crate::infer::answer::{ByChannel, Rung, Value, deviations};
+use crate::infer::answer::{ByChannel, Rung, Value, deviations, floors_from_rows};
 use crate::infer::judge::Refusal;
 use crate::infer::state::State;
 use crate::infer::trial::Trial;
@@ -116,6 +116,7 @@ impl Addition {
         let named =
             |numbers: &[(Channel, f64)]| -> ByChannel { numbers.iter().map(|&(channel, number)| (channel.name(), number)).collect() };
         let floor = named(&base.frame.evidence.floors);
+        let floor_from_rows = floors_from_rows(base);
         vec![
             Rung {
                 effect: None,
@@ -123,6 +124,7 @@ impl Addition {
                 train_rms: named(&base.told().rms()),
                 holdout_rms: named(base_holdout),
                 floor: floor.clone(),
+                floor_from_rows: floor_from_rows.clone(),
             },
             Rung {
                 effect: Some(trial.spec.id),
@@ -130,6 +132,7 @@ impl Addition {
                 train_rms: named(&trial.state.told().rms()),
                 holdout_rms: named(&trial.holdout),
                 floor,
+                floor_from_rows,
             },
         ]
     }

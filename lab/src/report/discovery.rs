@@ -15,7 +15,7 @@ use crate::learned::LeftOut;
 use super::quantity::{digits, quantity, unit_of, with_sigma};
 use super::table::text;
 
-pub use tables::{decisions, fall};
+pub use tables::{decisions, fall, floor_name};
 pub use words::{effects, headline, left, refusal, untested};
 
 /// How far a search went.

@@ -47,6 +47,35 @@ fn the_answer_has_the_keys_that_programs_rest_on() {
     insta::assert_snapshot!(pretty(&shape(&json["residual"])));
 }
 
+/// Without its section on the voltage's sensor.
+fn cell_without_a_floor(folder: &Path) -> String {
+    let text = energy::built_in("enertech-lco-2280mah").unwrap();
+    let (before, after) = text.split_once("[sensor.voltage_v]").unwrap();
+    let rest = after.split_once("\n[").unwrap().1;
+    let path = folder.join("cell.toml");
+    fs::write(&path, format!("{before}[{rest}")).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn a_floor_that_no_model_states_is_told_as_noise_from_row_to_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = cell_without_a_floor(folder.path());
+    let report = folder.path().join("r.html").display().to_string();
+    let given = |verb: &[&str]| lab(&[verb, &["--model", &model, "--log", "discharge-1c.csv"]].concat());
+    let told = given(&["diagnose"]).stdout;
+    assert!(told.contains("\n noise from row to row") && told.contains("since the model states no sensor floor"), "{told}");
+    assert!(!told.contains("the sensor floor is"), "{told}");
+    given(&["report", "-o", &report]);
+    let page = fs::read_to_string(&report).unwrap();
+    assert!(page.contains("noise from row to row, ") && !page.contains("sensor floor, "));
+    let json = given(&["diagnose", "--format", "json"]).json();
+    assert_eq!(json["ladder"][0]["floor_from_rows"], serde_json::json!(["voltage_v"]));
+    assert_eq!(json["residual"]["voltage_v"]["floor_from_rows"], true);
+    let stated = run(&["diagnose"], &["--format", "json"]).json();
+    assert_eq!(stated["ladder"][0].get("floor_from_rows"), None);
+}
+
 #[test]
 fn what_is_found_is_written_loads_again_and_explains_the_logs_as_well() {
     let directory = tempfile::tempdir().unwrap();

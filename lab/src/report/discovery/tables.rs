@@ -40,7 +40,7 @@ pub(super) fn ladder(rungs: &[Rung], channel: &'static str, bar: impl Fn(f64) ->
         rows.add_row(row);
     }
     if let Some(&floor) = rungs.first().and_then(|rung| rung.floor.get(channel)) {
-        rows.add_row(["sensor floor".to_owned(), quantity(floor, unit)]);
+        rows.add_row([floor_name(&rungs[0], channel).to_owned(), quantity(floor, unit)]);
     }
     for column in [1, if holdout { 3 } else { 1 }, header.len() - 1] {
         if let Some(column) = rows.column_mut(column) {
@@ -48,6 +48,12 @@ pub(super) fn ladder(rungs: &[Rung], channel: &'static str, bar: impl Fn(f64) ->
         }
     }
     rows
+}
+
+/// What the floor of a channel is.
+#[must_use]
+pub fn floor_name(rung: &Rung, channel: &str) -> &'static str {
+    if rung.floor_from_rows.contains(&channel) { "noise from row to row" } else { "sensor floor" }
 }
 
 /// Whether an effect gains as much as the one that was taken first, and is neither that one nor among those that cannot be told from

@@ -61,7 +61,8 @@ const AT_FLOOR: f64 = 1.05;
 /// How much of the error is explained at the end.
 fn explained(found: &Discovery) -> String {
     if found.residual.values().all(|left| left.rms <= AT_FLOOR * left.floor) {
-        return "these logs down to the noise of their sensors".to_owned();
+        let stated = found.residual.values().all(|left| !left.floor_from_rows);
+        return format!("these logs down to {}", if stated { "the noise of their sensors" } else { "their noise from row to row" });
     }
     let beyond = |rung: &Rung| -> f64 {
         let over = |(channel, rms): (&&str, &f64)| rung.floor.get(*channel).map_or(0.0, |floor| ((rms / floor).powi(2) - 1.0).max(0.0));
@@ -110,7 +111,11 @@ pub fn left(found: &Discovery) -> String {
         } else {
             String::new()
         };
-        format!("{channel}: {rms} RMS, the sensor floor is {floor}{slow}\n")
+        let floor = match left.floor_from_rows {
+            true => format!("its noise from row to row is {floor}, since the model states no sensor floor"),
+            false => format!("the sensor floor is {floor}"),
+        };
+        format!("{channel}: {rms} RMS, {floor}{slow}\n")
     };
     found.residual.iter().map(line).collect()
 }

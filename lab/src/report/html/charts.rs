@@ -82,7 +82,7 @@ pub(super) fn ladders(ladders: &[Ladder]) -> Option<Markup> {
         Bars {
             title: title_of(&ladder.channel),
             legend,
-            mark: ladder.floor.map_or_else(String::new, |floor| format!("sensor floor, {}", quantity(floor, &ladder.unit))),
+            mark: ladder.floor.map_or_else(String::new, |floor| format!("{}, {}", ladder.floor_name, quantity(floor, &ladder.unit))),
             full: all.fold(0.0, f64::max),
             rows: rows.collect(),
         }

@@ -5,7 +5,7 @@ use energy::Model;
 use super::sections::{Answer, Confounding, Epc, Evidence, Ladder, LadderStep, Page, ParameterRow, Tone};
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
 use crate::infer::score::Score;
-use crate::report::discovery::{DiscoveryReport, headline, left, untested};
+use crate::report::discovery::{DiscoveryReport, floor_name, headline, left, untested};
 use crate::report::quantity::unit_of;
 
 /// Effects in the picture of what looks alike: more cannot be read.
@@ -47,6 +47,7 @@ fn ladders(found: &Discovery) -> Vec<Ladder> {
         channel: channel.to_owned(),
         unit: unit_of(channel).to_owned(),
         floor: found.ladder.first().and_then(|rung| rung.floor.get(channel).copied()),
+        floor_name: found.ladder.first().map_or("", |rung| floor_name(rung, channel)).to_owned(),
         steps: found
             .ladder
             .iter()

@@ -94,8 +94,10 @@ pub struct Ladder {
     pub channel: String,
     /// Its unit.
     pub unit: String,
-    /// Known sensor floor.
+    /// Sensor floor.
     pub floor: Option<f64>,
+    /// What it is called: where the model states none, it is noise that the logs show.
+    pub floor_name: String,
     /// The steps, the bare model first.
     pub steps: Vec<LadderStep>,
 }

@@ -159,6 +159,7 @@ pub(crate) fn full(name: &str) -> Page {
             channel: "voltage_v".to_owned(),
             unit: "V".to_owned(),
             floor: Some(0.001),
+            floor_name: "sensor floor".to_owned(),
             steps: vec![step("as given", 0.024, 0.026), step("+ rc1", 0.0067, 0.0081), step(&format!("+ {name}"), 0.0019, 0.0025)],
         }],
         evidence: vec![evidence(name, true), evidence("warburg", false)],
