@@ -21,7 +21,7 @@ use lab::measurement::Log;
 use lab::model_source::{Origin, parse_beside};
 use lab::output::{directory_of, write_whole};
 use lab::prepare::Prepared;
-use lab::report::discovery::{DiscoveryReport, FileErrors, Reach, rms_of};
+use lab::report::discovery::{DiscoveryReport, FileErrors, Reach, Unexplained, rms_of};
 
 use super::inputs::{LogInputs, ModelArg};
 
@@ -109,14 +109,19 @@ impl<'a> Case<'a> {
         reach: Reach,
         output: Option<String>,
     ) -> DiscoveryReport {
-        let rms = |model: &Arc<Model>, logs: &[Prepared]| rms_of(&compare(model, &model.values(), logs));
+        let compared = |model: &Arc<Model>, logs: &[Prepared]| compare(model, &model.values(), logs);
+        let rms = |model: &Arc<Model>, logs: &[Prepared]| rms_of(&compared(model, logs));
         let given = &self.source.model;
         let file_rms = rms(&written.model, &written.train);
+        let mut holdout_unexplained = Vec::new();
         let mut files = FileErrors::of(&rms(given, &self.evidence.logs), &file_rms, false);
         if let Some(held) = &self.held {
-            files.extend(FileErrors::of(&rms(given, &held.logs), &rms(&written.model, &written.holdout), true));
+            let found = compared(&written.model, &written.holdout);
+            files.extend(FileErrors::of(&rms(given, &held.logs), &rms_of(&found), true));
+            holdout_unexplained = Unexplained::of(&discovery, &found);
         }
-        DiscoveryReport { discovery, decision: self.decisions(written), left_out: learned::left_out(last), file_rms, files, reach, output }
+        let (decision, left_out) = (self.decisions(written), learned::left_out(last));
+        DiscoveryReport { discovery, decision, left_out, file_rms, files, holdout_unexplained, reach, output }
     }
 
     /// What it changes to plan with that model instead of the given one.

@@ -1,5 +1,6 @@
 //! A search for missing effects, for people and for JSON.
 
+mod holdout;
 pub(super) mod tables;
 mod words;
 
@@ -15,6 +16,7 @@ use crate::learned::LeftOut;
 use super::quantity::{digits, quantity, unit_of, with_sigma};
 use super::table::text;
 
+pub use holdout::{Unexplained, held_out};
 pub use tables::{decisions, fall, floor_name};
 pub use words::{effects, headline, left, refusal, untested};
 
@@ -42,6 +44,8 @@ pub struct DiscoveryReport {
     pub file_rms: ByChannel,
     /// The files of the model given and of the one found against each other, channel by channel.
     pub files: Vec<FileErrors>,
+    /// Channels of held-out logs that the model found does not explain.
+    pub holdout_unexplained: Vec<Unexplained>,
     /// How far the search went.
     pub reach: Reach,
     /// The file written; null when none was asked for.
@@ -78,7 +82,8 @@ impl DiscoveryReport {
     #[must_use]
     pub fn human(&self) -> String {
         let found = &self.discovery;
-        let mut parts = vec![format!("{}: {}\n", found.model, headline(found, self.reach))];
+        let held = held_out(found, &self.holdout_unexplained).map_or_else(String::new, |words| words + "\n");
+        let mut parts = vec![format!("{}: {}\n{held}", found.model, headline(found, self.reach))];
         parts.push(ladder(&found.ladder));
         parts.extend(section("", text(&tables::ranking(found, PRINTED)), !found.ranking.is_empty()));
         let more = found.ranking.len().saturating_sub(PRINTED);

@@ -76,6 +76,72 @@ fn a_floor_that_no_model_states_is_told_as_noise_from_row_to_row() {
     assert_eq!(stated["ladder"][0].get("floor_from_rows"), None);
 }
 
+/// A cell of 2 Ah, with a straight line of voltage over charge and a resistance that the logs shall tell.
+const STRAIGHT: &str = r#"schema = 1
+system = "battery"
+name = "straight"
+source = "made up"
+
+[battery]
+series = 1
+parallel = 1
+capacity_ah = 2.0
+full_v_per_cell = 4.2
+eod_v_per_cell = 3.0
+charge_current_a = 2.0
+charge_cutoff_a = 0.1
+ocv = { soc = [0, 1], voltage_v = [3.2, 4.2] }
+
+[sensor.voltage_v]
+sigma = 0.001
+
+[[effect]]
+id = "ohmic"
+resistance_ohm = { value = 0.05, sigma = 0.02, source = "guess", free = true }
+"#;
+
+/// A log of that cell in half hours of current and rest, which below this charge gives so much less.
+fn straight(from_soc: f64, below_soc: f64, less_v: f64) -> String {
+    let (mut soc, mut text) = (from_soc, "time_s,current_a,voltage_v\n".to_owned());
+    for row in 0..360_u32 {
+        let current_a = if row / 30 % 2 == 1 { 2.0 } else { 0.0 };
+        soc -= current_a * 5.0 / 3600.0 / 2.0;
+        // Evenly between -1.7 and 1.7 deviations, which makes one.
+        let noise_v = 1e-3 * 3.46 * (f64::from(row * 7919 % 1009) / 1009.0 - 0.5);
+        let missing_v = if soc < below_soc { less_v } else { 0.0 };
+        text += &format!("{},{current_a},{:.5}\n", 5 * row, 3.2 + soc - 0.05 * current_a - missing_v + noise_v);
+    }
+    text
+}
+
+#[test]
+fn held_out_logs_that_are_not_explained_are_told_beside_the_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text, soc) in [("train", straight(0.9, 0.0, 0.0), 0.9), ("held", straight(0.5, 0.35, 0.02), 0.5)] {
+        fs::write(folder.path().join(format!("{name}.csv")), text).unwrap();
+        fs::write(folder.path().join(format!("{name}.toml")), format!("schema = 1\nsoc_initial = {soc}\n")).unwrap();
+    }
+    fs::write(folder.path().join("cell.toml"), STRAIGHT).unwrap();
+    let logs = ["--model", "cell.toml", "--log", "train.csv", "--holdout", "held.csv"];
+    let given = |verb: &[&str]| lab_in(folder.path(), &[verb, &logs].concat());
+    let said = "\nHeld-out logs are not explained: ";
+    for verb in ["diagnose", "discover"] {
+        let told = given(&[verb]);
+        assert_eq!(told.code, 0, "{}{}", told.stdout, told.stderr);
+        assert!(told.stdout.contains(&format!("complete. The model explains these logs.{said}")), "{}", told.stdout);
+        assert!(told.stdout.contains("of voltage_v at a sensor floor of 1.00 mV") && told.stdout.contains("SoC, in"), "{}", told.stdout);
+    }
+    assert!(given(&["report", "-o", "r.html"]).stdout.contains(said));
+    let json = given(&["discover", "--format", "json"]).json();
+    let one = &json["holdout_unexplained"][0];
+    assert_eq!((json["verdict"].as_str(), one["channel"].as_str()), (Some("complete"), Some("voltage_v")));
+    assert!(one["rms"].as_f64().unwrap() > 5e-3 && one["worst"]["share"].as_f64().unwrap() > 0.5, "{one}");
+    // What is explained is not told.
+    fs::write(folder.path().join("held.csv"), straight(0.5, 0.0, 0.0)).unwrap();
+    assert!(!given(&["discover"]).stdout.contains("Held-out logs"));
+    assert_eq!(given(&["discover", "--format", "json"]).json()["holdout_unexplained"], serde_json::json!([]));
+}
+
 #[test]
 fn what_is_found_is_written_loads_again_and_explains_the_logs_as_well() {
     let directory = tempfile::tempdir().unwrap();

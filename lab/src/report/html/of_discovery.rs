@@ -5,7 +5,7 @@ use energy::Model;
 use super::sections::{Answer, Confounding, Epc, Evidence, Ladder, LadderStep, Page, ParameterRow, Tone};
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
 use crate::infer::score::Score;
-use crate::report::discovery::{DiscoveryReport, floor_name, headline, left, untested};
+use crate::report::discovery::{DiscoveryReport, floor_name, headline, held_out, left, untested};
 use crate::report::quantity::unit_of;
 
 /// Effects in the picture of what looks alike: more cannot be read.
@@ -35,7 +35,8 @@ fn answer(report: &DiscoveryReport, compared: Option<Answer>) -> Answer {
     let headline = headline(found, report.reach);
     let mut capitals = headline.chars();
     let headline = capitals.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + capitals.as_str());
-    let mut words: Vec<String> = left(found).lines().map(|line| format!("At the end of the search: {line}.")).collect();
+    let mut words: Vec<String> = held_out(found, &report.holdout_unexplained).into_iter().collect();
+    words.extend(left(found).lines().map(|line| format!("At the end of the search: {line}.")));
     words.extend(compared.into_iter().flat_map(|compared| std::iter::once(compared.headline).chain(compared.words)));
     words.extend(untested(&found.untested).lines().map(|line| format!("Not to be tested with these logs: {line}.")));
     Answer { tone, headline, words, experiment: Some(found.experiment.clone()).filter(|words| !words.is_empty()) }
