@@ -15,6 +15,7 @@ mod store;
 mod table;
 mod thin;
 mod times;
+mod unfollowed;
 mod values;
 
 use std::io::BufRead;

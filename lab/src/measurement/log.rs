@@ -8,6 +8,7 @@ use energy::document::hint;
 use super::facts::misspelt;
 use super::mapping::Source;
 use super::times::{Rows, gaps};
+use super::unfollowed::unfollowed;
 use super::values::{missing, spikes, within_range, without_given, without_sentinels};
 use super::{LogError, LogFacts, Table};
 
@@ -169,6 +170,11 @@ impl Reader<'_> {
         for (&channel, values) in channels {
             let moves = |row: usize| input.is_some_and(|input| input[row] != input[row - 1]);
             self.notes.extend(spikes(channel, values, moves, &self.places, self.table.places));
+        }
+        for pair in [(Channel::CurrentA, Channel::VoltageV), (Channel::PackCurrentA, Channel::PackVoltageV)] {
+            if let (Some(current_a), Some(voltage_v)) = (channels.get(&pair.0), channels.get(&pair.1)) {
+                self.notes.extend(unfollowed((pair.0, current_a), (pair.1, voltage_v), &self.places, self.table.places));
+            }
         }
     }
 

@@ -151,16 +151,16 @@ pub(super) fn spikes(channel: Channel, values: &[f64], moves: impl Fn(usize) -> 
 }
 
 /// `1 value`, `2 values`.
-fn count(number: usize, what: &str) -> String {
+pub(super) fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
-fn at(rows: &[usize], lines: &[u64], places: &str) -> String {
+pub(super) fn at(rows: &[usize], lines: &[u64], places: &str) -> String {
     some_places(places, &rows.iter().map(|&row| lines[row]).collect::<Vec<_>>())
 }
 
 /// A number as the user would find it in the log.
-fn plain(value: f64) -> String {
+pub(super) fn plain(value: f64) -> String {
     if value.abs() >= 1e9 { format!("{value:e}") } else { short_or_exact(value) }
 }
 
