@@ -146,7 +146,7 @@ impl Asked<'_> {
         if left.is_empty() {
             return best;
         }
-        let (shared, unsure) = self.beside(&best, &left, Offer::Rest(&left));
+        let (shared, unsure) = self.beside(&best.plan, &best.plan, &left, Offer::Rest(&left));
         if unsure.is_empty() && missed(&shared) < missed(&best) {
             return shared;
         }
@@ -161,18 +161,35 @@ impl Asked<'_> {
     fn with_spares(&self, mut best: Solved) -> Solved {
         let has_spares = |station: &StationView| station.charges_spares && !station.spares.is_empty();
         let spares: usize = self.view.stations.iter().filter(|station| has_spares(station)).map(|station| station.spares.len()).sum();
-        let left = self.left(&best, has_spares);
+        let mut left = self.left(&best, has_spares);
+        if let Some(kept) = self.as_promised(&best, &left) {
+            best = kept;
+            left = self.left(&best, has_spares);
+        }
         let promised = |robot: &RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
         let mut left: Vec<&RobotView> = self.view.robots.iter().filter(|robot| left.contains(&robot.robot)).collect();
         left.sort_by(|a, b| promised(b).cmp(&promised(a)).then(a.empty_s.total_cmp(&b.empty_s)));
         for robot in left.into_iter().take(spares) {
             let asked = BTreeSet::from([robot.robot.clone()]);
-            let (shared, unsure) = self.beside(&best, &asked, Offer::Spares(&asked));
+            let (shared, unsure) = self.beside(&best.plan, &best.plan, &asked, Offer::Spares(&asked));
             if unsure.is_empty() && missed(&shared) < missed(&best) {
                 best = shared;
             }
         }
         best
+    }
+
+    /// All that was promised, as it was, if that is better: who was promised a spare for which the energy is short need not lose it to a
+    /// plan that did not look for such. None if nobody of these was.
+    fn as_promised(&self, best: &Solved, left: &BTreeSet<RobotId>) -> Option<Solved> {
+        let spares = self.before.planned.iter().filter(|promised| promised.mode == Mode::Swap).map(|promised| promised.robot.clone());
+        let spares: BTreeSet<RobotId> = spares.collect();
+        if spares.is_disjoint(left) {
+            return None;
+        }
+        let promised = Plan { planned: self.before.planned.clone(), ..Plan::default() };
+        let (kept, unsure) = self.beside(&promised, &best.plan, &spares, Offer::Spares(&spares));
+        (unsure.is_empty() && missed(&kept) < missed(best)).then_some(kept)
     }
 
     /// Who strands and could come to such a station.
@@ -183,12 +200,13 @@ impl Asked<'_> {
         left.map(|robot| robot.robot.clone()).collect()
     }
 
-    /// The plan in which these of those who are left are offered this, or keep what they were promised, all others who have services keep
-    /// them, and nobody else is asked about; and who of all is less sure in it than must be.
-    fn beside(&self, best: &Solved, asked: &BTreeSet<RobotId>, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
-        let rejected = best.plan.rejected.iter().filter(|left| !asked.contains(&left.robot)).cloned().collect();
-        let promised = self.before.planned.iter().filter(|promised| asked.contains(&promised.robot));
-        let planned = best.plan.planned.iter().chain(promised).cloned().collect();
+    /// The plan in which these of those who are left are offered this, or keep what they were promised, all others who have services in
+    /// `kept` keep them, and nobody else is asked about whom that rejects; and who of all is less sure in it than must be.
+    fn beside(&self, kept: &Plan, counted: &Plan, asked: &BTreeSet<RobotId>, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
+        let rejected = kept.rejected.iter().filter(|left| !asked.contains(&left.robot)).cloned().collect();
+        let is_kept = |robot: &RobotId| kept.planned.iter().any(|planned| planned.robot == *robot);
+        let promised = self.before.planned.iter().filter(|promised| asked.contains(&promised.robot) && !is_kept(&promised.robot));
+        let planned = kept.planned.iter().chain(promised).cloned().collect();
         let before = Plan { planned, rejected, ..Plan::default() };
         let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
         let mut view = self.view.clone();
@@ -196,7 +214,7 @@ impl Asked<'_> {
         // Only who is asked about gets a place: a plan is mended for that.
         let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, offer);
         shared.plan.moved = shared.plan.moved_from(self.before);
-        let unsure = unsure(&shared.plan, &best.plan, &before.with_newer(self.before), self.settings.confidence);
+        let unsure = unsure(&shared.plan, counted, &before.with_newer(self.before), self.settings.confidence);
         (shared, unsure)
     }
 
