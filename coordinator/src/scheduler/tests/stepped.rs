@@ -130,6 +130,32 @@ fn a_charged_spare_is_handed_out_though_the_packs_do_not_last_for_charging_what_
 }
 
 #[test]
+fn who_was_promised_a_spare_keeps_it_as_long_as_all_goes_as_foreseen() {
+    // One may charge in the bay or get one of the spares, the other comes for what is left; the packs hold from hardly anything to enough
+    // for charging all that is left.
+    for soc in [0.06, 0.2, 0.35, 0.5, 0.65] {
+        let mut before = Plan::default();
+        for minute in 0..50 {
+            let passed_h = f64::from(minute) / 60.0;
+            let mut with = station("s", 1, &[84.0 * soc - 0.1 * 6.0 * passed_h], &[0.98, 0.98]);
+            with.charges_spares = true;
+            with.packs[0].state =
+                Some(PackState { model: station_pack(), soc: Estimate::exact(soc - 0.07 * passed_h), temperature_degc: 25.0 });
+            let held = |name: &str| before.planned.iter().any(|planned| planned.robot.as_str() == name);
+            let there = |(name, full): (&str, f64)| RobotView { held: held(name), ..robot(name, full - 0.3 * passed_h, &[(0, 60.0)]) };
+            let mut view = view([("a", 0.4), ("b", 0.5), ("c", 0.6)].map(there).into(), vec![with]);
+            view.now = view.now.plus_s(3600.0 * passed_h);
+            let found = solve(view.clone(), &settings(), &before, Effort::Whole).plan;
+            for promised in before.planned.iter().filter(|planned| planned.leave > view.now) {
+                let is_kept = found.planned.iter().any(|planned| planned.robot == promised.robot);
+                assert!(is_kept, "at {soc}, minute {minute}: {} loses {promised:?}", promised.robot);
+            }
+            before = found;
+        }
+    }
+}
+
+#[test]
 fn a_pack_that_is_charged_takes_its_energy_before_the_next_robots_come() {
     // 22 Wh for a pack that a robot left, drawn in the next hour: nothing of it is there for services after that.
     let pays = |until_s: f64| {
