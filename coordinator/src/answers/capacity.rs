@@ -57,7 +57,8 @@ fn question(basis: &Basis<'_>, robots: &[(f64, Option<&Planned>, &RobotView)], i
     let table = basis.reference(id, models)?;
     let from_soc = basis.settings.serve_below_soc;
     // Where nothing charges in a bay, a service is an exchange.
-    let exchanges = state.bays.is_empty() && !(station.spares.is_empty() && station.recharging.is_empty());
+    let exchanges = state.bays.is_empty() && !state.spares.is_empty();
+    let fits = |robot: &RobotView| station.spares.is_empty() || station.spares.iter().any(|spare| robot.takes(index, spare.kind));
     let usual = |soc: Estimate, table: &Table| match exchanges {
         true => exchange(basis, station, models, table, soc),
         false => charge(station, models, table, soc),
@@ -67,7 +68,7 @@ fn question(basis: &Basis<'_>, robots: &[(f64, Option<&Planned>, &RobotView)], i
         let soc = Estimate::new((robot.soc.value - robot.drain_soc_per_s * from_s).max(0.0), robot.soc.sigma);
         let wanted = match planned {
             Some(planned) => as_planned(planned, station, models, table, soc),
-            None if !station.spares.iter().any(|spare| robot.takes(index, spare.kind)) => charge(station, models, table, soc),
+            None if !fits(robot) => charge(station, models, table, soc),
             None => usual(soc, table),
         };
         let from_s = from_s - station.committed_until_s;

@@ -71,7 +71,7 @@ impl Solved {
         Self { sessions: found.plan.sessions, plan, task, wants_place }
     }
 
-    /// Who would be given a spare that does not fit: robot and station.
+    /// Who would be given a spare that does not fit, and did not go without there already: robot and station.
     fn without_a_spare(&self) -> Vec<(usize, usize)> {
         let kinds = |station: usize| self.task.view.stations[station].spares.iter().map(|spare| spare.kind).collect::<BTreeSet<_>>().len();
         let exchanges = self.sessions.iter().filter(|session| !matches!(session.mode, Mode::Charge(_)) && kinds(session.station) > 1);
@@ -79,7 +79,8 @@ impl Solved {
             let robot = &self.task.view.robots[session.robot].robot;
             self.plan.planned.iter().any(|planned| planned.robot == *robot && planned.spare.is_none())
         };
-        exchanges.filter(is_without).map(|session| (session.robot, session.station)).collect()
+        let without = exchanges.filter(is_without).map(|session| (session.robot, session.station));
+        without.filter(|&(robot, station)| !self.task.view.robots[robot].unfit.contains(&(station, None))).collect()
     }
 
     /// What there is to choose from for these robots, and what was chosen for the others.

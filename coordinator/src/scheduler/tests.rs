@@ -2,8 +2,7 @@
 
 mod stepped;
 
-use std::collections::BTreeMap;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use energy::{Estimate, Model, Need};

@@ -88,4 +88,13 @@ fn an_exchange_takes_the_arm_and_no_bay_and_its_spare_pays_for_itself() {
     assert_eq!(named(&here.promises), [&id::<RobotId>("r0")]);
     let taken_wh = here.promises[0].need_wh.value;
     assert!((service.pack_energy_wh.value - 1e-9..service.pack_energy_wh.value + 6.0).contains(&taken_wh), "{taken_wh} {service:?}");
+    // When that is handed out and what robots leave is put aside, a spare is what is lacking, not a bay.
+    let mut core = core_of_two();
+    let used = SpareState { spare: id("spare-1"), soc: Estimate::new(0.0, 0.2), ready: false, battery: None };
+    opens(&mut core, "s", StationState { bays: Vec::new(), spares: vec![used], ..ready(0.0) });
+    opens(&mut core, "t", StationState { powered: false, packs: Vec::new(), active_pack: None, ..ready(0.0) });
+    come(&mut core, &[0.21]);
+    let capacity = core.capacity(at(2.0));
+    let here = capacity.stations.iter().find(|station| station.station.as_ref() == "s").unwrap();
+    assert_eq!((here.robots_promised, here.lacks_bay, here.lacks_spare), (0, false, true), "{here:?}");
 }
