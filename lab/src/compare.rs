@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::concentration::{Concentration, Sorted, worst};
 use crate::floor::FloorCheck;
+use crate::input_noise::input_noise;
 use crate::predict::{Prediction, predict};
 use crate::prepare::{Prepared, Target};
 use crate::regime::{Dimension, dimensions};
@@ -43,8 +44,11 @@ pub struct ChannelError {
     /// Size of observed minus predicted.
     #[serde(flatten)]
     pub size: Size,
-    /// Known sensor floor (noise and rounding); null when the model states none.
+    /// Known floor: noise and rounding of the channel's own sensor, and what the noise of measured inputs adds; null when the
+    /// model states no noise of that sensor.
     pub floor: Option<f64>,
+    /// Share of the floor's square that the noise of inputs makes, 0..1.
+    pub floor_of_inputs: f64,
     /// RMS over floor.
     pub ratio: Option<f64>,
     /// How sure that ratio is, and whether the floor itself can be right; null without a floor.
@@ -114,9 +118,10 @@ pub fn compare(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Compari
     let mut errors = Vec::new();
     let mut channels: Vec<Rows> = Vec::new();
     for (index, (log, prediction)) in logs.iter().zip(&predictions).enumerate() {
-        for target in &log.targets {
+        let of_inputs = input_noise(model, log, values);
+        for (target, (_, of_inputs)) in log.targets.iter().zip(of_inputs) {
             let rows: Vec<Residual> = residuals(log, prediction, target).into_iter().filter(|row| row.used).collect();
-            errors.push(channel_error(log, target, &rows));
+            errors.push(channel_error(log, target, of_inputs, &rows));
             let known = channels.iter().position(|known| known.channel == target.channel);
             let known = known.unwrap_or_else(|| {
                 channels.push(Rows::new(target.channel, dimensions.len()));
@@ -138,21 +143,22 @@ pub fn compare(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Compari
     Comparison { schema: 1, model: model.name.clone(), verdict, errors, regimes, worst, words }
 }
 
-fn channel_error(log: &Prepared, target: &Target, rows: &[Residual]) -> ChannelError {
+fn channel_error(log: &Prepared, target: &Target, of_inputs: f64, rows: &[Residual]) -> ChannelError {
     let channel = target.channel.name();
     let places: Vec<usize> = rows.iter().map(|row| row.row).collect();
     let time_s: Vec<f64> = places.iter().map(|&row| log.time_s[row]).collect();
     let values: Vec<f64> = rows.iter().map(Residual::value).collect();
     let size = Size::of(values.iter().copied());
-    let floor = (target.floor > 0.0).then_some(target.floor);
+    let floor = (target.floor > 0.0).then(|| target.floor.hypot(of_inputs));
     ChannelError {
         log: log.name.clone(),
         channel,
         unit: unit_of(channel),
         size,
         floor,
+        floor_of_inputs: floor.map_or(0.0, |floor| (of_inputs / floor).powi(2)),
         ratio: floor.map(|floor| size.rms / floor),
-        floor_check: FloorCheck::of(&places, &values, target.floor),
+        floor_check: FloorCheck::of(&places, &values, floor.unwrap_or(0.0)),
         whiteness: Whiteness::of(&time_s, &values),
     }
 }

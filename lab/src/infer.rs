@@ -7,6 +7,7 @@
 //!   evidence   the rows that are judged, alone or in means
 //!     |          steady   over which of them the inputs hold
 //!     |          course   as few steps as show them
+//!     |          floors   what a model makes of its inputs' noise
 //!     |
 //!   frame      model, logs and rough knowledge as one vector of unknowns; predictions, derivatives
 //!     |            noise   the sensors' known floor beside a slow part of unknown size
@@ -51,6 +52,7 @@ mod descent;
 pub mod discover;
 pub mod evidence;
 mod exchange;
+pub mod floors;
 pub mod frame;
 mod handover;
 pub mod judge;

@@ -7,7 +7,7 @@
 //!   prepare        a log seen by a model: inputs, start, targets with their sensor floors
 //!        |
 //!   predict        the same walk for plain numbers and for exact derivatives
-//!        |
+//!        |            input_noise   what noise of the inputs adds to the floors
 //!   residual ──> regime, concentration   where the squared error lies
 //!        |   ├─> whiteness, floor         is there still something in it
 //!        |   └─> compare                  error against the sensor floor, worst regimes in words
@@ -33,6 +33,7 @@ pub mod decision;
 pub mod fit;
 pub mod floor;
 pub mod infer;
+pub mod input_noise;
 pub mod learned;
 pub mod measurement;
 pub mod model_edit;

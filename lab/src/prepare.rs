@@ -18,7 +18,7 @@ pub struct Target {
     pub observed: Vec<f64>,
     /// Rows that count: measured, preceded by an interval, and with every needed input known.
     pub used: Vec<bool>,
-    /// The known sensor floor, in the channel's unit; 0 when the model states none.
+    /// The known floor of the target's own sensor, in the channel's unit; 0 when the model states none.
     pub floor: f64,
 }
 
@@ -29,6 +29,8 @@ pub struct Prepared {
     pub name: String,
     /// Time, s.
     pub time_s: Vec<f64>,
+    /// How many readings of its inputs each row holds the mean of; empty where each holds one.
+    pub readings: Vec<f64>,
     /// Inputs; the value at row k holds over (t\[k-1\], t\[k\]]. A missing value is the next known
     /// one, since that holds since the last known one.
     pub inputs: Vec<(Channel, Vec<f64>)>,
@@ -180,6 +182,7 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     Ok(Prepared {
         name: log.name.clone(),
         time_s: log.time_s.clone(),
+        readings: log.readings.clone(),
         inputs,
         start,
         soc_initial_sigma: log.facts.soc_initial_sigma,

@@ -37,7 +37,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.logs.spare(args.save.output())?;
     args.model.spare(args.save.output(), Answered::Model)?;
     let spec = absent(&args.model.load()?.model, &args.effect)?;
-    let case = Case::read(&args.model, &args.logs)?;
+    let mut case = Case::read(&args.model, &args.logs)?;
     let bar = busy(format!("fitting {} with {}", case.source.model.name, spec.id));
     let base = case.fitted();
     let trial = trial(&case, &base, spec)?;

@@ -14,6 +14,7 @@ use lab::decision::{Decisions, Seen};
 use lab::infer::answer::Discovery;
 use lab::infer::candidate::held_at_defaults;
 use lab::infer::evidence::Evidence;
+use lab::infer::floors::fitted;
 use lab::infer::frame::Frame;
 use lab::infer::state::State;
 use lab::learned;
@@ -73,8 +74,10 @@ impl<'a> Case<'a> {
     }
 
     /// The model as given, its free parameters and all that is roughly known at their best.
-    pub(super) fn fitted(&self) -> State {
-        State::of_model(Arc::clone(&self.source.model), Arc::clone(&self.evidence))
+    pub(super) fn fitted(&mut self) -> State {
+        let (state, held) = fitted(&self.source.model, Arc::clone(&self.evidence), self.held.as_ref());
+        (self.evidence, self.held) = (Arc::clone(&state.frame.evidence), held);
+        state
     }
 
     /// The model as given, as a written one: what a comparison begins with.

@@ -17,9 +17,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
-    let case = Case::read(&args.model, &args.logs)?;
+    let mut case = Case::read(&args.model, &args.logs)?;
     let bar = busy(format!("looking at what {} lacks", case.source.model.name));
-    let step = Step::look(case.fitted(), case.held.as_ref());
+    let base = case.fitted();
+    let step = Step::look(base, case.held.as_ref());
     bar.finish_and_clear();
     // One look says whether something is missing, and what is the best of it: whether that is all is
     // for the whole search to say.

@@ -44,7 +44,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let evidence = |logs: &[Log]| anyhow::Ok(Arc::new(Evidence::new(model, args.logs.ready(model, logs)?)));
     let (seen, held) = (evidence(&train)?, evidence(&holdout)?);
     let proposal = propose(Arc::clone(model), &seen, &held);
-    let mut report = ProposalReport::of(&proposal, &held);
+    let mut report = ProposalReport::of(&proposal);
     if report.status == Status::Proposal {
         let date = args.save.date().map_or_else(String::new, |date| format!(", {date}"));
         let origin = format!("proposed by lab {} from {}{date}", env!("CARGO_PKG_VERSION"), names.join(", "));

@@ -14,6 +14,7 @@ pub(super) fn words(verdict: Verdict, errors: &[ChannelError], worst: &[Worst]) 
     words.extend(errors.iter().filter_map(period));
     words.extend(colour(errors));
     words.extend(errors.iter().filter_map(offset));
+    words.extend(of_inputs(errors));
     words.extend(errors.iter().filter_map(doubt));
     words
 }
@@ -78,6 +79,22 @@ fn offset(error: &ChannelError) -> Option<String> {
     off.then(|| format!("{channel} in {log} is off by {mean} on average, which its noise does not explain."))
 }
 
+/// Share of a floor's square from which on it is worth a sentence that inputs make it.
+const WORTH_TELLING: f64 = 0.1;
+
+/// Where a floor is not what the model states for the channel's sensor.
+fn of_inputs(errors: &[ChannelError]) -> Option<String> {
+    let most = errors.iter().max_by(|a, b| a.floor_of_inputs.total_cmp(&b.floor_of_inputs))?;
+    let (floor, share) = (most.floor?, most.floor_of_inputs);
+    let [own, added] = [1.0 - share, share].map(|share| quantity(floor * share.sqrt(), most.unit));
+    let (channel, log, floor) = (most.channel, &most.log, quantity(floor, most.unit));
+    (share > WORTH_TELLING).then(|| {
+        format!(
+            "The floor of {floor} of {channel} in {log} is its sensor's, {own}, with what the noise of the measured inputs adds, {added}."
+        )
+    })
+}
+
 /// What to doubt about a floor.
 fn doubt(error: &ChannelError) -> Option<String> {
     let (check, floor) = (error.floor_check.as_ref()?, error.floor?);
@@ -135,6 +152,7 @@ mod tests {
             unit: "W",
             size: Size::of(values.iter().copied()),
             floor: Some(0.3),
+            floor_of_inputs: 0.0,
             ratio: None,
             floor_check: None,
             whiteness: Whiteness::of(&seconds(1000), &values),

@@ -13,7 +13,7 @@ use super::steady::Steady;
 use crate::prepare::Prepared;
 
 /// A log as a model walks it.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Course {
     /// Times at which the steps end, s; the first is where the walk begins.
     pub(super) time_s: Vec<f64>,

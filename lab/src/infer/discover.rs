@@ -7,6 +7,7 @@ use energy::{Channel, Model, catalogue};
 use super::candidate::Untested;
 use super::evidence::Evidence;
 use super::exchange::exchanged;
+use super::floors::{fitted, resettled};
 use super::judge::{Court, Refusal, STRONG, explained, falls, hardly_moves, refusals, squared, squares, threshold};
 use super::prune::{shorter, taken};
 use super::score::Score;
@@ -247,10 +248,19 @@ pub struct Search {
 /// Most effects that are added.
 const EFFECTS_MAX: usize = 8;
 
-/// Adds effects until the model is complete or none is accepted.
+/// Adds effects until the model is complete or none is accepted. Where noise of inputs counts for more or less with what was
+/// found than it did at the beginning, that is all done again.
 #[must_use]
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
-    let mut state = State::of_model(model, evidence);
+    let (base, held) = fitted(&model, evidence, holdout);
+    let found = climb(base, held.as_ref());
+    let Some((evidence, held)) = resettled(&found.last, held.as_ref()) else { return found };
+    climb(State::of_model(model, evidence), held.as_ref())
+}
+
+/// Adds effect after effect to a fitted model.
+fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
+    let mut state = base;
     let mut steps = Vec::new();
     for look in 0.. {
         let explained = steps.first().map_or(0.0, |first: &Step| squared(&first.base) - squared(&state));

@@ -58,15 +58,17 @@ impl Segment {
 }
 
 /// The logs, and what of them is judged.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Evidence {
     /// The logs.
     pub logs: Arc<Vec<Prepared>>,
     /// What is judged.
     pub segments: Vec<Segment>,
-    /// White noise of one row by channel: the known floor or, where a model states none, the noise
-    /// that the measurements themselves show from row to row.
+    /// White noise of one row by channel: the known floor of its sensor or, where a model states none, the noise that the
+    /// measurements themselves show from row to row; and what the noise of measured inputs adds.
     pub floors: Vec<(Channel, f64)>,
+    /// The same without what the inputs add.
+    pub(super) own_floors: Vec<(Channel, f64)>,
     /// How a model walks each log to show what is judged.
     pub(super) courses: Vec<Course>,
     /// The same with a step for every row.
@@ -134,28 +136,38 @@ impl Evidence {
             }
         }
         place(&mut segments);
-        let mut floors: Vec<(Channel, f64)> = Vec::new();
+        let mut own_floors: Vec<(Channel, f64)> = Vec::new();
         for segment in &segments {
-            if !floors.iter().any(|(channel, _)| *channel == segment.channel) {
+            if !own_floors.iter().any(|(channel, _)| *channel == segment.channel) {
                 let of_channel = segments.iter().filter(|other| other.channel == segment.channel);
                 let known = model.sensor(segment.channel).floor();
                 let white = if known > 0.0 { known } else { roughness(of_channel) };
-                floors.push((segment.channel, white));
+                own_floors.push((segment.channel, white));
             }
         }
         let courses = || logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (courses, fine) = (courses(), courses());
-        Evidence {
+        let mut evidence = Evidence {
             logs: Arc::new(logs),
             segments,
-            floors,
+            floors: own_floors.clone(),
+            own_floors,
             courses,
             fine,
             given: model.parameters().to_vec(),
             whole: None,
             coarse: None,
             shows_the_way: false,
-        }
+        };
+        evidence.floors = evidence.floors_of(&Arc::new(model.clone()), &model.values());
+        evidence
+    }
+
+    /// The same evidence with other floors, all that is made of it with it.
+    #[must_use]
+    pub(super) fn with_floors(&self, floors: &[(Channel, f64)]) -> Evidence {
+        let with = |evidence: &Option<Arc<Evidence>>| evidence.as_ref().map(|evidence| Arc::new(evidence.with_floors(floors)));
+        Evidence { floors: floors.to_vec(), whole: with(&self.whole), coarse: with(&self.coarse), ..self.clone() }
     }
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
@@ -191,14 +203,14 @@ impl Evidence {
         Evidence { whole: Some(whole), coarse: coarse.map(Arc::new), ..fine }
     }
 
-    fn in_means(model: &Model, whole: &Evidence, grain: Grain, still: bool) -> Evidence {
-        let logs = || whole.logs.iter().enumerate();
-        let steady: Vec<Steady<'_>> = whole.logs.iter().map(|log| Steady::of(log, |channel| model.sensor(channel))).collect();
+    fn in_means(model: &Model, of: &Evidence, grain: Grain, still: bool) -> Evidence {
+        let logs = || of.logs.iter().enumerate();
+        let steady: Vec<Steady<'_>> = of.logs.iter().map(|log| Steady::of(log, |channel| model.sensor(channel))).collect();
         let mut segments: Vec<Segment> = if still {
-            whole.segments.iter().map(|segment| in_spells(segment, &steady[segment.log], grain.most)).collect()
+            of.segments.iter().map(|segment| in_spells(segment, &steady[segment.log], grain.most)).collect()
         } else {
-            let jumps: Vec<Vec<bool>> = whole.logs.iter().map(|log| jumps(log, model)).collect();
-            whole.segments.iter().map(|segment| in_means(segment, &jumps[segment.log], grain)).collect()
+            let jumps: Vec<Vec<bool>> = of.logs.iter().map(|log| jumps(log, model)).collect();
+            of.segments.iter().map(|segment| in_means(segment, &jumps[segment.log], grain)).collect()
         };
         place(&mut segments);
         let course = |((index, log), steady): ((usize, &Prepared), &Steady<'_>)| match still {
@@ -207,8 +219,8 @@ impl Evidence {
         };
         let courses = logs().zip(&steady).map(course).collect();
         let fine = logs().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
-        let (floors, given) = (whole.floors.clone(), whole.given.clone());
-        Evidence { logs: Arc::clone(&whole.logs), segments, floors, courses, fine, given, whole: None, coarse: None, shows_the_way: false }
+        let (whole, coarse, shows_the_way) = (None, None, false);
+        Evidence { segments, courses, fine, whole, coarse, shows_the_way, ..of.clone() }
     }
 
     /// Judged rows.

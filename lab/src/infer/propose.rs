@@ -21,6 +21,7 @@ use self::dictionary::{COEFFICIENTS, Term, dictionary, rhythm};
 use self::periodic::{CLOCK, at_one_phase, set_clocks};
 use self::switch::{Switching, comes_and_goes};
 use super::evidence::Evidence;
+use super::floors::resettled;
 use super::frame::Frame;
 use super::judge::explained;
 use super::lens::{Absorber, Lens, product, square, whiten_all};
@@ -74,6 +75,8 @@ pub struct Proposal {
     pub period_s: Option<f64>,
     /// What comes and goes at times that no formula says, where that leaves far less than any formula that was found.
     pub switching: Option<Switching>,
+    /// The held-out logs, on the floors by which it was judged.
+    pub judged_by: Arc<Evidence>,
 }
 
 impl Proposal {
@@ -87,9 +90,15 @@ impl Proposal {
 /// Looks for terms that lower the error on `holdout`.
 #[must_use]
 pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Evidence>) -> Proposal {
-    let (evidence, holdout) = (evidence.for_formulas(&model), &holdout.for_formulas(&model));
-    let frame = Arc::new(Frame::new(model, evidence));
-    let base = State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame));
+    let fitted = |evidence: Arc<Evidence>| {
+        let frame = Arc::new(Frame::new(Arc::clone(&model), evidence));
+        State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame))
+    };
+    let (mut base, mut holdout) = (fitted(evidence.for_formulas(&model)), holdout.for_formulas(&model));
+    if let Some((evidence, Some(held))) = resettled(&base, Some(&holdout)) {
+        (base, holdout) = (fitted(evidence), held);
+    }
+    let holdout = &holdout;
     let base_holdout = held_out(&base, holdout);
     let mut found = Proposal {
         state: base.clone(),
@@ -100,6 +109,7 @@ pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Eviden
         switching: None,
         base_holdout,
         base,
+        judged_by: Arc::clone(holdout),
     };
     while found.terms.len() < TERMS_MAX && !explained(&found.state) {
         let look = Look::new(&found.state);

@@ -36,6 +36,8 @@ pub struct Log {
     pub name: String,
     /// Time, s, strictly increasing.
     pub time_s: Vec<f64>,
+    /// How many readings of its inputs each row holds the mean of; empty where each holds one.
+    pub readings: Vec<f64>,
     /// Canonical channels, NaN where missing.
     pub channels: BTreeMap<Channel, Vec<f64>>,
     /// Further columns.
@@ -100,7 +102,7 @@ impl Log {
         }
         let notes = notes.into_iter().map(|note| format!("{file}: {note}")).collect();
         let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        Ok(Log { file: file.to_owned(), name: stem, time_s, channels, extra, facts, notes })
+        Ok(Log { file: file.to_owned(), name: stem, time_s, readings: Vec::new(), channels, extra, facts, notes })
     }
 }
 

@@ -77,6 +77,7 @@ pub fn thin(log: &mut Log, model: &Model, thinning: Thinning) {
         };
     }
     log.time_s = pick(&log.time_s);
+    log.readings = std::iter::once(1.0).chain(kept.windows(2).map(|pair| (pair[1] - pair[0]) as f64)).collect();
     log.notes.push(format!("{}: {} rows kept as {}, {why}", log.file, thousands(rows), thousands(kept.len())));
     log.notes.extend(hidden);
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use energy::Model;
 use serde::Serialize;
 
+use crate::input_noise::input_noise;
 use crate::predict::predict;
 use crate::prepare::Prepared;
 use crate::report::quantity::unit_of;
@@ -47,14 +48,15 @@ pub fn traces(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Vec<Trac
     let mut all = Vec::new();
     for log in logs {
         let prediction = predict(model, log, values);
-        for target in &log.targets {
+        let of_inputs = input_noise(model, log, values);
+        for (target, (_, of_inputs)) in log.targets.iter().zip(of_inputs) {
             let rows: Vec<Residual> = residuals(log, &prediction, target).into_iter().filter(|row| row.used).collect();
             let thinned = |value: fn(&Residual) -> f64| thin(&rows.iter().map(|row| (log.time_s[row.row], value(row))).collect::<Vec<_>>());
             all.push(Trace {
                 log: log.name.clone(),
                 channel: target.channel.name().to_owned(),
                 unit: unit_of(target.channel.name()).to_owned(),
-                floor: (target.floor > 0.0).then_some(target.floor),
+                floor: (target.floor > 0.0).then(|| target.floor.hypot(of_inputs)),
                 rows: rows.len(),
                 measured: thinned(|row| row.observed),
                 predicted: thinned(|row| row.predicted),

@@ -198,8 +198,8 @@ pub struct ProposalReport {
 impl ProposalReport {
     /// Puts a report together.
     #[must_use]
-    pub fn of(proposal: &Proposal, holdout: &Evidence) -> ProposalReport {
-        let evidence = &proposal.base.frame.evidence;
+    pub fn of(proposal: &Proposal) -> ProposalReport {
+        let (evidence, holdout) = (&proposal.base.frame.evidence, &proposal.judged_by);
         let training = falls(evidence, &proposal.base.rms(), &proposal.state.rms());
         let held = falls(holdout, &proposal.base_holdout, &proposal.holdout);
         let status = if proposal.terms.is_empty() { Status::None } else { Status::Proposal };

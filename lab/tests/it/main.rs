@@ -6,6 +6,7 @@ mod commands;
 mod discovery;
 mod inputs;
 mod measured;
+mod noisy_current;
 mod propose;
 mod real_logs;
 mod recordings;

@@ -16,10 +16,8 @@ pub struct Answer {
     pub equivalent: BTreeSet<String>,
     /// The experiment that it proposes.
     pub experiment: String,
-    /// Held-out RMS over the sensor floor by channel, on the last rung of the ladder.
-    pub holdout_over_floor: BTreeMap<String, f64>,
-    /// The same on training logs.
-    pub train_over_floor: BTreeMap<String, f64>,
+    /// Held-out RMS by channel, on the last rung of the ladder.
+    pub holdout_rms: BTreeMap<String, f64>,
     /// Estimates: effect, parameter, value, sigma.
     pub parameters: Vec<(String, String, f64, f64)>,
 }
@@ -37,11 +35,8 @@ impl Answer {
             selected.extend(text(&json["ranking"][0]["effect"]));
         }
         let last = json["ladder"].as_array().and_then(|ladder| ladder.last()).cloned().unwrap_or_default();
-        let over_floor = |name: &str| {
-            let rms = last[name].as_object().into_iter().flatten();
-            let ratio = |(channel, rms): (&String, &Value)| Some((channel.clone(), rms.as_f64()? / last["floor"][channel].as_f64()?));
-            rms.filter_map(ratio).collect()
-        };
+        let rms = last["holdout_rms"].as_object().into_iter().flatten();
+        let holdout_rms = rms.filter_map(|(channel, rms)| Some((channel.clone(), rms.as_f64()?))).collect();
         let mut parameters = Vec::new();
         for (effect, own) in json["parameters"].as_object().into_iter().flatten() {
             for (name, estimate) in own.as_object().into_iter().flatten() {
@@ -53,19 +48,18 @@ impl Answer {
         Self {
             equivalent: texts("equivalent").into_iter().collect(),
             experiment: text(&json["experiment"]).unwrap_or_default(),
-            holdout_over_floor: over_floor("holdout_rms"),
-            train_over_floor: over_floor("train_rms"),
+            holdout_rms,
             verdict,
             selected,
             parameters,
         }
     }
 
-    /// Held-out RMS over floor of the channel that a system is judged by; without one, NaN.
+    /// Held-out RMS of the channel that a system is judged by; without one, NaN.
     #[must_use]
     pub fn main_holdout(&self, system: energy::System) -> f64 {
         let channel: Channel = system.targets()[0];
-        self.holdout_over_floor.get(channel.name()).copied().unwrap_or(f64::NAN)
+        self.holdout_rms.get(channel.name()).copied().unwrap_or(f64::NAN)
     }
 }
 
@@ -79,13 +73,12 @@ mod tests {
         let answer = Answer::read(&json!({
             "verdict": "missing", "selected": [], "ranking": [{ "effect": "rc1" }, { "effect": "rc2" }], "experiment": "rest",
             "ladder": [
-                { "holdout_rms": { "voltage_v": 9e-3 }, "floor": { "voltage_v": 1e-3 } },
-                { "holdout_rms": { "voltage_v": 2e-3 }, "floor": { "voltage_v": 1e-3 } }
+                { "holdout_rms": { "voltage_v": 9e-3 } }, { "holdout_rms": { "voltage_v": 2e-3 } }
             ],
             "parameters": { "rc1": { "tau_s": { "value": 50.0, "sigma": 2.0 } } }
         }));
         assert_eq!(answer.selected, ["rc1"]);
-        assert!((answer.main_holdout(energy::System::Battery) - 2.0).abs() < 1e-12);
+        assert!((answer.main_holdout(energy::System::Battery) - 2e-3).abs() < 1e-12);
         assert_eq!(answer.parameters, [("rc1".to_owned(), "tau_s".to_owned(), 50.0, 2.0)]);
         assert_eq!(Answer::read(&Value::Null), Answer::default());
     }

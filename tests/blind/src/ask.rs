@@ -29,15 +29,15 @@ pub struct Question {
 
 impl Question {
     /// What the lab sees of that case.
-    ///
-    /// # Panics
-    /// When the base model is no valid file: a mistake of this benchmark.
     #[must_use]
     pub fn of(case: &Case) -> Self {
-        let refuse = |_: &str| Err("a base model names no files".to_owned());
-        let model = Model::parse("base.toml", &case.base_model_toml, &refuse).unwrap_or_else(|error| panic!("{error}"));
         let read = |logs: &[crate::CaseLog]| logs.iter().map(crate::CaseLog::log).collect();
-        Self { model_toml: case.base_model_toml.clone(), model: Arc::new(model), train: read(&case.train), holdout: read(&case.holdout) }
+        Self {
+            model_toml: case.base_model_toml.clone(),
+            model: Arc::new(case.base_model()),
+            train: read(&case.train),
+            holdout: read(&case.holdout),
+        }
     }
 
     fn evidence(&self, logs: &[Log]) -> Result<Arc<Evidence>, String> {
@@ -78,9 +78,11 @@ pub fn formula(case: &Case, question: &Question) -> Option<Formula> {
     let (train, holdout) = (question.evidence(&question.train).ok()?, question.evidence(&question.holdout).ok()?);
     let found = propose(Arc::clone(&question.model), &train, &holdout);
     let channel = question.model.system.targets()[0];
-    let over_floor = |rms: &[(Channel, f64)]| Some(rms.iter().find(|(of, _)| *of == channel)?.1 / holdout.floor(channel));
+    // The sensor's own, whatever the lab adds to it.
+    let floor = question.model.sensor(channel).floor();
+    let over_floor = |rms: &[(Channel, f64)]| Some(rms.iter().find(|(of, _)| *of == channel)?.1 / floor);
     let after = match &found.switching {
-        Some(switching) => switching.holdout.1 / holdout.floor(channel),
+        Some(switching) => switching.holdout.1 / floor,
         None => over_floor(&found.holdout)?,
     };
     let at_random = AT_RANDOM.iter().any(|name| case.name.ends_with(name));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use energy::{Channel, System};
+use energy::{Channel, Model, System};
 use lab::measurement::{History, Log, LogFacts, Role, read_log};
 
 /// What a case is about.
@@ -241,4 +241,22 @@ pub struct Case {
     pub holdout: Vec<CaseLog>,
     /// What only the scorer knows.
     pub truth: Truth,
+}
+
+impl Case {
+    /// The model that the lab begins with.
+    ///
+    /// # Panics
+    /// When it is no valid file: a mistake of this benchmark.
+    #[must_use]
+    pub fn base_model(&self) -> Model {
+        let refuse = |_: &str| Err("a base model names no files".to_owned());
+        Model::parse("base.toml", &self.base_model_toml, &refuse).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Floor of the sensor of the channel that a system is judged by, in the channel's unit.
+    #[must_use]
+    pub fn main_floor(&self) -> f64 {
+        self.base_model().sensor(self.system.targets()[0]).floor()
+    }
 }

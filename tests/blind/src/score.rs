@@ -62,6 +62,8 @@ pub fn judge(case: &Case, answer: &Answer, cpu_s: f64) -> Mark {
             (right, right)
         }
     };
+    // The sensor's own floor, whatever the lab counts to it.
+    let holdout_over_floor = answer.main_holdout(case.system) / case.main_floor();
     Mark {
         kind: case.kind,
         system: case.system,
@@ -70,8 +72,8 @@ pub fn judge(case: &Case, answer: &Answer, cpu_s: f64) -> Mark {
         wrong_ocv: case.truth.wrong_ocv,
         right: answered(answer) && right,
         exact: answered(answer) && exact,
-        holdout_over_floor: answer.main_holdout(case.system),
-        holdout_over_told: answer.main_holdout(case.system) / case.truth.told_over_floor,
+        holdout_over_floor,
+        holdout_over_told: holdout_over_floor / case.truth.told_over_floor,
         covered: coverage(case, answer),
         wrong,
         cpu_s,

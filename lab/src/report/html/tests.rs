@@ -98,6 +98,7 @@ pub(crate) fn full(name: &str) -> Page {
         unit: "V",
         size,
         floor: Some(0.001),
+        floor_of_inputs: 0.0,
         ratio: Some(4.0),
         floor_check: FloorCheck::of(&rows, &noise, 0.001),
         whiteness: crate::whiteness::Whiteness::of(&time_s, &noise),
