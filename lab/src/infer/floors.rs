@@ -36,17 +36,16 @@ pub(super) fn resettled(state: &State, holdout: Option<&Arc<Evidence>>) -> Optio
     let (told, evidence) = (state.told(), &state.frame.evidence);
     let model = &told.frame.model;
     let values = told.frame.values(&told.x);
-    let of = |evidence: &Evidence| (evidence.floors.clone(), evidence.floors_of(model, &values));
-    let (seen, held) = (of(evidence), holdout.map(|held| of(held)));
-    let moves = |(before, after): &(Vec<(Channel, f64)>, Vec<(Channel, f64)>)| {
-        before.iter().zip(after).any(|((_, before), (_, after))| (after / before - 1.0).abs() > OFF)
+    let of = |evidence: &Arc<Evidence>| evidence.floors_of(model, &values);
+    let (seen, held) = (of(evidence), holdout.map(of));
+    let moves = |evidence: &Evidence, after: &[(Channel, f64)]| {
+        evidence.floors.iter().zip(after).any(|((_, before), (_, after))| (after / before - 1.0).abs() > OFF)
     };
-    if !moves(&seen) && !held.as_ref().is_some_and(moves) {
+    let held = holdout.zip(held);
+    if !moves(evidence, &seen) && !held.as_ref().is_some_and(|(evidence, floors)| moves(evidence, floors)) {
         return None;
     }
-    let with = |evidence: &Evidence, (_, floors): (_, Vec<(Channel, f64)>)| Arc::new(evidence.with_floors(&floors));
-    let held = holdout.zip(held).map(|(evidence, floors)| with(evidence, floors));
-    Some((with(evidence, seen), held))
+    Some((Arc::new(evidence.with_floors(&seen)), held.map(|(evidence, floors)| Arc::new(evidence.with_floors(&floors)))))
 }
 
 impl Evidence {
