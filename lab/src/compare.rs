@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::concentration::{Concentration, Sorted, worst};
 use crate::floor::FloorCheck;
-use crate::input_noise::input_noise;
+use crate::input_noise::{input_noise, with_inputs};
 use crate::predict::{Prediction, predict};
 use crate::prepare::{Prepared, Target};
 use crate::regime::{Dimension, dimensions};
@@ -149,14 +149,14 @@ fn channel_error(log: &Prepared, target: &Target, of_inputs: f64, rows: &[Residu
     let time_s: Vec<f64> = places.iter().map(|&row| log.time_s[row]).collect();
     let values: Vec<f64> = rows.iter().map(Residual::value).collect();
     let size = Size::of(values.iter().copied());
-    let floor = (target.floor > 0.0).then(|| target.floor.hypot(of_inputs));
+    let floor = (target.floor > 0.0).then(|| with_inputs(target.floor, of_inputs));
     ChannelError {
         log: log.name.clone(),
         channel,
         unit: unit_of(channel),
         size,
         floor,
-        floor_of_inputs: floor.map_or(0.0, |floor| (of_inputs / floor).powi(2)),
+        floor_of_inputs: floor.map_or(0.0, |floor| 1.0 - (target.floor / floor).powi(2)),
         ratio: floor.map(|floor| size.rms / floor),
         floor_check: FloorCheck::of(&places, &values, floor.unwrap_or(0.0)),
         whiteness: Whiteness::of(&time_s, &values),

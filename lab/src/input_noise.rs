@@ -17,6 +17,17 @@ use energy::{Channel, Model};
 use crate::predict::predict;
 use crate::prepare::Prepared;
 
+/// Share of a sensor's own floor that is nothing: noise is stated to two digits at best.
+const NOTHING: f64 = 0.02;
+
+/// Floor of a channel from that of its own sensor and what the noise of inputs adds to it, all in the channel's unit; 0 where
+/// the sensor's is not known.
+#[must_use]
+pub fn with_inputs(own: f64, of_inputs: f64) -> f64 {
+    let floor = own.hypot(of_inputs);
+    if floor < (1.0 + NOTHING) * own || own == 0.0 { own } else { floor }
+}
+
 /// How many times as long as the row before a row may last to make up for it.
 const ALIKE: f64 = 2.0;
 

@@ -9,13 +9,10 @@ use energy::{Channel, Model};
 
 use super::evidence::Evidence;
 use super::state::State;
-use crate::input_noise::input_noise;
+use crate::input_noise::{input_noise, with_inputs};
 
 /// Share by which a floor may be off: as much as a channel that counts as explained may lie above it.
 const OFF: f64 = 0.05;
-
-/// Share of a sensor's own floor that is nothing: noise is stated to two digits at best.
-const NOTHING: f64 = 0.02;
 
 /// Logs that are learned from and, if any, logs that judge, on floors of one model.
 pub(super) type Settled = (Arc<Evidence>, Option<Arc<Evidence>>);
@@ -54,8 +51,7 @@ impl Evidence {
         let of_inputs = of_inputs(self, model, values);
         let with = |&(channel, own): &(Channel, f64)| {
             let added = of_inputs.iter().find(|(of, _)| *of == channel).map_or(0.0, |(_, noise)| *noise);
-            let floor = own.hypot(added);
-            (channel, if floor < (1.0 + NOTHING) * own { own } else { floor })
+            (channel, with_inputs(own, added))
         };
         self.own_floors.iter().map(with).collect()
     }

@@ -6,11 +6,13 @@
 //! averaged, since a mean over a step is no state that a model passes through, and since the
 //! sensor floor of a row stays what it was.
 
+mod hidden;
+
 use energy::{Channel, Facts, Model, catalogue};
+use hidden::Hidden;
 
 use super::times::usual_step_s;
 use super::{Column, Log};
-use crate::report::quantity::{quantity, unit_of};
 
 /// How a log may lose rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +66,7 @@ pub fn thin(log: &mut Log, model: &Model, thinning: Thinning) {
         _ => "those where inputs or targets change (--no-decimation keeps all)".to_owned(),
     };
     let inputs = inputs(log, model);
-    let hidden = hidden_changes(log, model, &inputs, &kept);
+    let hidden = Hidden::of(log, model, &inputs, &kept);
     let time_s = &log.time_s;
     let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
     for (channel, values) in &mut log.channels {
@@ -79,38 +81,10 @@ pub fn thin(log: &mut Log, model: &Model, thinning: Thinning) {
     log.time_s = pick(&log.time_s);
     log.readings = std::iter::once(1.0).chain(kept.windows(2).map(|pair| (pair[1] - pair[0]) as f64)).collect();
     log.notes.push(format!("{}: {} rows kept as {}, {why}", log.file, thousands(rows), thousands(kept.len())));
-    log.notes.extend(hidden);
-}
-
-/// Share of the rows that may differ from the mean that stands for them before it is told: a few edges of a load hide little.
-const HIDDEN: f64 = 0.1;
-
-/// What means of inputs hide, in words: whatever answers a change within a step is then compared with the answer to its mean.
-fn hidden_changes(log: &Log, model: &Model, inputs: &[Channel], kept: &[usize]) -> Option<String> {
-    let worst = |&channel: &Channel| {
-        let values = &log.channels[&channel];
-        let sensor = model.sensor(channel);
-        let tolerance = INPUT_SIGMAS * sensor.sigma + sensor.quantum;
-        let (mut off, mut squares, mut known) = (0, 0.0, 0);
-        for (pair, mean) in kept.windows(2).zip(means(&log.time_s, values, kept).into_iter().skip(1)) {
-            for value in values[pair[0] + 1..=pair[1]].iter().filter(|value| !value.is_nan() && !mean.is_nan()) {
-                known += 1;
-                off += usize::from((value - mean).abs() > tolerance + 1e-9 * mean.abs());
-                squares += (value - mean).powi(2);
-            }
-        }
-        let share = off as f64 / f64::from(known.max(1));
-        (channel, share, (squares / f64::from(known.max(1))).sqrt())
-    };
-    let (channel, share, rms) = inputs.iter().map(worst).max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, share, _)| *share > HIDDEN)?;
-    Some(format!(
-        "{}: means hide changes of {}: {:.0} % of the rows differ from the mean that stands for them by more than the sensor's noise, by {} RMS \
-         over all. What answers within a step is told wrongly; fewer seconds, or every row, show it",
-        log.file,
-        channel.name(),
-        100.0 * share,
-        quantity(rms, unit_of(channel.name()))
-    ))
+    match hidden.told(&log.file) {
+        Some(told) => log.notes.push(told),
+        None => hidden.leave_out(log, model),
+    }
 }
 
 /// What the log holds that any effect of this system takes as an input. Also of effects that the
@@ -324,7 +298,9 @@ mod tests {
         thin(&mut log, &model, Thinning::Every(2.0));
         assert_eq!(log.time_s, [0.0, 2.0, 4.0, 5.0]);
         assert_eq!(log.channels[&Channel::CurrentA], [9.0, 1.5, 3.0, 5.0]);
-        assert_eq!(log.channels[&Channel::VoltageV], [4.0, 3.8, 3.6, 3.5]);
+        // 3.8 V answer to 2 A, not to the 1.5 A of that step.
+        let voltage_v = &log.channels[&Channel::VoltageV];
+        assert!(voltage_v[1].is_nan() && [voltage_v[0], voltage_v[2], voltage_v[3]] == [4.0, 3.6, 3.5], "{voltage_v:?}");
         assert_eq!(log.notes[log.notes.len() - 2], "a.csv: 6 rows kept as 4, one per 2 s, as asked for");
     }
 
@@ -338,9 +314,14 @@ mod tests {
         };
         let pulsed = notes(|row| row % 2);
         let told = pulsed.last().unwrap();
-        assert!(told.contains("means hide changes of current_a: 100 % of the rows") && told.contains("500 mA RMS"), "{told}");
-        // Two steps of a load in a thousand rows: two means of ten.
-        assert!(notes(|row| row / 340).iter().all(|note| !note.contains("hide")));
+        assert!(
+            told.contains("means hide changes of current_a: it jumps within 100 % of the steps") && told.contains("500 mA RMS"),
+            "{told}"
+        );
+        // Two steps of a load in a thousand rows: two means of ten, one of which a step divides.
+        let steady = notes(|row| row / 334);
+        assert!(steady.iter().all(|note| !note.contains("hide")));
+        assert_eq!(steady.last().unwrap(), "a.csv: 2 rows are not compared: an input jumps within their steps");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use energy::Model;
 use serde::Serialize;
 
-use crate::input_noise::input_noise;
+use crate::input_noise::{input_noise, with_inputs};
 use crate::predict::predict;
 use crate::prepare::Prepared;
 use crate::report::quantity::unit_of;
@@ -56,7 +56,7 @@ pub fn traces(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Vec<Trac
                 log: log.name.clone(),
                 channel: target.channel.name().to_owned(),
                 unit: unit_of(target.channel.name()).to_owned(),
-                floor: (target.floor > 0.0).then(|| target.floor.hypot(of_inputs)),
+                floor: (target.floor > 0.0).then(|| with_inputs(target.floor, of_inputs)),
                 rows: rows.len(),
                 measured: thinned(|row| row.observed),
                 predicted: thinned(|row| row.predicted),

@@ -157,7 +157,7 @@ fn plots_are_written_as_their_ending_says_and_another_ending_is_refused() {
     let outcome = lab(&[&arguments[..], &["--plot", &path("a.svg"), "--plot-regimes", &path("b.png")]].concat());
     assert_eq!(outcome.code, 1, "{}", outcome.stderr);
     let svg = fs::read_to_string(path("a.svg")).unwrap();
-    assert!(svg.contains("measured") && svg.contains("sensor floors of 0.50") && svg.len() < 200_000, "{}", svg.len());
+    assert!(svg.contains("measured") && svg.contains("sensor floors of 0.500 mV") && svg.len() < 200_000, "{}", svg.len());
     assert_eq!(fs::read(path("b.png")).unwrap()[1..4], *b"PNG");
     refuses(&lab(&[&arguments[..], &["--plot", &path("a.jpg")]].concat()), &["it must end in .svg or .png"]);
 }

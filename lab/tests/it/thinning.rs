@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use energy::{Channel, Model};
+use lab::fit::fit;
 use lab::load_model;
 use lab::measurement::{Log, LogFacts, Thinning, read_log, thin};
 use lab::predict::predict;
@@ -94,4 +95,26 @@ fn a_million_rows_are_read_and_compared() {
     assert!(outcome.code < 2, "{}", outcome.stderr);
     assert!(outcome.stderr.contains("long.csv: 1,000,000 rows kept as "), "{}", outcome.stderr);
     assert!(outcome.stdout.contains("long "), "{}", outcome.stdout);
+}
+
+/// A load that steps every 130 s, of which every 20 s are one row: where a step lies within such a row, the voltage at its end answers to
+/// the whole load and its mean to a part of it.
+#[test]
+fn steps_of_the_load_within_a_thinned_row_bend_no_resistance() {
+    let text = "schema = 1\nsystem = \"battery\"\nname = \"t\"\n[battery]\nseries = 1\nparallel = 1\ncapacity_ah = 2.0\nfull_v_per_cell = 4.2\n\
+                eod_v_per_cell = 3.0\ncharge_current_a = 1.0\ncharge_cutoff_a = 0.1\nocv = { soc = [0.0, 1.0], voltage_v = [3.0, 4.2] }\n\
+                [sensor.voltage_v]\nsigma = 1e-3\n[sensor.current_a]\nsigma = 1e-3\n[[effect]]\nid = \"ohmic\"\n\
+                resistance_ohm = { value = 0.02, source = \"start\" }\n[[effect]]\nid = \"rc1\"\n\
+                resistance_ohm = { value = 0.015, source = \"t\" }\ntau_s = { value = 40.0, source = \"t\" }\n";
+    let model = Arc::new(Model::parse("m.toml", text, &|_| Err(String::new())).unwrap());
+    let truth_ohm = 0.04;
+    let rows: String = (0..6000).map(|row| format!("{row},{},3.9\n", [1.0, 0.0, 2.0, 0.5][row / 130 % 4])).collect();
+    let mut log = read_log("a.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), facts()).unwrap();
+    let volts = predict(&model, &prepare(&model, &log).unwrap(), &[truth_ohm, 0.015, 40.0]).of(Channel::VoltageV).unwrap().to_vec();
+    log.channels.insert(Channel::VoltageV, volts);
+    thin(&mut log, &model, Thinning::Every(20.0));
+    assert!(log.notes.iter().any(|note| note.contains("rows are not compared")), "{:?}", log.notes);
+    let found = fit(&model, &[prepare(&model, &log).unwrap()], &[0], &mut |_| {}).unwrap();
+    // With those rows it came out at 45 mohm.
+    assert!((found.values[0] / truth_ohm - 1.0).abs() < 0.02, "{}", found.values[0]);
 }
