@@ -62,7 +62,8 @@ pub fn discharge_behind(run: &mut impl Battery, power_w: f64, extra_ohm: impl Fn
     let longest_s = (expected_s / STEPS).max(1.0);
     let (mut dt_s, mut time_s, mut energy_wh) = (longest_s, 0.0, 0.0);
     // How far the voltage, or that of the weakest cell, lies above its end after a step.
-    let above_v = |voltage_v: f64, lowest_v: f64| (voltage_v - facts.eod_v()).min((lowest_v - facts.eod_v_per_cell) * f64::from(facts.series));
+    let above_v =
+        |voltage_v: f64, lowest_v: f64| (voltage_v - facts.eod_v()).min((lowest_v - facts.eod_v_per_cell) * f64::from(facts.series));
     let (mut before_v, mut before_above_v) = (None, 0.0);
     let mut last_a = drawn_w / run.channel(Channel::VoltageV).max(facts.eod_v());
     while time_s < TIME_MAX_S {

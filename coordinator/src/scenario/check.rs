@@ -7,7 +7,7 @@ use energy::document::Document;
 use toml::Spanned;
 
 use super::expect;
-use super::file::{OneOrEach, PackEntry, RobotEntry, Scenario, StationEntry};
+use super::file::{Named, OneOrEach, PackEntry, RobotEntry, Scenario, StationEntry};
 
 /// The only version of the file so far.
 const SCHEMA: u32 = 1;
@@ -42,7 +42,8 @@ impl Scenario {
         for station in &self.station {
             let at = |message: String| document.error_at(station.span(), message);
             check_station(station.get_ref()).map_err(at)?;
-            station.get_ref().model_names().try_for_each(check_model).map_err(at)?;
+            let in_it = |message: String| at(format!("station {}: {message}", station.get_ref().id));
+            station.get_ref().models().try_for_each(|named| check_model(&named)).map_err(in_it)?;
             if !ids.insert(station.get_ref().id.to_string()) {
                 return Err(at(format!("station {} appears twice", station.get_ref().id)));
             }
@@ -52,7 +53,8 @@ impl Scenario {
         for robot in &self.robot {
             let at = |message: String| document.error_at(robot.span(), message);
             check_robot(robot.get_ref(), &stations).map_err(at)?;
-            robot.get_ref().model_names().try_for_each(check_model).map_err(at)?;
+            let in_it = |message: String| at(format!("robot {}: {message}", robot.get_ref().id));
+            robot.get_ref().models().try_for_each(|named| check_model(&named)).map_err(in_it)?;
             for index in 0..robot.get_ref().len() {
                 let id = robot.get_ref().robot(index).map_err(|error| at(error.to_string()))?;
                 if !ids.insert(id.clone()) {
@@ -84,14 +86,25 @@ impl Scenario {
     }
 }
 
-/// Whether a model of that name is built in, or it is a path to one: a misspelt name is none.
-fn check_model(name: &str) -> Result<(), String> {
-    if energy::built_in_names().any(|known| known == name) || name.contains(['.', '/']) {
+/// Whether a model of that name is built in and of the right system, or it is a path to one: a misspelt name is none.
+fn check_model(named: &Named<'_>) -> Result<(), String> {
+    let Named { key, model, of } = named;
+    if energy::built_in(model).is_some() {
+        let built_in =
+            energy::load_model(model, &|_| Err("built-in models name no files".to_owned())).map_err(|error| error.to_string())?;
+        let (system, wanted) = (built_in.system.name(), of.name());
+        return if built_in.system == *of {
+            Ok(())
+        } else {
+            Err(format!("{key} = \"{model}\": it is the model of a {system}, not of a {wanted}"))
+        };
+    }
+    if model.contains(['.', '/']) {
         return Ok(());
     }
-    let hint = energy::document::hint(name, energy::built_in_names());
+    let hint = energy::document::hint(model, energy::built_in_names());
     let known: Vec<&str> = energy::built_in_names().collect();
-    Err(format!("no model `{name}`: neither built in nor a path{hint} Built in: {}", known.join(", ")))
+    Err(format!("{key}: no model `{model}`: neither built in nor a path{hint} Built in: {}", known.join(", ")))
 }
 
 fn fraction(key: &str, value: f64) -> Result<(), String> {

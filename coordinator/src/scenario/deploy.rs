@@ -174,8 +174,9 @@ impl Scenario {
     /// Names of all models that stations and robots use.
     #[must_use]
     pub fn model_names(&self) -> Vec<&str> {
-        let stations = self.station.iter().flat_map(|station| station.get_ref().model_names());
-        let mut names: Vec<&str> = stations.chain(self.robot.iter().flat_map(|robot| robot.get_ref().model_names())).collect();
+        let stations = self.station.iter().flat_map(|station| station.get_ref().models());
+        let all = stations.chain(self.robot.iter().flat_map(|robot| robot.get_ref().models()));
+        let mut names: Vec<&str> = all.map(|named| named.model).collect();
         names.sort_unstable();
         names.dedup();
         names

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use energy::DocumentError;
 use energy::document::Document;
 use energy::gauge::Kind;
+use energy::{DocumentError, System};
 use node::mission::Mission;
 use node::{Age, Charging, Depot, Publish, SelectorConfig, Vehicle};
 use proto::{PackId, RobotId, SiteId, SpareId, StationId};
@@ -244,20 +244,39 @@ fn default_swap_s() -> f64 {
     60.0
 }
 
+/// A model that an entry names.
+pub(super) struct Named<'a> {
+    /// By which key.
+    pub(super) key: String,
+    /// Built in or a path.
+    pub(super) model: &'a str,
+    /// Of what it must be the model.
+    pub(super) of: System,
+}
+
+impl<'a> Named<'a> {
+    fn new(key: impl Into<String>, model: &'a str, of: System) -> Self {
+        Named { key: key.into(), model, of }
+    }
+}
+
 impl StationEntry {
     /// Every model that it names.
-    pub(super) fn model_names(&self) -> impl Iterator<Item = &str> {
-        let packs = self.packs.iter().map(|pack| pack.battery.as_str());
-        let spares = self.spares.iter().filter_map(|spare| spare.battery.as_deref());
-        let vehicle = self.vehicle.as_ref().map(|vehicle| vehicle.load.as_str());
-        std::iter::once(self.load.as_str()).chain(packs).chain(spares).chain(self.charging.spare_battery.as_deref()).chain(vehicle)
+    pub(super) fn models(&self) -> impl Iterator<Item = Named<'_>> {
+        let load = Named::new("load", &self.load, System::Station);
+        let packs = self.packs.iter().map(|pack| Named::new(format!("pack {}: battery", pack.id), &pack.battery, System::Battery));
+        let spare = |spare: &'_ SpareEntry| format!("spare {}: battery", spare.id);
+        let spares = self.spares.iter().filter_map(move |one| Some(Named::new(spare(one), one.battery.as_deref()?, System::Battery)));
+        let of_spares = self.charging.spare_battery.as_deref().map(|model| Named::new("spare_battery", model, System::Battery));
+        let vehicle = self.vehicle.as_ref().map(|vehicle| Named::new("vehicle: load", &vehicle.load, System::Robot));
+        std::iter::once(load).chain(packs).chain(spares).chain(of_spares).chain(vehicle)
     }
 }
 
 impl RobotEntry {
     /// Every model that it names.
-    pub(super) fn model_names(&self) -> impl Iterator<Item = &str> {
-        [self.battery.as_str(), self.load.as_str()].into_iter()
+    pub(super) fn models(&self) -> impl Iterator<Item = Named<'_>> {
+        [Named::new("battery", &self.battery, System::Battery), Named::new("load", &self.load, System::Robot)].into_iter()
     }
 
     /// How many robots the entry stands for.

@@ -77,9 +77,13 @@ const MISTAKES: &[(&str, &str, &[&str])] = &[
     (
         "explorer-3s1p-1320mah",
         "explorer-3s1p-1320ma",
-        &["changed.toml:13:1: no model `explorer-3s1p-1320ma`", "did you mean `explorer-3s1p-1320mah`?"],
+        &["changed.toml:13:1: robot explorer: battery: no model `explorer-3s1p-1320ma`", "did you mean `explorer-3s1p-1320mah`?"],
     ),
-    ("load = \"mds-station\"", "load = \"explorer-robot\"", &["explorer-robot", "station"]),
+    (
+        "load = \"mds-station\"",
+        "load = \"explorer-robot\"",
+        &["changed.toml:6:1: station mds-1: load = \"explorer-robot\": it is the model of a robot, not of a station"],
+    ),
     ("[\"lift\"]", "[\"lft\"]", &["has no effect `lft`; it has robot_own_load, charger_efficiency"]),
     ("{ \"mds-station\" = [\"lift\"] }", "{ \"mds-staton\" = [\"lift\"] }", &["`mds-staton`", "did you mean `mds-station`?"]),
     ("robots_served = 0", "robots_serve = 0", &["changed.toml:24:1: `robots_serve` is not measured", "did you mean `robots_served`?"]),
