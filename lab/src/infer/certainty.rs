@@ -3,7 +3,8 @@
 //! Some directions of the unknowns the rows say nothing of: a resistance at a charge that no log
 //! reaches, or the sum of two effects that only act together. There the answer is what was known
 //! before, as are its deviations: the model's own numbers with theirs, and no effect that was not
-//! there, within its range.
+//! there, within its range. A table that was not there goes on as it is at the nearest place that the logs reach: a resistance over
+//! charge does not end where they do.
 
 use energy::{Parameter, System, find};
 use nalgebra::{DMatrix, DVector};
@@ -55,16 +56,28 @@ impl State {
 
     /// What was known of each unknown before: its value and deviation.
     fn before(&self) -> Vec<(f64, f64)> {
-        let own = self.frame.free.iter().map(|&index| {
+        let own = self.frame.free.iter().enumerate().map(|(place, &index)| {
             let (parameter, range) = (&self.frame.model.parameters()[index], range_sigma(&self.frame, index));
             let same = |known: &&Parameter| known.effect == parameter.effect && known.name == parameter.name;
             match self.frame.evidence.given.iter().find(same) {
                 Some(given) if given.sigma > 0.0 => (given.value, given.sigma.min(range)),
                 Some(given) => (given.value, range),
-                None => (null(self.frame.model.system, parameter), range),
+                None => (self.beside(place).unwrap_or_else(|| null(self.frame.model.system, parameter)), range),
             }
         });
         own.chain(self.frame.known.iter().map(|known| (0.0, known.sigma))).collect()
+    }
+
+    /// The number of the nearest place in the same table that the rows say something of, for a free parameter of which they say
+    /// nothing; none where it is part of no table, or all of that is open.
+    fn beside(&self, place: usize) -> Option<f64> {
+        let free = &self.frame.free;
+        let parameter = |place: usize| &self.frame.model.parameters()[free[place]];
+        let is_open = |place: usize| self.normal[(place, place)].max(0.0).sqrt().recip() >= range_sigma(&self.frame, free[place]);
+        let table = |place: usize| (parameter(place).effect, table_of(parameter(place).name));
+        let (effect, own) = table(place);
+        let alike = (0..free.len()).filter(|&other| own.is_some() && table(other) == (effect, own) && !is_open(other));
+        if is_open(place) { alike.min_by_key(|other| other.abs_diff(place)).map(|other| self.x[other]) } else { None }
     }
 
     /// The open directions in the unknowns' own units, and the covariance along them.
@@ -112,6 +125,13 @@ impl State {
         let x = moved.collect();
         self.moved_to(x)
     }
+}
+
+/// What the names of all numbers of a table have in common, such as `resistance_soc_` and `_ohm`: what stands around the place, which
+/// is written in three digits; none where there are none.
+fn table_of(name: &str) -> Option<(&str, &str)> {
+    let first = name.as_bytes().windows(3).position(|three| three.iter().all(u8::is_ascii_digit))?;
+    Some((&name[..first], &name[first + 3..]))
 }
 
 /// The number at which an effect is not there, or its own where it only shapes the effect.

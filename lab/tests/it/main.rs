@@ -16,3 +16,4 @@ mod report;
 mod sets;
 mod stored;
 mod thinning;
+mod unvisited;
