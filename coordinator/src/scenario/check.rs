@@ -89,7 +89,7 @@ impl Scenario {
 /// Whether a model of that name is built in and of the right system, or it is a path to one: a misspelt name is none.
 fn check_model(named: &Named<'_>) -> Result<(), String> {
     let Named { key, model, of } = named;
-    if energy::built_in(model).is_some() {
+    if energy::built_in_names().any(|known| known == *model) {
         let built_in =
             energy::load_model(model, &|_| Err("built-in models name no files".to_owned())).map_err(|error| error.to_string())?;
         let (system, wanted) = (built_in.system.name(), of.name());

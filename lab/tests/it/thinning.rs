@@ -115,6 +115,5 @@ fn steps_of_the_load_within_a_thinned_row_bend_no_resistance() {
     thin(&mut log, &model, Thinning::Every(20.0));
     assert!(log.notes.iter().any(|note| note.contains("rows are not compared")), "{:?}", log.notes);
     let found = fit(&model, &[prepare(&model, &log).unwrap()], &[0], &mut |_| {}).unwrap();
-    // With those rows it came out at 45 mohm.
     assert!((found.values[0] / truth_ohm - 1.0).abs() < 0.02, "{}", found.values[0]);
 }
