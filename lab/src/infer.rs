@@ -30,6 +30,7 @@
 //!   trial      the best of them refitted on all of it
 //!     |
 //!   judge      accepted or not, also by logs that the fit has not seen
+//!     |          anew   once more from the beginning, where the best leaves something
 //!     v
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |          prune   effects that a later one made needless
@@ -44,6 +45,7 @@
 //!
 //! Nothing here knows any effect by name.
 
+mod anew;
 pub mod answer;
 pub mod candidate;
 pub(crate) mod certainty;

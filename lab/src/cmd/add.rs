@@ -8,7 +8,7 @@ use energy::effect::expression;
 use energy::{EffectSpec, Model, catalogue};
 use lab::compare::compare;
 use lab::infer::candidate::candidates;
-use lab::infer::judge::{Court, refusals};
+use lab::infer::judge::{Court, explained, refusals};
 use lab::infer::score::Scoring;
 use lab::infer::state::State;
 use lab::infer::trial::{Trial, held_out};
@@ -44,7 +44,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     bar.finish_and_clear();
     let before = case.held.as_ref().map_or_else(Vec::new, |held| held_out(base.told(), held));
     // Only this one was tried, and its name is not the logs' choice but the user's.
-    let refused = refusals(&base, &trial, &before, Court { holdout: case.held.as_ref(), tried: 1, explained: 0.0 });
+    let whatever_size = !explained(&base) && explained(&trial.state);
+    let refused = refusals(&base, &trial, &before, Court { holdout: case.held.as_ref(), tried: 1, explained: 0.0, whatever_size });
     let refitted = case.learned(base.told(), None, args.save.date())?;
     let extended = case.learned(trial.state.told(), args.save.output(), args.save.date())?;
     if let Some(path) = args.save.output() {

@@ -144,7 +144,8 @@ const GRID: usize = 5;
 /// The grid reaches from the default over this factor up and down, within the range.
 const REACH: f64 = 50.0;
 
-fn onsets(spec: &EffectSpec) -> Vec<Vec<f64>> {
+/// See [`Candidate::onsets`]; the first is its usual shape.
+pub(super) fn onsets(spec: &EffectSpec) -> Vec<Vec<f64>> {
     let plain: Vec<f64> = spec.parameters.iter().map(onset).collect();
     let mut all = vec![plain.clone()];
     for (index, parameter) in spec.parameters.iter().enumerate().filter(|(_, parameter)| parameter.null.is_none()) {

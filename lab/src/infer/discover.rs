@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Model, catalogue};
 
+use super::anew::begun_anew;
 use super::candidate::Untested;
 use super::evidence::Evidence;
 use super::exchange::exchanged;
@@ -69,7 +70,7 @@ impl Step {
             Some(base) => from(base),
             None => Step::of(base, sketches, explained, holdout),
         };
-        step.better_base().map_or(step, from)
+        step.better_base().map_or(step, from).or_what_is_small(explained, holdout)
     }
 
     /// The base refitted from where an effect ended that is next to nothing and yet explains what the base does not, where
@@ -82,9 +83,27 @@ impl Step {
         (best.cost < self.base.cost - least).then_some(best)
     }
 
+    /// Where nothing is accepted and something is left: what would be too small to matter by itself, and yet is all that keeps the
+    /// model from the sensors' floors.
+    fn or_what_is_small(mut self, explained_before: f64, holdout: Option<&Arc<Evidence>>) -> Step {
+        if self.outcome != Outcome::Unknown {
+            return self;
+        }
+        let court = Court { holdout, tried: self.scores.len(), explained: explained_before, whatever_size: true };
+        let (trials, refused) = (std::mem::take(&mut self.trials), std::mem::take(&mut self.refusals));
+        let judged = trials.into_iter().zip(refused).map(|(trial, refused)| {
+            let counts = refused == [Refusal::TooSmall] && explained(&trial.state);
+            let refused = if counts { refusals(&self.base, &trial, &self.base_holdout, court) } else { refused };
+            (trial, refused)
+        });
+        let judged = judged.collect();
+        (self.trials, self.refusals, self.outcome) = concluded(&self.base, judged, holdout);
+        self
+    }
+
     /// Refits and judges the most promising effects, the next ones as long as none is accepted.
     fn of(base: State, mut sketches: Sketches, explained_before: f64, holdout: Option<&Arc<Evidence>>) -> Step {
-        let court = Court { holdout, tried: sketches.tried, explained: explained_before };
+        let court = Court { holdout, tried: sketches.tried, explained: explained_before, whatever_size: false };
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(base.told(), evidence));
         let mut judged: Vec<(Trial, Vec<Refusal>)> = Vec::new();
         let judge = |sketches: &Sketches, wave: Vec<Sketch>, judged: &mut Vec<(Trial, Vec<Refusal>)>| {
@@ -119,24 +138,13 @@ impl Step {
                 judge(&sketches, wave, &mut judged);
             }
         }
+        let accepted = judged.iter().enumerate().filter(|(_, (_, refusals))| refusals.is_empty()).map(|(place, (trial, _))| (place, trial));
+        for (place, trial) in begun_anew(&base, &accepted.collect::<Vec<_>>(), holdout) {
+            let refusals = refusals(&base, &trial, &base_holdout, court);
+            judged[place] = (trial, refusals);
+        }
         refuse_what_stands_for_something_small(&mut judged, court);
-        // The accepted ones come first, and of those that do as well the simplest.
-        judged.sort_by(|(a, _), (b, _)| b.delta_bic.total_cmp(&a.delta_bic));
-        judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
-        only_once(&mut judged);
-        let accepted = judged.iter().take_while(|(_, refusals)| refusals.is_empty()).count();
-        if let Some(simplest) = simplest(&judged[..accepted], holdout) {
-            judged[..=simplest].rotate_right(1);
-        }
-        if let Some(first) = first_of_a_tie(&judged[..accepted]) {
-            judged[..=first].rotate_right(1);
-        }
-        let (trials, refusals): (Vec<Trial>, Vec<Vec<Refusal>>) = judged.into_iter().unzip();
-        let outcome = match accepted {
-            0 if explained(&base) => Outcome::Complete,
-            0 => Outcome::Unknown,
-            _ => Outcome::Missing(alternatives(&trials, &refusals)),
-        };
+        let (trials, refusals, outcome) = concluded(&base, judged, holdout);
         let scores = sketches.scored.into_iter().map(|(score, _)| score).collect();
         Step { base, base_holdout, scores, trials, refusals, untested: sketches.untested, outcome }
     }
@@ -155,6 +163,32 @@ impl Step {
         let both = matches!(other.outcome, Outcome::Missing(_)) && falls(held, &self.base_holdout, &other.trials[0].holdout);
         both.then(|| [taken(self.clone(), one.clone()), other])
     }
+}
+
+/// What was judged in the order in which it is told, and the conclusion.
+fn concluded(
+    base: &State,
+    mut judged: Vec<(Trial, Vec<Refusal>)>,
+    holdout: Option<&Arc<Evidence>>,
+) -> (Vec<Trial>, Vec<Vec<Refusal>>, Outcome) {
+    // The accepted ones come first, and of those that do as well the simplest.
+    judged.sort_by(|(a, _), (b, _)| b.delta_bic.total_cmp(&a.delta_bic));
+    judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
+    only_once(&mut judged);
+    let accepted = judged.iter().take_while(|(_, refusals)| refusals.is_empty()).count();
+    if let Some(simplest) = simplest(&judged[..accepted], holdout) {
+        judged[..=simplest].rotate_right(1);
+    }
+    if let Some(first) = first_of_a_tie(&judged[..accepted]) {
+        judged[..=first].rotate_right(1);
+    }
+    let (trials, refusals): (Vec<Trial>, Vec<Vec<Refusal>>) = judged.into_iter().unzip();
+    let outcome = match accepted {
+        0 if explained(base) => Outcome::Complete,
+        0 => Outcome::Unknown,
+        _ => Outcome::Missing(alternatives(&trials, &refusals)),
+    };
+    (trials, refusals, outcome)
 }
 
 /// Something too small to matter may explain more than what is accepted, which then does what it can of the same work: unless it does

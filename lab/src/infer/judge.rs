@@ -62,6 +62,8 @@ pub struct Court<'a> {
     pub tried: usize,
     /// Squared error, in floors, that effects found before have explained.
     pub explained: f64,
+    /// Whether an effect counts however small it is.
+    pub whatever_size: bool,
 }
 
 /// Why a refitted effect is not accepted, `before` being the base model's error on held-out logs; empty when it is.
@@ -81,7 +83,7 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
     let unit = |channel: Channel| unit_of(channel.name());
     let mut alike = evidence.floors.iter().filter(|(channel, _)| unit(*channel) == unit(trial.spec.channel));
     let unseen = trial.change < trial.spec.matters && alike.all(|(_, floor)| trial.change < SEEN * floor);
-    if unseen || !relieves && hardly_moves(base, &trial.state) {
+    if !court.whatever_size && (unseen || !relieves && hardly_moves(base, &trial.state)) {
         all.push(Refusal::TooSmall);
     }
     if trial.is_beyond_its_range() {

@@ -14,7 +14,7 @@ use energy::{Channel, EffectSpec, Model, ParameterSpec};
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate::usual;
-use super::descent::{Asked, Derived, Place, Valley, descend, descend_elsewhere, descend_from_left};
+use super::descent::{Asked, Derived, Place, Valley, descend, descend_elsewhere, descend_from_left, descend_roughly};
 use super::evidence::{Evidence, Segment};
 use super::frame::Frame;
 use super::lens::Lens;
@@ -104,7 +104,7 @@ impl State {
         }
         let frame = &self.frame;
         let again = || {
-            let white = descend_elsewhere(frame, &self.x, Some(&State::white(frame)), Asked::Never, &self.valley())?;
+            let white = descend_roughly(frame, &self.x, &State::white(frame), &all(frame), Asked::Never);
             self.fit_elsewhere(&white.x, &noises(frame, &white.residual))
         };
         match again() {
