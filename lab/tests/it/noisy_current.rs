@@ -12,6 +12,8 @@ use lab::prepare::{Prepared, prepare};
 use rand_distr::{Distribution as _, Normal};
 use rand_pcg::Pcg64;
 
+use crate::made_up;
+
 const VOLTAGE_SIGMA_V: f64 = 5e-4;
 const CURRENT_SIGMA_A: f64 = 0.02;
 /// Ohm, ohm, s.
@@ -21,18 +23,6 @@ const TRUTH: [f64; 3] = [0.04, 0.015, 40.0];
 fn model(pair: bool) -> Arc<Model> {
     let mut text = format!(
         r#"
-schema = 1
-system = "battery"
-name = "synthetic"
-[battery]
-series = 1
-parallel = 1
-capacity_ah = 2.0
-full_v_per_cell = 4.2
-eod_v_per_cell = 3.0
-charge_current_a = 1.0
-charge_cutoff_a = 0.1
-ocv = {{ soc = [0.0, 0.2, 1.0], voltage_v = [3.0, 3.6, 4.2] }}
 [sensor.voltage_v]
 sigma = {VOLTAGE_SIGMA_V}
 [sensor.current_a]
@@ -47,7 +37,7 @@ resistance_ohm = {{ value = 0.02, source = "start", free = true }}
         text += "[[effect]]\nid = \"rc1\"\nresistance_ohm = { value = 0.005, source = \"start\", free = true }\n\
                  tau_s = { value = 150.0, source = \"start\", free = true }\n";
     }
-    Arc::new(Model::parse("synthetic.toml", &text, &|_| Err("no table".to_owned())).unwrap())
+    made_up::model(&text)
 }
 
 /// Two logs of pulses as a gauge shows them: the cell feels the current, the log has it with noise.

@@ -11,22 +11,12 @@ use lab::prepare::{Prepared, prepare_to_judge};
 use rand_distr::{Distribution as _, Normal};
 use rand_pcg::Pcg64;
 
+use crate::made_up;
+
 const TRUTH: [f64; 3] = [0.05, 0.02, 40.0];
 
 /// A cell whose fit starts well away from the truth.
 const MODEL: &str = r#"
-schema = 1
-system = "battery"
-name = "synthetic"
-[battery]
-series = 1
-parallel = 1
-capacity_ah = 2.0
-full_v_per_cell = 4.2
-eod_v_per_cell = 3.0
-charge_current_a = 1.0
-charge_cutoff_a = 0.1
-ocv = { soc = [0.0, 0.2, 1.0], voltage_v = [3.0, 3.6, 4.2] }
 [sensor.voltage_v]
 sigma = 1e-3
 [[effect]]
@@ -39,7 +29,7 @@ tau_s = { value = 150.0, source = "start", free = true }
 "#;
 
 fn model() -> Arc<Model> {
-    Arc::new(Model::parse("synthetic.toml", MODEL, &|_| Err("no table".to_owned())).unwrap())
+    made_up::model(MODEL)
 }
 
 /// Two logs of pulses of different length and sign, predicted with the true parameters.
@@ -140,7 +130,7 @@ fn a_time_constant_without_its_resistance_is_named_as_not_determined() {
         "resistance_ohm = { value = 0.005, source = \"start\", free = true }",
         "resistance_ohm = { value = 0.0, source = \"null\" }",
     );
-    let model = Arc::new(Model::parse("synthetic.toml", &text, &|_| Err("no table".to_owned())).unwrap());
+    let model = made_up::model(&text);
     let logs = clean(&model);
     let free = free_parameters(&model, &[], &[]).unwrap();
     let fit = fit(&model, &logs, &free, &mut |_| {}).unwrap();

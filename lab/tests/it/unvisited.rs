@@ -12,27 +12,14 @@ use lab::prepare::{Prepared, prepare};
 use rand_distr::{Distribution as _, Normal};
 use rand_pcg::Pcg64;
 
-const CELL: &str = r#"
-schema = 1
-system = "battery"
-name = "synthetic"
-[battery]
-series = 1
-parallel = 1
-capacity_ah = 2.0
-full_v_per_cell = 4.2
-eod_v_per_cell = 3.0
-charge_current_a = 1.0
-charge_cutoff_a = 0.1
-ocv = { soc = [0.0, 0.2, 1.0], voltage_v = [3.0, 3.6, 4.2] }
-[sensor.voltage_v]
-sigma = 1e-3
-"#;
+use crate::made_up;
+
+const SENSOR: &str = "[sensor.voltage_v]\nsigma = 1e-3\n";
 const KNOTS: [&str; 7] = ["000", "005", "010", "020", "040", "070", "100"];
 const TRUTH_OHM: [f64; 7] = [0.12, 0.1, 0.09, 0.07, 0.05, 0.03, 0.025];
 
 fn model(effects: &str) -> Arc<Model> {
-    Arc::new(Model::parse("synthetic.toml", &format!("{CELL}{effects}"), &|_| Err("no table".to_owned())).unwrap())
+    made_up::model(&format!("{SENSOR}{effects}"))
 }
 
 /// Pulses of 1 A from full down to 60 %, as the true cell shows them to a voltmeter of 1 mV.
