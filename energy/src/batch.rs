@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::effect::{Many, Phase};
 use crate::model::{Model, Placed};
-use crate::run::{begin, prepare};
+use crate::run::{Known, begin, prepare};
 use crate::step::{self, Parts};
 use crate::{Channels, Start};
 
@@ -80,7 +80,7 @@ impl Batch {
         if self.prepared_dt_s != dt_s {
             for index in 0..self.channels.len() {
                 let own = &mut self.prepared[index * q..(index + 1) * q];
-                prepare(model, dt_s, &self.parameters[index * p..(index + 1) * p], own);
+                prepare(model, dt_s, &self.parameters[index * p..(index + 1) * p], own, Known::Nothing);
             }
             self.prepared_dt_s = dt_s;
         }

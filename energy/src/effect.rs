@@ -168,6 +168,12 @@ pub trait Physics: Send + Sync {
     /// `exp(-dt / tau)`. Called when one of these changes, not at every step.
     fn prepare<S: Real>(&self, _facts: &Facts, _dt_s: f64, _parameters: &[S], _prepared: &mut [S]) {}
 
+    /// The same where `prepared` holds what belongs to these parameters and another length: all that
+    /// the length does not change may stay.
+    fn prepare_length<S: Real>(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        self.prepare(facts, dt_s, parameters, prepared);
+    }
+
     /// Advances the states over `dt_s` seconds, in which the inputs stayed as they are in
     /// `channels`, and adds the effect's share to its channel.
     fn step<S: Real>(&self, facts: &Facts, dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>);
@@ -179,6 +185,8 @@ pub trait Steps<S>: Send + Sync {
     fn start(&self, facts: &Facts, parameters: &[S], states: &mut [S], channels: &Channels<S>);
     /// [`Physics::prepare`].
     fn prepare(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]);
+    /// [`Physics::prepare_length`].
+    fn prepare_length(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]);
     /// [`Physics::step`].
     fn step(&self, facts: &Facts, dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>);
     /// [`Physics::step`] for many runs of one model, whose numbers lie behind one another.
@@ -242,6 +250,9 @@ impl<T: Physics, S: Real> Steps<S> for T {
     }
     fn prepare(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
         Physics::prepare(self, facts, dt_s, parameters, prepared);
+    }
+    fn prepare_length(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        Physics::prepare_length(self, facts, dt_s, parameters, prepared);
     }
     fn step(&self, facts: &Facts, dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         Physics::step(self, facts, dt_s, own, channels);

@@ -137,6 +137,20 @@ mod tests {
         }
     }
 
+    #[test]
+    fn what_is_prepared_for_another_length_is_what_is_prepared_for_it_alone() {
+        let facts = crate::effect::cell(1, &[], crate::Start::at_soc(1.0)).model().facts.clone();
+        for effect in catalogue() {
+            let facts = if effect.spec().system == System::Battery { facts.clone() } else { Facts::robot() };
+            let parameters: Vec<f64> = effect.spec().parameters.iter().map(|p| 0.5 * (p.min.max(-1.0) + p.max.min(10.0))).collect();
+            let (mut alone, mut after) = (vec![0.0; effect.prepared_len()], vec![0.0; effect.prepared_len()]);
+            Steps::<f64>::prepare(*effect, &facts, 20.0, &parameters, &mut alone);
+            Steps::<f64>::prepare(*effect, &facts, 0.1, &parameters, &mut after);
+            Steps::<f64>::prepare_length(*effect, &facts, 20.0, &parameters, &mut after);
+            assert_eq!(alone, after, "{}", effect.spec().id);
+        }
+    }
+
     /// What one force takes hangs on the others: downhill it may be nothing.
     #[test]
     fn every_effect_that_pushes_says_that_only_the_sum_of_the_forces_counts() {

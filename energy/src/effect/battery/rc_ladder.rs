@@ -104,11 +104,17 @@ impl Physics for RcLadder {
         2 * PAIRS
     }
 
-    fn prepare<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
-        let per_tau = parameters[1].recip() * -dt_s;
-        for ((index, share), pair) in shares(parameters[2]).into_iter().enumerate().zip(prepared.chunks_exact_mut(2)) {
-            pair[0] = (per_tau * (-place(index)).exp()).exp();
+    fn prepare<S: Real>(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        for (share, pair) in shares(parameters[2]).into_iter().zip(prepared.chunks_exact_mut(2)) {
             pair[1] = parameters[0] * share;
+        }
+        self.prepare_length(facts, dt_s, parameters, prepared);
+    }
+
+    fn prepare_length<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
+        let per_tau = parameters[1].recip() * -dt_s;
+        for (index, pair) in prepared.chunks_exact_mut(2).enumerate() {
+            pair[0] = (per_tau * (-place(index)).exp()).exp();
         }
     }
 

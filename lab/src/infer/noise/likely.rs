@@ -21,7 +21,7 @@ impl<'a> Likely<'a> {
     pub(super) fn new(white: f64, logs: &'a [Rows<'a>]) -> Self {
         let mut steps_s: Vec<f64> = Vec::new();
         let mut place = |dt_s: f64, last: usize| {
-            let alike = |&known: &f64| (known - dt_s).abs() <= 1e-9 * dt_s.abs();
+            let alike = |&known: &f64| (known - dt_s).abs() <= ONE_STEP * dt_s.abs();
             if steps_s.get(last).is_some_and(alike) {
                 return last;
             }
@@ -117,6 +117,9 @@ impl Decay {
 /// Rows after which products of variances are looked at, and where they have become so small that they begin anew.
 const UNSCALED: usize = 8;
 pub(super) const WORN: f64 = 1e-100;
+
+/// Share by which steps differ that are one: clocks jitter. What is left of a level is off by less than this share over e.
+const ONE_STEP: f64 = 1e-4;
 
 /// Different steps between rows among which one is looked for again.
 const STEPS_MAX: usize = 64;
