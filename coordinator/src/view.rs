@@ -143,7 +143,7 @@ impl Basis<'_> {
             handled_s = handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
             view.travel.push((index, travel.time_s, table));
             let unfit = kinds.iter().enumerate().filter(|(_, kind)| !kind.fits(&state.battery, battery));
-            view.unfit.extend(unfit.map(|(kind, _)| (index, Some(kind))));
+            view.unfit.extend(unfit.map(|(kind, _)| (index, kind)));
         }
         // It lives on its own pack until it is in the bay, or has the other pack.
         view.empty_s = (empty_s - handled_s).max(0.0);

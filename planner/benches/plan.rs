@@ -96,7 +96,7 @@ fn fleet(robots: usize, stations: usize) -> Problem {
             station: (home + next) % stations,
             ticks: (2 + (number * 7 + next * 5) % 9) as u32,
             variance: 0.0,
-            spares_fit: true,
+            spares: Some(0),
         });
         let energy = (like.energy + (number as i64 * 977) % 3000).min(base.batteries[0].capacity);
         problem.robots.push(Robot { name: number.to_string(), energy, travel: travel.collect(), ..like.clone() });

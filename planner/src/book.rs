@@ -4,35 +4,26 @@
 //! Beside each row of counters stands a row of flags "nothing left here", so that most ways that
 //! do not fit are refused by a look at one or two words.
 
+mod clash;
 mod counters;
 mod gates;
 mod odds;
+mod rack;
 
 use crate::bits::Bits;
 use crate::guide::Spot;
 use crate::problem::{Problem, Station, Tick};
 use crate::supply::{self, Limit};
 use crate::way::{At, Choices, Mode, NEVER, Starts, Way};
+pub use clash::Clash;
 use counters::Counters;
 use gates::{Gates, Kept};
 use odds::Odds;
+use rack::Rack;
 
-/// What a way asks for that is not there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Clash {
-    /// All bays are taken in this tick.
-    Bay(Tick),
-    /// The lift is taken in this tick.
-    Lift(Tick),
-    /// The place for exchanges is taken in this tick.
-    Slot(Tick),
-    /// No charged spare is left in this tick.
-    Spare(Tick),
-    /// The station would draw more than it may in this tick, by so much.
-    Power(Tick, i64),
-    /// The packs that are there before this tick are so much short.
-    Energy(Tick, i64),
-}
+/// The rows of [`Book::left_at`] that bays, lift and slot, 0 to 2, do not take.
+const SPARE_ROW: usize = 3;
+const POWER_ROW: usize = 4;
 
 /// The book of one station.
 #[derive(Debug, Clone)]
@@ -45,7 +36,7 @@ pub struct Book<'p> {
     lift: Counters,
     slot: Counters,
     /// Spares that are charged and not handed out.
-    spares: Counters,
+    spares: Rack,
     /// The flags of all of these once more.
     gates: Gates,
     /// Whether nobody is to be given a place.
@@ -73,10 +64,8 @@ impl<'p> Book<'p> {
         let chargers = problem.batteries.iter().filter_map(|battery| battery.chargers.get(station.charger));
         let curve = chargers.flat_map(|charger| &charger.curve).map(|segment| segment.draw.max(segment.draw_bare));
         let draw_max = curve.chain([station.load_draw, station.unload_draw, station.swap_draw]).max().unwrap_or(0);
-        let mut spares = Counters::new(ticks, 0, station.spares.len() + station.ongoing.len());
-        for &ready in station.spares.iter().filter(|&&ready| ready < horizon) {
-            spares.change(ready as usize, ticks, 1);
-        }
+        let spares = Rack::new(station, horizon);
+        let lift_ticks = [station.load_ticks, station.unload_ticks].map(|ticks| ticks as usize);
         let mut book = Self {
             station,
             horizon,
@@ -84,8 +73,8 @@ impl<'p> Book<'p> {
             bays: Counters::new(ticks, i64::from(station.bays), station.ongoing.len()),
             lift: Counters::new(ticks, station.lift_slots, station.ongoing.len()),
             slot: Counters::new(ticks, station.swap_slots, station.ongoing.len()),
+            gates: Gates::new(ticks, lift_ticks, station.swap_ticks as usize, spares.len()),
             spares,
-            gates: Gates::new(ticks, [station.load_ticks, station.unload_ticks].map(|ticks| ticks as usize), station.swap_ticks as usize),
             closed: false,
             headroom: problem.base_load(station).iter().map(|draw| station.p_max - draw).collect(),
             tight: Bits::new(ticks, false),
@@ -146,7 +135,7 @@ impl<'p> Book<'p> {
             }
             end
         } else {
-            if self.gates.refuse_exchange(start, end, self.spare_back(way)) {
+            if self.gates.refuse_exchange(start, end, (way.spares, self.spare_back(way))) {
                 return false;
             }
             if way.ready == NEVER { end } else { self.spare_back(way) }
@@ -156,12 +145,13 @@ impl<'p> Book<'p> {
 
     /// Whether there is a place for a way; power and energy are not asked for.
     #[inline]
-    pub(crate) fn has_place(&self, spot: &Spot) -> bool {
+    pub(crate) fn has_place(&self, choices: &Choices, spot: &Spot) -> bool {
         let (start, end) = (usize::from(spot.start), usize::from(spot.end));
         if spot.back == 0 {
             !self.gates.refuse_charge(start, end)
         } else {
-            !self.gates.refuse_exchange(start, end, usize::from(spot.back).min(self.horizon as usize))
+            let kind = if self.spares.len() > 1 { choices.ways[spot.way as usize].spares } else { 0 };
+            !self.gates.refuse_exchange(start, end, (kind, usize::from(spot.back).min(self.horizon as usize)))
         }
     }
 
@@ -204,7 +194,8 @@ impl<'p> Book<'p> {
             bay.or_else(|| lift().map(|tick| Clash::Lift(tick as Tick)))
         } else {
             let slot = self.slot.none().first(start, end).map(|tick| Clash::Slot(tick as Tick));
-            slot.or_else(|| self.spares.none().first(start, self.spare_back(way)).map(|tick| Clash::Spare(tick as Tick)))
+            let spare = || self.spares.none(way.spares).first(start, self.spare_back(way));
+            slot.or_else(|| spare().map(|tick| Clash::Spare(tick as Tick, way.spares)))
         };
         found.or_else(|| self.draw_clash(choices, way))
     }
@@ -264,7 +255,7 @@ impl<'p> Book<'p> {
                 charge && ((start..start + load).contains(&tick) || (end - unload..end).contains(&tick))
             }
             Clash::Slot(tick) => !charge && (start..end).contains(&tick),
-            Clash::Spare(tick) => !charge && (start..Tick::from(way.ready)).contains(&tick),
+            Clash::Spare(tick, kind) => !charge && way.spares == kind && (start..Tick::from(way.ready)).contains(&tick),
             Clash::Power(tick, _) => (start..if way.ready == NEVER { end } else { Tick::from(way.ready) }).contains(&tick),
             Clash::Energy(before, _) => start < before,
         }
@@ -295,7 +286,7 @@ impl<'p> Book<'p> {
             self.lift.change(end - self.station.unload_ticks as usize, end, sign);
         } else {
             self.slot.change(start, end, sign);
-            self.spares.change(start, self.spare_back(way), sign);
+            self.spares.change(way.spares, start, self.spare_back(way), sign);
         }
         self.renew_gates(charge, start, end.max(if charge { 0 } else { self.spare_back(way) }));
         if let Some(odds) = &mut self.odds {
@@ -324,11 +315,11 @@ impl<'p> Book<'p> {
 
     fn renew_gates(&mut self, charge: bool, from: usize, to: usize) {
         let Self { bays, lift, slot, spares, .. } = self;
-        let kept = Kept { bays: bays.none(), lift: lift.none(), slot: slot.none(), spares: spares.none() };
+        let kept = Kept { bays: bays.none(), lift: lift.none(), slot: slot.none() };
         if charge {
             self.gates.renew_charges(&kept, from, to);
         } else {
-            self.gates.renew_exchanges(&kept, from, to);
+            self.gates.renew_exchanges(&kept, spares.all_none(), from, to);
         }
     }
 
@@ -347,15 +338,18 @@ impl<'p> Book<'p> {
 
     /// What is left of bays, lift, slot, spares and power in each tick and then of energy by its limits.
     pub(crate) fn left(&self) -> Vec<i64> {
-        let counted = [&self.bays, &self.lift, &self.slot, &self.spares];
-        let counted = counted.into_iter().flat_map(|counters| counters.left(self.horizon));
-        counted.chain(self.headroom.iter().copied()).chain(self.energy.iter().map(|limit| limit.energy)).collect()
+        let ticks = self.horizon as usize;
+        let by_tick = (0..=POWER_ROW).flat_map(|row| (0..ticks).map(move |tick| self.left_at(row, tick)));
+        by_tick.chain(self.energy.iter().map(|limit| limit.energy)).collect()
     }
 
     /// What is left in a tick of bays, lift, slot, spares or power: the rows of [`Self::left`].
     pub(crate) fn left_at(&self, row: usize, tick: usize) -> i64 {
-        let counted = [&self.bays, &self.lift, &self.slot, &self.spares];
-        counted.get(row).map_or_else(|| self.headroom[tick], |counters| counters.left_at(tick))
+        match row {
+            POWER_ROW => self.headroom[tick],
+            SPARE_ROW => self.spares.left_at(tick),
+            _ => [&self.bays, &self.lift, &self.slot][row].left_at(tick),
+        }
     }
 
     /// Tells in words how many spares are left from a tick on.
@@ -371,7 +365,7 @@ impl<'p> Book<'p> {
     /// How much there is of bay ticks, lift ticks, spares and energy; at least 1 of each.
     pub(crate) fn plenty(&self) -> [f64; 4] {
         let sum = |counters: &Counters| counters.left(self.horizon).map(|left| left.max(0) as f64).sum::<f64>();
-        let spares = self.spares.left(self.horizon).last().unwrap_or(0);
+        let spares = self.horizon.checked_sub(1).map_or(0, |last| self.spares.left_at(last as usize));
         let energy = self.energy.last().map_or(0, |limit| limit.energy);
         [sum(&self.bays), sum(&self.lift), spares as f64, energy as f64].map(|there| there.max(1.0))
     }

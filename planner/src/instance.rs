@@ -4,7 +4,7 @@ mod raw;
 
 use std::collections::BTreeMap;
 
-use crate::problem::{Battery, Charger, Critical, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Tick, Travel};
+use crate::problem::{Battery, Charger, Critical, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Spare, Station, Tick, Travel};
 
 /// Name and version of the format that is read.
 pub const FORMAT: &str = "mds-inst-1";
@@ -188,7 +188,7 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
     }
     let mut spares = Vec::new();
     for (place, &ready) in raw.spares.iter().enumerate() {
-        spares.push(range(at(&format!("spares[{place}]")), ready, 0, i64::from(Tick::MAX))? as Tick);
+        spares.push(Spare { ready: range(at(&format!("spares[{place}]")), ready, 0, i64::from(Tick::MAX))? as Tick, kind: 0 });
     }
     let mut ongoing: Vec<Ongoing> = Vec::new();
     for (place, session) in raw.ongoing.iter().enumerate() {
@@ -252,7 +252,7 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         }
         let ticks = range(at(&format!("travel time to station {id}")), ticks, 0, i64::from(Tick::MAX))?;
         let list = if ticks < horizon { &mut travel } else { &mut beyond };
-        list.push(Travel { station, ticks: ticks as Tick, variance: 0.0, spares_fit: true });
+        list.push(Travel { station, ticks: ticks as Tick, variance: 0.0, spares: Some(0) });
     }
     Ok(Robot {
         name: raw.id.to_string(),

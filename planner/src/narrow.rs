@@ -291,7 +291,8 @@ fn dearest(ways: &Ways<'_>) -> i64 {
 }
 
 /// Whether what fits does not depend on the order in which it is entered: where promises need some certainty, those
-/// that are only held to need less, and may come in after others that would not after them.
+/// that are only held to need less, and may come in after others that would not after them. What plans stations one by one counts
+/// spares of one kind.
 pub(crate) fn is_certain(ways: &Ways<'_>) -> bool {
-    ways.problem().stations.iter().all(|station| station.chance.is_none())
+    ways.problem().stations.iter().all(|station| station.chance.is_none() && station.kinds_of_spares() <= 1)
 }

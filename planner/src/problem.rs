@@ -102,8 +102,8 @@ pub struct Station {
     pub swap_ticks: Tick,
     /// Draw meanwhile, per tick.
     pub swap_draw: i64,
-    /// Ticks from which each charged spare can be handed out.
-    pub spares: Vec<Tick>,
+    /// Charged spares.
+    pub spares: Vec<Spare>,
     /// What becomes of packs that robots leave.
     pub left_packs: LeftPacks,
     /// Packs that feed it, one at a time.
@@ -113,6 +113,16 @@ pub struct Station {
     /// How certain it must be that the packs hold what is promised; none when everything is known
     /// for certain, and then the station must be fed to the horizon.
     pub chance: Option<Chance>,
+}
+
+/// A charged spare.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spare {
+    /// Tick from which it can be handed out.
+    pub ready: Tick,
+    /// Its kind among those of its station, from 0 on: it goes into robots that take this kind ([`Travel::spares`]), and what one of
+    /// them leaves for it is of this kind.
+    pub kind: u16,
 }
 
 /// What becomes of a pack that a robot leaves in an exchange.
@@ -257,8 +267,16 @@ pub struct Travel {
     pub ticks: Tick,
     /// Variance of what a charge there takes that is this robot's own, units².
     pub variance: f64,
-    /// Whether the spares there go into it.
-    pub spares_fit: bool,
+    /// The kind of spares there that goes into it; none where no spare does.
+    pub spares: Option<u16>,
+}
+
+impl Station {
+    /// How many kinds of spares it has.
+    #[must_use]
+    pub fn kinds_of_spares(&self) -> usize {
+        self.spares.iter().map(|spare| usize::from(spare.kind) + 1).max().unwrap_or(0)
+    }
 }
 
 impl Robot {
@@ -298,7 +316,7 @@ impl Problem {
     /// Whether there may be a spare for the robot at the end of this way.
     #[must_use]
     pub fn exchanges(&self, travel: &Travel) -> bool {
-        travel.spares_fit && !self.stations[travel.station].spares.is_empty()
+        self.stations[travel.station].spares.iter().any(|spare| travel.spares == Some(spare.kind))
     }
 
     /// First tick in which a service can begin at the end of this way: the robot and the station must be there.

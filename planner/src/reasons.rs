@@ -106,7 +106,7 @@ pub fn why_not(draft: &Draft<'_, '_>, robot: usize, obstacles: &[Obstacle]) -> V
 fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
     let (problem, choices) = (draft.problem(), draft.ways.of(robot));
     let book = &draft.books[travel.station];
-    // The way that comes closest: the least severe lack of its cheapest ways tells most.
+    // What most of its cheapest ways lack, and of these the way that comes closest: a lift that is taken now is free later.
     let mut looked_at: BTreeMap<Mode, usize> = BTreeMap::new();
     let ways = choices.ways.iter().filter(|way| {
         let is_here = usize::from(way.station) == travel.station;
@@ -115,17 +115,23 @@ fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
         is_here && *of_its_kind <= LOOKED_AT
     });
     let mut count = 0;
-    let mut nearest: Option<(Clash, &Way)> = None;
+    let mut lacking: BTreeMap<u8, (usize, Clash, &Way)> = BTreeMap::new();
     for way in ways {
         count += 1;
         // A place is no use to who cannot be paid for there.
         match book.lack(choices, way).or_else(|| book.clash(choices, way)).map(|clash| book.in_full(choices, way, clash)) {
             None => return Why::Free { start: Tick::from(way.start), cost: way.cost, unserved: choices.unserved_cost },
-            Some(clash) if nearest.is_none_or(|(least, _)| severity(clash) < severity(least)) => nearest = Some((clash, way)),
-            Some(_) => {}
+            Some(clash) => {
+                let (ways, nearest, of) = lacking.entry(severity(clash).0).or_insert((0, clash, way));
+                *ways += 1;
+                if severity(clash) < severity(*nearest) {
+                    (*nearest, *of) = (clash, way);
+                }
+            }
         }
     }
-    let Some((clash, way)) = nearest else { return no_way(problem, robot, travel) };
+    let most = lacking.iter().max_by_key(|(severity, (ways, ..))| (*ways, std::cmp::Reverse(**severity)));
+    let Some((_, &(_, clash, way))) = most else { return no_way(problem, robot, travel) };
     Why::Taken { start: Tick::from(way.start), mode: way.mode, ways: count, clash }
 }
 
@@ -152,7 +158,7 @@ fn severity(clash: Clash) -> (u8, i64) {
         Clash::Slot(_) => (1, 0),
         Clash::Power(_, short) => (2, short),
         Clash::Bay(_) => (3, 0),
-        Clash::Spare(_) => (4, 0),
+        Clash::Spare(..) => (4, 0),
         Clash::Energy(_, short) => (5, short),
     }
 }
@@ -180,7 +186,7 @@ impl fmt::Display for Clash {
             Clash::Bay(tick) => write!(f, "all bays are taken in tick {tick}"),
             Clash::Lift(tick) => write!(f, "the lift is taken in tick {tick}"),
             Clash::Slot(tick) => write!(f, "the place for exchanges is taken in tick {tick}"),
-            Clash::Spare(tick) => write!(f, "no charged spare is left in tick {tick}"),
+            Clash::Spare(tick, _) => write!(f, "no charged spare is left in tick {tick}"),
             Clash::Power(tick, short) => write!(f, "the station may not draw {short} mWh more in tick {tick}"),
             Clash::Energy(before, short) => write!(f, "the packs are {short} mWh short before tick {before}"),
         }

@@ -49,6 +49,8 @@ pub struct Way {
     pub end: u16,
     /// Tick from which the robot's old pack is a charged spare, or [`NEVER`].
     pub ready: u16,
+    /// The kind of spares that it takes, at its station; 0 for a charge.
+    pub spares: u16,
     /// Where its runs of charging lie.
     runs: u32,
     /// Variance of its energy that is its own, units².
@@ -318,8 +320,10 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
                 // Who can do without is not serviced to no gain: that holds at every level.
                 if end <= horizon && (strands || cost < unserved) {
                     let (start, end, variance) = (start as u16, end as u16, travel.variance as f32);
+                    let spares = if matches!(mode, Mode::Charge(_)) { 0 } else { travel.spares.unwrap_or(0) };
                     made.ways.push(Way {
                         cost: cost as i32,
+                        spares,
                         mode,
                         station: travel.station as u16,
                         start,

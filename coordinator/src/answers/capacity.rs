@@ -1,6 +1,7 @@
 //! How many more robots can be serviced: the services of the plan first, in its order, then whoever else would come.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use energy::{Estimate, Need};
 use planner::Mode;
@@ -9,10 +10,10 @@ use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use crate::forecast;
 use crate::models::{StationModels, from_wire};
-use crate::scheduler::capacity::{Coming, Holding, Question, Wanted, capacity as count};
+use crate::scheduler::capacity::{Coming, Holding, Place, Question, Wanted, capacity as count};
 use crate::scheduler::charging::{Course, Table};
 use crate::scheduler::translate::HORIZON_MAX_S;
-use crate::scheduler::{PackView, Plan, Planned, Recharging, RobotView, StationView, View, WHOLE_FLEET_MAX, packs_after_begun};
+use crate::scheduler::{PackView, Plan, Planned, Racks, Recharging, RobotView, StationView, View, WHOLE_FLEET_MAX, packs_after_begun};
 use crate::view::Basis;
 
 /// A pack that holds this many standard deviations more than is owed leaves nothing to the next.
@@ -32,7 +33,8 @@ pub fn capacity(basis: &Basis<'_>, plan: &Plan) -> Capacity {
         });
         here.into_iter().map(|((_, from_s, planned), robot)| (from_s, planned, robot)).collect::<Vec<_>>()
     };
-    let asked = view.stations.iter().enumerate().filter_map(|(index, station)| question(basis, &coming(index), index, station));
+    let racks = Racks::new(&view);
+    let asked = (0..view.stations.len()).filter_map(|index| question(basis, &coming(index), (&view, &racks), index));
     count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence)
 }
 
@@ -50,7 +52,13 @@ fn comes<'p>(basis: &Basis<'_>, view: &View, robot: &RobotView, planned: Option<
 }
 
 /// What is asked of a station, for robots in the order in which they come.
-fn question(basis: &Basis<'_>, robots: &[(f64, Option<&Planned>, &RobotView)], index: usize, station: &StationView) -> Option<Question> {
+fn question(
+    basis: &Basis<'_>,
+    robots: &[(f64, Option<&Planned>, &RobotView)],
+    (view, racks): (&View, &Racks),
+    index: usize,
+) -> Option<Question> {
+    let station = &view.stations[index];
     let id = &station.station;
     let (models, known) = (basis.models.stations.get(id)?, basis.fleet.stations.get(id)?);
     let state = known.known()?;
@@ -58,23 +66,24 @@ fn question(basis: &Basis<'_>, robots: &[(f64, Option<&Planned>, &RobotView)], i
     let from_soc = basis.settings.serve_below_soc;
     // Where nothing charges in a bay, a service is an exchange.
     let exchanges = state.bays.is_empty() && !state.spares.is_empty();
-    let fits = |robot: &RobotView| station.spares.is_empty() || station.spares.iter().any(|spare| robot.takes(index, spare.kind));
-    let usual = |soc: Estimate, table: &Table| match exchanges {
-        true => exchange(basis, station, models, table, soc),
-        false => charge(station, models, table, soc),
+    // Where all spares are away, nobody knows what they are: they may fit.
+    let kind = |robot: &RobotView| racks.given(view, robot, index).or(station.spares.is_empty().then_some(0));
+    let usual = |soc: Estimate, table: &Table, kind: Option<u16>| match kind.filter(|_| exchanges) {
+        Some(kind) => exchange(basis, station, models, table, soc, kind),
+        None => charge(station, models, table, soc),
     };
     let coming = robots.iter().filter_map(|(from_s, planned, robot)| {
         let (_, _, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
         let soc = Estimate::new((robot.soc.value - robot.drain_soc_per_s * from_s).max(0.0), robot.soc.sigma);
         let wanted = match planned {
-            Some(planned) => as_planned(planned, station, models, table, soc),
-            None if !fits(robot) => charge(station, models, table, soc),
-            None => usual(soc, table),
+            Some(planned) => as_planned(planned, station, models, table, soc, kind(robot).unwrap_or(0)),
+            None => usual(soc, table, kind(robot)),
         };
         let from_s = from_s - station.committed_until_s;
         Some(Coming { robot: robot.robot.clone(), wanted, from_s, is_planned: planned.is_some() })
     });
-    let service = usual(Estimate::exact(from_soc), &table);
+    let reference = basis.reference_battery().and_then(|battery| view.robots.iter().find(|robot| Arc::ptr_eq(&robot.battery, battery)));
+    let service = usual(Estimate::exact(from_soc), &table, Some(reference.and_then(kind).unwrap_or(0)));
     Some(Question {
         station: id.clone(),
         packs: state.packs.iter().filter_map(|pack| holding(basis, station, &pack.pack, pack.connected)).collect(),
@@ -84,7 +93,11 @@ fn question(basis: &Basis<'_>, robots: &[(f64, Option<&Planned>, &RobotView)], i
         breakdown_wh: if exchanges { by_cause(&service) } else { table.breakdown_wh.clone() },
         service,
         bays: state.bays.len() as u32,
-        spares_s: station.spares.iter().map(|spare| (spare.ready_s - station.committed_until_s).max(0.0)).collect(),
+        spares: station
+            .spares
+            .iter()
+            .map(|spare| (racks.kind(index, spare), (spare.ready_s - station.committed_until_s).max(0.0)))
+            .collect(),
         overhead_per_h: station.overhead_per_h.clone(),
         overhead_breakdown: forecast::overhead_breakdown(models),
     })
@@ -98,16 +111,16 @@ fn charge(station: &StationView, models: &StationModels, table: &Table, soc: Est
         need: Need { shared_wh, ..need },
         time_s: table.at(soc.value).charge_s + models.handling.load_s + models.handling.unload_s,
         course: Course::charge(table, soc.value, table.target_soc(), models.handling.load_s),
-        in_bay: true,
+        place: Place::Bay,
         left: None,
     }
 }
 
-/// An exchange for a charged spare.
-fn exchange(basis: &Basis<'_>, station: &StationView, models: &StationModels, table: &Table, soc: Estimate) -> Wanted {
+/// An exchange for a charged spare of a kind.
+fn exchange(basis: &Basis<'_>, station: &StationView, models: &StationModels, table: &Table, soc: Estimate, kind: u16) -> Wanted {
     let (need, time_s) = (basis.exchange(&station.station, models), models.handling.swap_s);
     let course = Course { even_wh: need.mean_wh, ..Course::default() };
-    Wanted { need, time_s, course, in_bay: false, left: left_behind(station, models, table, soc, time_s) }
+    Wanted { need, time_s, course, place: Place::Spare(kind), left: left_behind(station, models, table, soc, time_s) }
 }
 
 /// The charge of the pack that a robot leaves after so many seconds; none where such packs are put aside.
@@ -124,8 +137,8 @@ fn by_cause(exchange: &Wanted) -> BTreeMap<String, f64> {
     std::iter::once(("exchange".to_owned(), exchange.need.mean_wh)).chain(left_wh).collect()
 }
 
-/// What the plan says of a service.
-fn as_planned(planned: &Planned, station: &StationView, models: &StationModels, table: &Table, soc: Estimate) -> Wanted {
+/// What the plan says of a service; an exchange is for a spare of the kind.
+fn as_planned(planned: &Planned, station: &StationView, models: &StationModels, table: &Table, soc: Estimate, kind: u16) -> Wanted {
     let time_s = planned.end.seconds_since(planned.start);
     let (need, left) = match planned.mode {
         Mode::SwapAndRecharge => Recharging::split(&planned.need, table.at(soc.value), time_s),
@@ -137,7 +150,8 @@ fn as_planned(planned: &Planned, station: &StationView, models: &StationModels, 
         Mode::Charge(_) => Course::charge(table, soc.value, planned.to_soc, models.handling.load_s),
         Mode::Swap | Mode::SwapAndRecharge => Course { even_wh: need.mean_wh, ..Course::default() },
     };
-    Wanted { need, time_s, course, in_bay: matches!(planned.mode, Mode::Charge(_)), left }
+    let place = if matches!(planned.mode, Mode::Charge(_)) { Place::Bay } else { Place::Spare(kind) };
+    Wanted { need, time_s, course, place, left }
 }
 
 /// What a pack holds when services that have begun are paid for; none of a pack that is away for nobody knows how long.

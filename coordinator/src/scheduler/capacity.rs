@@ -54,8 +54,9 @@ pub struct Question {
     pub recharging: Vec<Recharging>,
     /// Services at once.
     pub bays: u32,
-    /// When each of its spares is charged and there to be handed out, s from when the services that have begun are over.
-    pub spares_s: Vec<f64>,
+    /// The kind of each of its spares, and when it is charged and there to be handed out, s from when the services that have begun
+    /// are over.
+    pub spares: Vec<(u16, f64)>,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
     /// The same by cause, Wh.
@@ -71,10 +72,19 @@ pub struct Wanted {
     pub time_s: f64,
     /// What it draws when.
     pub course: Course,
-    /// Whether it takes a bay; else a spare.
-    pub in_bay: bool,
+    /// What it takes beside energy.
+    pub place: Place,
     /// The charge of the pack that it leaves, s from its beginning; then that is a spare.
     pub left: Option<Recharging>,
+}
+
+/// What a service takes that others cannot have meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// A bay, until it is over.
+    Bay,
+    /// A spare of this kind; what it leaves becomes one ([`Wanted::left`]).
+    Spare(u16),
 }
 
 impl Wanted {
@@ -136,7 +146,8 @@ enum Lack {
 /// Places and spares, and from when each is free, s.
 struct Free {
     bays_s: Vec<f64>,
-    spares_s: Vec<f64>,
+    /// By kind.
+    spares: Vec<(u16, f64)>,
 }
 
 /// Answers for every pack and station, at this confidence.
@@ -204,7 +215,7 @@ impl Question {
         let (mut services, mut recharging, mut short_wh) = (Need::default(), self.recharging.clone(), None);
         let mut parts: Vec<Part> = recharging.iter().map(Recharging::part).collect();
         let mut lacks = None;
-        let mut free = Free { bays_s: vec![0.0_f64; self.bays.min(SERVICES_MAX as u32) as usize], spares_s: self.spares_s.clone() };
+        let mut free = Free { bays_s: vec![0.0_f64; self.bays.min(SERVICES_MAX as u32) as usize], spares: self.spares.clone() };
         let (mut ends_s, mut before, mut told_wh) = (0.0_f64, 1.0_f64, usable_wh.value);
         for number in 1..=SERVICES_MAX {
             let robot = self.robots.get(number - 1);
@@ -267,16 +278,28 @@ impl Free {
     /// When a service begins that can at `soonest_s`, and what it lacks. One that is planned begins then, whatever else is said
     /// of its bay or spare; any other one when these are free.
     fn take(&mut self, wanted: &Wanted, soonest_s: f64, is_planned: bool) -> (f64, Option<Lack>) {
-        let (places_s, lack) = if wanted.in_bay { (&mut self.bays_s, Lack::Bay) } else { (&mut self.spares_s, Lack::Spare) };
-        let first = (0..places_s.len()).min_by(|&a, &b| places_s[a].total_cmp(&places_s[b]));
-        let start_s = first.filter(|_| !is_planned).map_or(soonest_s, |first| places_s[first].max(soonest_s));
-        match (first, wanted.in_bay) {
-            (Some(bay), true) => places_s[bay] = places_s[bay].max(start_s + wanted.time_s),
-            (Some(spare), false) => _ = places_s.swap_remove(spare),
-            (None, _) => {}
-        }
-        self.spares_s.extend(wanted.left.as_ref().map(|left| start_s + left.until_s));
-        (start_s, if first.is_none() && !is_planned { Some(lack) } else { None })
+        let Free { bays_s, spares } = self;
+        let first = match wanted.place {
+            Place::Bay => (0..bays_s.len()).map(|bay| (bay, bays_s[bay])).min_by(|a, b| a.1.total_cmp(&b.1)),
+            Place::Spare(kind) => {
+                let own = (0..spares.len()).filter(|&spare| spares[spare].0 == kind);
+                own.map(|spare| (spare, spares[spare].1)).min_by(|a, b| a.1.total_cmp(&b.1))
+            }
+        };
+        let start_s = first.filter(|_| !is_planned).map_or(soonest_s, |(_, free_s)| free_s.max(soonest_s));
+        let lack = match (wanted.place, first) {
+            (Place::Bay, Some((bay, free_s))) => {
+                bays_s[bay] = free_s.max(start_s + wanted.time_s);
+                None
+            }
+            (Place::Spare(kind), found) => {
+                found.map(|(spare, _)| spares.swap_remove(spare));
+                spares.extend(wanted.left.as_ref().map(|left| (kind, start_s + left.until_s)));
+                if found.is_none() { Some(Lack::Spare) } else { None }
+            }
+            (Place::Bay, None) => Some(Lack::Bay),
+        };
+        (start_s, lack.filter(|_| !is_planned))
     }
 }
 

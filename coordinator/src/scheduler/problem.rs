@@ -53,8 +53,8 @@ pub struct RobotView {
     pub held: bool,
     /// Stations in reach: index, time to get there (s), and what charging takes there.
     pub travel: Vec<(usize, f64, Arc<Table>)>,
-    /// Those of them whose spares of a kind do not fit it, or of all kinds.
-    pub unfit: Vec<(usize, Option<usize>)>,
+    /// Kinds of spares there that do not go into it.
+    pub unfit: Vec<(usize, usize)>,
     /// Stations that it could reach and that take no part, with the reason.
     pub closed: Vec<(StationId, String)>,
 }
@@ -70,7 +70,7 @@ impl RobotView {
     /// Whether a spare of this kind at a station goes into it.
     #[must_use]
     pub fn takes(&self, station: usize, kind: usize) -> bool {
-        !self.unfit.iter().any(|&(there, unfit)| there == station && unfit.is_none_or(|unfit| unfit == kind))
+        !self.unfit.contains(&(station, kind))
     }
 
     /// Probability that it is not empty before a service that begins in so many seconds. 1 within the time that

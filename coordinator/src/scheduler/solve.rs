@@ -71,18 +71,6 @@ impl Solved {
         Self { sessions: found.plan.sessions, plan, task, wants_place }
     }
 
-    /// Who would be given a spare that does not fit, and did not go without there already: robot and station.
-    fn without_a_spare(&self) -> Vec<(usize, usize)> {
-        let kinds = |station: usize| self.task.view.stations[station].spares.iter().map(|spare| spare.kind).collect::<BTreeSet<_>>().len();
-        let exchanges = self.sessions.iter().filter(|session| !matches!(session.mode, Mode::Charge(_)) && kinds(session.station) > 1);
-        let is_without = |session: &&Session| {
-            let robot = &self.task.view.robots[session.robot].robot;
-            self.plan.planned.iter().any(|planned| planned.robot == *robot && planned.spare.is_none())
-        };
-        let without = exchanges.filter(is_without).map(|session| (session.robot, session.station));
-        without.filter(|&(robot, station)| !self.task.view.robots[robot].unfit.contains(&(station, None))).collect()
-    }
-
     /// What there is to choose from for these robots, and what was chosen for the others.
     #[must_use]
     pub fn ways(&self, asked: &BTreeSet<&RobotId>) -> Ways<'_> {
@@ -252,24 +240,10 @@ impl Asked<'_> {
         None
     }
 
-    /// The planner counts spares and does not tell their kinds apart: whom it gives one that does not fit goes without an exchange
-    /// there, and it is asked again. What it proves without that holds for less choice as well.
-    fn planned(&self, mut view: View, offer: Offer<'_>) -> Solved {
-        let mut proven = None;
-        loop {
-            let task = Task::new(view, self.settings, &self.before.planned, offer);
-            let found = plan(&task, self.settings, self.before, self.effort);
-            let mut solved = Solved::new(task, found, self.before, self.settings);
-            let quality = &mut solved.plan.quality;
-            let bound = *proven.get_or_insert(*quality);
-            (quality.stranded_bound, quality.missed_bound_s) = (bound.stranded_bound, bound.missed_bound_s);
-            let without = solved.without_a_spare();
-            if without.is_empty() {
-                return solved;
-            }
-            view = solved.task.view;
-            without.into_iter().for_each(|(robot, station)| view.robots[robot].unfit.push((station, None)));
-        }
+    fn planned(&self, view: View, offer: Offer<'_>) -> Solved {
+        let task = Task::new(view, self.settings, &self.before.planned, offer);
+        let found = plan(&task, self.settings, self.before, self.effort);
+        Solved::new(task, found, self.before, self.settings)
     }
 }
 

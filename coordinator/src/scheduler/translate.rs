@@ -17,6 +17,7 @@ use proto::{RobotId, Timestamp};
 use super::charging::{Point, Table};
 use super::plan::Planned;
 use super::problem::{RobotView, View};
+use super::racks::Racks;
 use crate::models::Settings;
 
 /// Units of energy in a Wh: a robot that charges at 15 W takes some 4,000 of them in a tick of 10 s.
@@ -78,6 +79,8 @@ pub struct Task {
     pub grid: Grid,
     /// Levels at which a charge may end, ascending; the last is the usual one.
     pub levels_soc: Vec<f64>,
+    /// Kinds of spares.
+    pub racks: Racks,
 }
 
 /// What is on offer.
@@ -121,18 +124,19 @@ impl Task {
                 kind
             })
             .collect();
+        let racks = Racks::new(&view);
         let batteries =
-            batteries.iter().zip(&tables).map(|(robot, tables)| battery::battery(robot, tables, &view.stations, settings, tick_s));
+            batteries.iter().zip(&tables).map(|(robot, tables)| battery::battery(robot, tables, (&view, &racks), settings, tick_s));
         let mut batteries: Vec<Battery> = batteries.collect();
         let charger_of = battery::share_chargers(&mut batteries, view.stations.len());
-        let stations = view.stations.iter().enumerate().map(|(index, station)| {
+        let stations = (0..view.stations.len()).map(|index| {
             let lift_wh = tables.iter().find_map(|tables| tables.get(&index)).map_or(0.0, |table| table.lift_wh);
-            station::station(&view, station, charger_of[index], lift_wh, settings, grid, offer)
+            station::station((&view, &racks), index, charger_of[index], lift_wh, settings, grid, offer)
         });
         let stations: Vec<Station> = stations.collect();
         let before_of = before.iter().map(|planned| (&planned.robot, planned)).collect();
         let levels_soc = battery::levels_soc(settings);
-        let places = Places { view: &view, grid, offer, levels_soc: &levels_soc, before: before_of };
+        let places = Places { view: &view, racks: &racks, grid, offer, levels_soc: &levels_soc, before: before_of };
         let robots: Vec<Robot> = view.robots.iter().zip(kind_of).map(|(robot, kind)| places.robot(robot, kind, &batteries[kind])).collect();
         let mut problem = Problem {
             name: String::new(),
@@ -145,7 +149,7 @@ impl Task {
             robots,
         };
         close_horizon(&mut problem, &view);
-        let mut task = Self { view, problem, grid, levels_soc };
+        let mut task = Self { view, problem, grid, levels_soc, racks };
         let sessions = task.sessions(before);
         planner::hold(&mut task.problem, &sessions);
         task
@@ -267,6 +271,7 @@ fn close_horizon(problem: &mut Problem, view: &View) {
 /// What robots are translated with.
 struct Places<'a> {
     view: &'a View,
+    racks: &'a Racks,
     grid: Grid,
     offer: Offer<'a>,
     levels_soc: &'a [f64],
@@ -307,9 +312,12 @@ impl Places<'_> {
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
         let travel = robot.travel.iter().map(|(station, travel_s, table)| {
             let own_variance = table.own_variance(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma));
-            let (ticks, spares_fit) =
-                (grid.up(travel_s + ahead_s), self.view.stations[*station].spares.iter().any(|spare| robot.takes(*station, spare.kind)));
-            Travel { station: *station, ticks, variance: own_variance * UNITS_PER_WH.powi(2), spares_fit }
+            Travel {
+                station: *station,
+                ticks: grid.up(travel_s + ahead_s),
+                variance: own_variance * UNITS_PER_WH.powi(2),
+                spares: self.racks.given(self.view, robot, *station),
+            }
         });
         let weight = (robot.weight * WORTH).round().clamp(0.0, 1e4) as i64;
         Robot {

@@ -241,10 +241,15 @@ fn clash_in_words(task: &Task, station: usize, service: (Tick, Mode), clash: Cla
         Clash::Bay(tick) => format!("every bay is taken at {}{}", at(tick), by()),
         Clash::Lift(tick) => format!("the lift is taken at {}{}", at(tick), by()),
         Clash::Slot(tick) => format!("the place for exchanges is taken at {}{}", at(tick), by()),
-        Clash::Spare(tick) => format!("no charged spare is left at {}{}", at(tick), by()),
+        Clash::Spare(tick, _) => format!("no charged spare{} is left at {}{}", that_fits(task, station), at(tick), by()),
         Clash::Power(tick, short) => format!("the station may not draw {:.1} Wh more at {}{}", task.problem.wh(short), at(tick), by()),
         Clash::Energy(_, short) => format!("{}{}", energy(task, station, short, service), by()),
     }
+}
+
+/// Where spares are of several kinds, it is one that fits that is meant.
+fn that_fits(task: &Task, station: usize) -> &'static str {
+    if task.problem.stations[station].kinds_of_spares() > 1 { " that fits it" } else { "" }
 }
 
 /// A plan of which one can ask for every robot what else there was, and why its service does not come

@@ -8,8 +8,8 @@ const BAY: usize = 0;
 const BEGIN: usize = 1;
 const END: usize = 2;
 const SLOT: usize = 3;
+/// The first of a row for each kind.
 const SPARE: usize = 4;
-const ROWS: usize = 5;
 
 /// Flags by tick, copied from where they are kept: no bay, slot or spare, and no lift for who begins or ends then.
 #[derive(Debug, Clone)]
@@ -28,22 +28,20 @@ pub(super) struct Kept<'a> {
     pub(super) bays: &'a Bits,
     pub(super) lift: &'a Bits,
     pub(super) slot: &'a Bits,
-    pub(super) spares: &'a Bits,
 }
 
 impl Gates {
-    /// All shut.
-    pub(super) fn new(ticks: usize, lift_ticks: [usize; 2], swap_ticks: usize) -> Self {
+    /// All shut, with so many kinds of spares.
+    pub(super) fn new(ticks: usize, lift_ticks: [usize; 2], swap_ticks: usize, kinds: usize) -> Self {
         let words = Bits::new(ticks, true).words().len();
-        Self { words, ticks, flags: vec![u64::MAX; ROWS * words], swap_ticks, lift_ticks }
+        Self { words, ticks, flags: vec![u64::MAX; (SPARE + kinds) * words], swap_ticks, lift_ticks }
     }
 
     /// Copies the flags anew that an exchange between these ticks may have changed.
-    pub(super) fn renew_exchanges(&mut self, kept: &Kept<'_>, from: usize, to: usize) {
-        let words = self.words;
-        for at in from / 64..(to / 64 + 1).min(words) {
-            self.flags[SLOT * words + at] = kept.slot.words()[at];
-            self.flags[SPARE * words + at] = kept.spares.words()[at];
+    pub(super) fn renew_exchanges<'a>(&mut self, kept: &Kept<'a>, spares: impl Iterator<Item = &'a Bits>, from: usize, to: usize) {
+        let changed = from / 64..(to / 64 + 1).min(self.words);
+        for (row, flags) in std::iter::once((SLOT, kept.slot)).chain((SPARE..).zip(spares)) {
+            self.flags[row * self.words..][changed.clone()].copy_from_slice(&flags.words()[changed.clone()]);
         }
     }
 
@@ -77,17 +75,18 @@ impl Gates {
         flag(BEGIN, start) | flag(END, end) | bits::any(self.row(BAY), start, end)
     }
 
-    /// Whether an exchange between these ticks has no slot, or no spare until then.
+    /// Whether an exchange between these ticks has no slot, or no spare of this kind until then.
     #[inline]
-    pub(super) fn refuse_exchange(&self, start: usize, end: usize, back: usize) -> bool {
-        bits::any(self.row(SLOT), start, end) | bits::any(self.row(SPARE), start, back)
+    pub(super) fn refuse_exchange(&self, start: usize, end: usize, (kind, back): (u16, usize)) -> bool {
+        bits::any(self.row(SLOT), start, end) | bits::any(self.row(SPARE + usize::from(kind)), start, back)
     }
 
     /// Tells those of a robot's ways of one kind at this station that are not refused.
     pub(super) fn tell(&self, starts: &Starts, at: &At, limit: i64, tell: &mut impl FnMut(u32)) {
-        let held = self.row(if at.charges { BAY } else { SPARE });
+        let spare = SPARE + usize::from(at.spares);
+        let held = self.row(if at.charges { BAY } else { spare });
         // A spare that does not come back is there in every tick from the start on.
-        let kept_from = if at.charges { 0 } else { self.all_free_from(SPARE) };
+        let kept_from = if at.charges { 0 } else { self.all_free_from(spare) };
         for (word, &any) in at.any().iter().enumerate().filter(|(_, any)| **any != 0) {
             let mut free = any;
             if at.charges {
@@ -169,7 +168,7 @@ mod tests {
                         let (start, end) = (usize::from(way.start), usize::from(way.end));
                         let refused = match way.mode {
                             Mode::Charge(_) => book.gates.refuse_charge(start, end),
-                            _ => book.gates.refuse_exchange(start, end, book.spare_back(way)),
+                            _ => book.gates.refuse_exchange(start, end, (way.spares, book.spare_back(way))),
                         };
                         !refused && i64::from(way.cost) <= limit
                     };

@@ -151,7 +151,9 @@ impl Search<'_, '_> {
             if let Some(spots) = guide.spots(robot) {
                 let fits = |spot: &&Spot| {
                     let book = &self.draft.books[usize::from(spot.station)];
-                    i64::from(spot.cost) <= limit && book.has_place(spot) && book.feeds_in_place(choices, &choices.ways[spot.way as usize])
+                    i64::from(spot.cost) <= limit
+                        && book.has_place(choices, spot)
+                        && book.feeds_in_place(choices, &choices.ways[spot.way as usize])
                 };
                 return spots.iter().find(fits).map(|spot| spot.way);
             }

@@ -21,6 +21,8 @@ pub(crate) struct At {
     pub(crate) station: u16,
     /// Charges, or else exchanges.
     pub(crate) charges: bool,
+    /// The kind of spares that it takes; 0 for charges.
+    pub(crate) spares: u16,
     first: usize,
     /// Where those begin whose spares do not come back.
     kept: usize,
@@ -59,7 +61,9 @@ impl Starts {
             if last != Some(key) {
                 if made.at.last().is_none_or(|at| (at.station, at.charges) != (station, !exchanges)) {
                     let first = made.groups.len();
-                    made.at.push(At { station, charges: !exchanges, first, kept: first, end: first, least: i32::MAX, any: vec![0; words] });
+                    let spares = ways[place as usize].spares;
+                    let any = vec![0; words];
+                    made.at.push(At { station, charges: !exchanges, spares, first, kept: first, end: first, least: i32::MAX, any });
                 }
                 made.groups.push(Group { ticks, least: i32::MAX, masks: made.masks.len() });
                 made.masks.resize(made.masks.len() + words, (0, 0));

@@ -1,6 +1,6 @@
 //! Any problem: small, often tight, sometimes with nothing to plan with.
 
-use planner::problem::{Battery, Chance, Charger, Critical, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Station, Travel};
+use planner::problem::{Battery, Chance, Charger, Critical, LeftPacks, Ongoing, Pack, Problem, Robot, Segment, Spare, Station, Travel};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -34,7 +34,8 @@ pub fn station() -> impl Strategy<Value = Station> {
     let packs = (pack(0), vec(pack(1), 0..4));
     let sizes = (0_u32..4, 0_i64..3, 0_i64..3, 0_i64..60, 0_u32..3, 0_u32..3, 0_u32..4);
     let opens = prop_oneof![3 => Just(0), 1 => 0_u32..20];
-    (packs, sizes, 0_i64..300, vec(0_u32..40, 0..3), any::<bool>(), opens).prop_map(
+    let spare = (0_u32..40, prop_oneof![2 => Just(0_u16), 1 => Just(1)]).prop_map(|(ready, kind)| Spare { ready, kind });
+    (packs, sizes, 0_i64..300, vec(spare, 0..4), any::<bool>(), opens).prop_map(
         |(
             (mut first, mut more),
             (bays, lift_slots, swap_slots, switch_cost, load_ticks, unload_ticks, swap_ticks),
@@ -76,7 +77,8 @@ pub fn station() -> impl Strategy<Value = Station> {
 
 fn robot(stations: usize) -> impl Strategy<Value = Robot> {
     let critical = proptest::option::of((0_i64..40, 0_i64..12, 1_i64..5));
-    let travel = vec(proptest::option::of(0_u32..9), stations);
+    let spares = prop_oneof![4 => Just(Some(0_u16)), 2 => Just(Some(1)), 1 => Just(None)];
+    let travel = vec(proptest::option::of((0_u32..9, spares)), stations);
     (0_i64..=1000, 0_i64..30, 1_i64..8, 0_i64..60, 1_i64..4, critical, travel, 0_usize..3).prop_map(
         |(energy, drain, caution, mission_end, weight, critical, travel, lowest_target)| Robot {
             name: "any".to_owned(),
@@ -95,7 +97,7 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
             travel: travel
                 .into_iter()
                 .enumerate()
-                .filter_map(|(station, ticks)| ticks.map(|ticks| Travel { station, ticks, variance: 0.0, spares_fit: true }))
+                .filter_map(|(station, reach)| reach.map(|(ticks, spares)| Travel { station, ticks, variance: 0.0, spares }))
                 .collect(),
             beyond: Vec::new(),
         },

@@ -29,8 +29,8 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
         let mut load = vec![station.hotel; horizon];
         let (mut lift, mut slot) = (vec![0; horizon], vec![0; horizon]);
         let mut bays = vec![vec![0; horizon]; station.bays as usize];
-        let mut ready: Vec<usize> = station.spares.iter().map(|&tick| tick as usize).collect();
-        let mut handed_out: Vec<usize> = Vec::new();
+        let mut ready: Vec<(u16, usize)> = station.spares.iter().map(|spare| (spare.kind, spare.ready as usize)).collect();
+        let mut handed_out: Vec<(u16, usize)> = Vec::new();
         for ongoing in &station.ongoing {
             for tick in 0..horizon.min(ongoing.until as usize) {
                 load[tick] += ongoing.draw;
@@ -77,13 +77,14 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
                     slot[tick] += 1;
                     load[tick] += station.swap_draw;
                 }
-                handed_out.push(start);
+                let kind = travel.spares.expect("a spare that fits");
+                handed_out.push((kind, start));
                 if session.mode == Mode::SwapAndRecharge {
                     let (_, draws) = charged(problem, arrived, swap_energy, true);
                     for (tick, draw) in (end..horizon).zip(&draws) {
                         load[tick] += draw;
                     }
-                    ready.push(end + draws.len());
+                    ready.push((kind, end + draws.len()));
                 }
                 (swap_energy, end)
             };
@@ -95,8 +96,10 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
             assert!(lift[tick] <= station.lift_slots, "the lift is booked twice in tick {tick} of station {at}");
             assert!(slot[tick] <= station.swap_slots, "the place for exchanges is booked twice in tick {tick} of station {at}");
             assert!(load[tick] <= station.p_max, "station {at} draws too much in tick {tick}");
-            let out = handed_out.iter().filter(|&&at| at <= tick).count();
-            assert!(out <= ready.iter().filter(|&&at| at <= tick).count(), "a spare of station {at} is handed out twice");
+            for kind in 0..station.kinds_of_spares() as u16 {
+                let by_now = |events: &[(u16, usize)]| events.iter().filter(|&&(of, at)| of == kind && at <= tick).count();
+                assert!(by_now(&handed_out) <= by_now(&ready), "a spare of kind {kind} of station {at} is handed out twice");
+            }
         }
         let (taken, touched) = drained(station, &plan.pack_order[at], &load);
         energy += taken;

@@ -19,7 +19,7 @@ fn question(usable_wh: &[f64], bays: u32) -> Question {
         service: wanted(20.0),
         breakdown_wh: BTreeMap::new(),
         bays,
-        spares_s: Vec::new(),
+        spares: Vec::new(),
         overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
         overhead_breakdown: BTreeMap::from([("hotel".to_owned(), 6.0)]),
     }
@@ -30,7 +30,7 @@ fn wanted(wh: f64) -> Wanted {
         need: Need { mean_wh: wh, ..Need::default() },
         time_s: 3600.0,
         course: Course { even_wh: wh, ..Course::default() },
-        in_bay: true,
+        place: Place::Bay,
         left: None,
     }
 }
@@ -100,8 +100,8 @@ fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
     // An exchange takes none: it is the charge after it that lacks one.
     let mut asked = question(&[70.0], 0);
     asked.robots = vec![coming("a", 20.0, 0.0)];
-    asked.robots[0].wanted.in_bay = false;
-    asked.spares_s = vec![0.0];
+    asked.robots[0].wanted.place = Place::Spare(0);
+    asked.spares = vec![(0, 0.0)];
     let answer = first(&asked);
     assert_eq!((answer.robots_promised, answer.lacks_bay), (1, true));
 }
@@ -110,8 +110,8 @@ fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
 fn exchanges(usable_wh: f64, spares_s: &[f64], charge_wh: Option<f64>) -> Question {
     let charge = |wh| Recharging { from_s: 60.0, until_s: 3660.0, need: Need { mean_wh: wh, ..Need::default() } };
     let mut asked = question(&[usable_wh], 0);
-    asked.service = Wanted { time_s: 60.0, in_bay: false, left: charge_wh.map(charge), ..wanted(1.0) };
-    asked.spares_s = spares_s.to_vec();
+    asked.service = Wanted { time_s: 60.0, place: Place::Spare(0), left: charge_wh.map(charge), ..wanted(1.0) };
+    asked.spares = spares_s.iter().map(|&ready_s| (0, ready_s)).collect();
     asked
 }
 
@@ -166,8 +166,13 @@ fn a_pack_that_just_carries_two_services_is_enough_for_them_at_even_odds_whateve
         let odds = |soc: f64, counted_wh: f64| {
             let mut asked = question(&[0.0], bays);
             let course = Course { charge: vec![(1800.0, 20.0), (600.0, 8.0)], ..Course::default() };
-            asked.service =
-                Wanted { need: Need { mean_wh: 10.0 + 8.0 / 6.0, ..Need::default() }, time_s: 2400.0, course, in_bay: true, left: None };
+            asked.service = Wanted {
+                need: Need { mean_wh: 10.0 + 8.0 / 6.0, ..Need::default() },
+                time_s: 2400.0,
+                course,
+                place: Place::Bay,
+                left: None,
+            };
             asked.packs[0].usable_wh = Estimate::new(counted_wh, 1.0);
             asked.packs[0].state = Some(PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
             first(&asked).promises.get(1).map_or(0.0, |second| second.probability)

@@ -8,10 +8,8 @@ use planner::problem::{Battery, Charger, Segment, Tick};
 use super::UNITS_PER_WH;
 use crate::models::Settings;
 use crate::scheduler::charging::Table;
-use crate::scheduler::problem::{RobotView, SpareView, StationView};
-
-/// Spares that hold this much less than the fullest wait until that is handed out, as a fraction.
-const SPARES_ALIKE_SOC: f64 = 0.1;
+use crate::scheduler::problem::{RobotView, StationView, View};
+use crate::scheduler::racks::Racks;
 
 /// Levels below the usual one that a charge may end at.
 const LOWER_LEVELS: u32 = 3;
@@ -34,14 +32,16 @@ fn owed_s(table: &Table, station: &StationView, settings: &Settings, soc: f64) -
 pub(super) fn battery(
     robot: &RobotView,
     tables: &BTreeMap<usize, Arc<Table>>,
-    stations: &[StationView],
+    (view, racks): (&View, &Racks),
     settings: &Settings,
     tick_s: u32,
 ) -> Battery {
     let capacity = robot.battery.battery().stored_wh() * UNITS_PER_WH;
     let levels = levels_soc(settings);
+    let stations = &view.stations;
     let chargers = (0..stations.len()).map(|station| {
-        let swap_soc = spares_alike(&stations[station]).map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
+        let spares = racks.given(view, robot, station).map(|kind| racks.next(view, station, kind));
+        let swap_soc = spares.into_iter().flatten().map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
         let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
         let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, tick_s));
         let any = Segment { below: capacity as i64, gain: capacity as i64, draw: 0, draw_bare: 0 };
@@ -74,12 +74,6 @@ pub(super) fn share_chargers(batteries: &mut [Battery], stations: usize) -> Vec<
         battery.chargers = kept.iter().map(|&station| battery.chargers[station].clone()).collect();
     }
     charger_of
-}
-
-/// Spares that are handed out next: the fullest, and those that hold nearly as much.
-pub(super) fn spares_alike(station: &StationView) -> impl Iterator<Item = &SpareView> {
-    let fullest = station.spares.iter().map(|spare| spare.soc).fold(0.0, f64::max);
-    station.spares.iter().filter(move |spare| spare.soc >= fullest - SPARES_ALIKE_SOC)
 }
 
 /// A table as stretches of equal power.

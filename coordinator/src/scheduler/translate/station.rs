@@ -1,13 +1,14 @@
 //! A station for the planner: its places, its packs and how surely they must last.
 
 use energy::units::S_PER_H;
-use planner::problem::{Chance, LeftPacks, Ongoing, Pack, Station, Tick};
+use planner::problem::{Chance, LeftPacks, Ongoing, Pack, Spare, Station, Tick};
 use proto::BayId;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::{Grid, Offer, UNITS_PER_WH, battery};
+use super::{Grid, Offer, UNITS_PER_WH};
 use crate::models::Settings;
 use crate::scheduler::problem::{StationView, View};
+use crate::scheduler::racks::Racks;
 
 /// What a station may draw in a tick where nothing limits it.
 const NO_LIMIT: i64 = 1 << 40;
@@ -15,16 +16,17 @@ const NO_LIMIT: i64 = 1 << 40;
 /// less likely is measured, never planned ([`planner::hold`]).
 pub(in crate::scheduler) const KEEP_CONFIDENCE: f64 = 0.5;
 
-/// The station of the view; `charger` is how it charges.
+/// The station of the view with this index; `charger` is how it charges.
 pub(super) fn station(
-    view: &View,
-    station: &StationView,
+    (view, racks): (&View, &Racks),
+    index: usize,
     charger: usize,
     lift_wh: f64,
     settings: &Settings,
     grid: Grid,
     offer: Offer<'_>,
 ) -> Station {
+    let (station, spares) = (&view.stations[index], racks.all_next(view, index));
     let ahead_s = view.now.seconds_since(grid.origin);
     let tick = |seconds: f64| grid.up(seconds + ahead_s);
     let [load_ticks, unload_ticks, swap_ticks] =
@@ -71,7 +73,7 @@ pub(super) fn station(
         unload_draw: lift_draw,
         swap_ticks,
         swap_draw: (swap_wh * UNITS_PER_WH / f64::from(swap_ticks.max(1))).round() as i64,
-        spares: battery::spares_alike(station).map(|spare| if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }).collect(),
+        spares: spares.map(|(kind, spare)| Spare { ready: if spare.ready_s > 0.0 { tick(spare.ready_s) } else { 0 }, kind }).collect(),
         left_packs: match offer {
             _ if !station.charges_spares => LeftPacks::PutAside,
             Offer::Spares(_) => LeftPacks::AsPlanned,
