@@ -7,6 +7,7 @@
 //! is proven and not merely computed.
 
 mod crowd;
+mod layout;
 mod lists;
 mod reduced;
 mod steps;
@@ -17,8 +18,9 @@ use std::ops::Range;
 use crate::guide::Guide;
 use crate::problem::Problem;
 use crate::way::{Choices, SHARED_MIN, Way, Ways};
+use layout::Layout;
 pub(crate) use reduced::Reduced;
-use table::{Layout, Table, Uses};
+use table::{Table, Uses};
 
 /// Prices are whole numbers of this part of a unit of cost.
 pub(crate) const UNIT: i64 = 1 << 20;
@@ -109,7 +111,7 @@ impl<'w, 'p> Prices<'w, 'p> {
     /// All prices zero: the bound says what each robot costs at least if it were alone.
     #[must_use]
     pub fn new(ways: &'w Ways<'p>, level: Level) -> Self {
-        let layout = Layout::new(ways.problem());
+        let layout = Layout::new(ways);
         let rows = layout.rows();
         let mut prices = Self {
             ways,

@@ -7,7 +7,7 @@
 //! All of it is in whole numbers and exact.
 
 use super::crowd::Counted;
-use super::table::BY_TICK;
+use super::layout::BY_TICK;
 use super::{Asked, Prices, Table, UNIT};
 use crate::book::Book;
 use crate::way::Ways;

@@ -104,30 +104,36 @@ impl Prices<'_, '_> {
     /// Moves the prices towards what is asked for too much.
     fn step(&mut self, look: &Look, usage: &[f64], aim: i64) {
         const MEMORY: f64 = 0.6;
-        let rows = usage.len();
+        let stranded_row = usage.len();
         let over_stranded = match self.level {
             Level::Stranded => 0.0,
             Level::Cost { stranded_max } => (look.stranded - stranded_max) as f64 * STRANDED_SCALE,
         };
         let mut square = 0.0;
-        let over = usage.iter().copied().chain([over_stranded]);
-        for ((direction, price), over) in self.direction.iter_mut().zip(&self.now).zip(over) {
+        let mut turn = |direction: &mut f64, price: f64, over: f64| {
             *direction = MEMORY * *direction + (1.0 - MEMORY) * over;
-            if *direction > 0.0 || *price > 0.0 {
+            if *direction > 0.0 || price > 0.0 {
                 square += *direction * *direction;
             }
+        };
+        for rows in self.layout.priced() {
+            let of_rows = self.direction[rows.clone()].iter_mut().zip(&self.now[rows.clone()]).zip(&usage[rows]);
+            of_rows.for_each(|((direction, &price), &over)| turn(direction, price, over));
         }
+        turn(&mut self.direction[stranded_row], self.now[stranded_row], over_stranded);
         if square <= 0.0 {
             return;
         }
         let value = look.bound as f64 / UNIT as f64;
         let gap = (aim as f64 - value).max(0.002 * aim.abs() as f64).max(0.05);
         let step = self.pull * gap / square;
-        let scales = std::iter::repeat_n(1.0, rows).chain([STRANDED_SCALE]);
         // A direction that has nearly died away makes steps of any length.
         let price_max = self.layout.price_max(UNIT);
-        for ((price, direction), scale) in self.now.iter_mut().zip(&self.direction).zip(scales) {
-            *price = (*price + step * scale * direction).clamp(0.0, price_max);
+        let go = |price: &mut f64, step: f64, direction: f64| *price = (*price + step * direction).clamp(0.0, price_max);
+        for rows in self.layout.priced() {
+            let of_rows = self.now[rows.clone()].iter_mut().zip(&self.direction[rows]);
+            of_rows.for_each(|(price, &direction)| go(price, step, direction));
         }
+        go(&mut self.now[stranded_row], step * STRANDED_SCALE, self.direction[stranded_row]);
     }
 }

@@ -2,129 +2,13 @@
 
 use std::ops::Range;
 
-use super::crowd::{Counted, Crowd};
-use crate::book::Book;
+use super::crowd::Counted;
+use super::layout::{BAY, BY_TICK, CROWD, LIFT, Layout, POWER, SLOT, SPARE};
 use crate::problem::Problem;
 use crate::way::{Choices, Mode, Way};
 
-/// Bays, lift, slot, spares, power: so many rows have one entry per tick.
-pub(super) const BY_TICK: usize = 5;
-const BAY: usize = 0;
-const LIFT: usize = 1;
-const SLOT: usize = 2;
-const SPARE: usize = 3;
-const POWER: usize = 4;
-/// The row of those who draw most at a time, which has one entry per tick too but stands behind the others.
-const CROWD: usize = 5;
-/// So many rows are gone through on two threads; 1,000 robots have 27,000. Until that was so, a tenth of their time was one thread's.
-const SHARED_ROWS_MIN: usize = 16_384;
 /// Tables of places at a station.
 const PLACES: usize = 4;
-
-/// Which row stands where, and how much of everything there is.
-///
-/// Rows are scaled so that one unit is about what one service takes of them: prices of bays and
-/// of energy then move at the same pace.
-#[derive(Debug)]
-pub(super) struct Layout {
-    ticks: usize,
-    /// First row of each station, and the end.
-    first: Vec<usize>,
-    /// For each station the ticks before which energy is limited.
-    before: Vec<Vec<usize>>,
-    /// What there is of each row, in the row's own unit (ticks, pieces, mWh).
-    pub(super) there: Vec<i64>,
-    /// One over the row's own units in one unit of its price.
-    inverse: Vec<f64>,
-    /// The greatest draw of a way, in units of the power rows' scale, at least 1.
-    draw_max: f64,
-    /// Ticks on the lift before and after a charge, and for an exchange, at each station.
-    handling: Vec<[usize; 3]>,
-    crowds: Vec<Crowd>,
-}
-
-impl Layout {
-    pub(super) fn new(problem: &Problem) -> Self {
-        let ticks = problem.horizon as usize;
-        let curves = problem.batteries.iter().flat_map(|battery| &battery.chargers).flat_map(|charger| &charger.curve);
-        let draw = curves.map(|segment| segment.draw).max().unwrap_or(1).max(1) as f64;
-        let service = (problem.batteries.iter().map(|battery| battery.capacity).max().unwrap_or(1) as f64 * 0.7).max(1.0);
-        let handling = problem.stations.iter().flat_map(|station| [station.load_draw, station.unload_draw, station.swap_draw]);
-        let draw_max = (handling.max().unwrap_or(0) as f64 / draw).max(1.0);
-        let mut layout = Self {
-            ticks,
-            first: vec![0],
-            before: Vec::new(),
-            there: Vec::new(),
-            inverse: Vec::new(),
-            draw_max,
-            handling: Vec::new(),
-            crowds: Vec::new(),
-        };
-        for station in &problem.stations {
-            let book = Book::new(problem, station);
-            // What is overdrawn already is there for nobody, and no more than that.
-            layout.there.extend(book.left().into_iter().map(|left| left.max(0)));
-            for row in 0..BY_TICK {
-                layout.inverse.extend(std::iter::repeat_n(if row == POWER { 1.0 / draw } else { 1.0 }, ticks));
-            }
-            layout.inverse.extend(book.limits().iter().map(|_| 1.0 / service));
-            let left = book.left();
-            let rows = |row: usize| &left[row * ticks..][..ticks];
-            let crowd = Crowd::new(problem, station, [BAY, LIFT, SLOT, SPARE, POWER].map(rows));
-            layout.there.extend(&crowd.there);
-            layout.inverse.extend(crowd.there.iter().map(|_| 1.0));
-            layout.crowds.push(crowd);
-            layout.before.push(book.limits().iter().map(|limit| limit.before as usize).collect());
-            layout.first.push(layout.there.len());
-            layout.handling.push([station.load_ticks, station.unload_ticks, station.swap_ticks].map(|ticks| ticks as usize));
-        }
-        layout
-    }
-
-    /// The first row of a station's crowd.
-    fn crowd(&self, station: usize) -> usize {
-        self.first[station + 1] - self.crowds[station].there.len()
-    }
-
-    /// Who is in each station's crowd.
-    pub(super) fn crowded(&self) -> Vec<Counted> {
-        self.crowds.iter().map(|crowd| crowd.counted).collect()
-    }
-
-    /// The most there can be of a station's crowd in each tick; empty when nobody is counted.
-    pub(super) fn crowd_there(&self, station: usize) -> &[i64] {
-        &self.crowds[station].there
-    }
-
-    /// How much there is of each row of a station.
-    pub(super) fn there(&self, station: usize) -> &[i64] {
-        &self.there[self.first[station]..self.first[station + 1]]
-    }
-
-    pub(super) fn rows(&self) -> usize {
-        self.there.len()
-    }
-
-    /// Whether one thread goes through all rows before others have begun.
-    pub(super) fn is_small(&self) -> bool {
-        self.rows() < SHARED_ROWS_MIN
-    }
-
-    /// The prices of a station's rows as whole numbers per unit of each.
-    pub(super) fn whole(&self, station: usize, prices: &[f64], unit: i64) -> Vec<i64> {
-        (self.first[station]..self.first[station + 1]).map(|row| (prices[row] * self.inverse[row] * unit as f64) as i64).collect()
-    }
-
-    /// The greatest price of a row: with it everywhere, the sums over all ticks are still whole numbers
-    /// of 64 bits. Prices of any height give a valid bound, so nothing is lost by the limit.
-    pub(super) fn price_max(&self, unit: i64) -> f64 {
-        let limits = self.before.iter().map(Vec::len).max().unwrap_or(0);
-        // One of the crowd may count twice.
-        let counted = (BY_TICK + 2) * (1 + limits) * self.ticks.max(1);
-        i64::MAX as f64 / (unit as f64 * counted as f64 * self.draw_max)
-    }
-}
 
 /// Whole prices, added up beforehand: a place at a station costs what its beginning costs and what its end costs,
 /// since how long it stands on the lift or in the slot is the same for all ways of a station.
@@ -178,14 +62,15 @@ impl Table {
             for row in 0..BY_TICK {
                 let mut later: i64 = energy.iter().sum();
                 let mut limits = layout.before[station].iter().zip(&energy).peekable();
-                let rows = first + row * ticks..first + (row + 1) * ticks;
+                let rows = first + row * ticks + layout.asked.start..first + row * ticks + layout.asked.end;
                 let out = &mut sums[row * width..][..width];
                 // Most rows are asked for nothing.
                 if prices[rows].iter().all(|&price| price == 0.0) && (row != POWER || later == 0) {
                     out.fill(0);
                     continue;
                 }
-                for tick in 0..ticks {
+                out[..=layout.asked.start].fill(0);
+                for tick in layout.asked.clone() {
                     let at = first + row * ticks + tick;
                     let mut price = whole(at);
                     table.earned += i128::from(price) * i128::from(layout.there[at]);
@@ -198,6 +83,8 @@ impl Table {
                     }
                     out[tick + 1] = out[tick] + price;
                 }
+                let last = out[layout.asked.end];
+                out[layout.asked.end..].fill(last);
             }
             let crowd = layout.crowd(station)..layout.first[station + 1];
             let mut sum = 0;
@@ -356,11 +243,11 @@ impl Uses {
         let begin = layout.first[stations.start];
         for station in stations {
             let first = layout.first[station];
-            let mut drawn = vec![0; self.width];
+            let (mut drawn, asked_in) = (vec![0; self.width], &layout.asked);
             for row in 0..BY_TICK {
                 let changes = &self.changes[(station * (BY_TICK + 1) + row) * self.width..][..self.width];
                 let mut asked = 0;
-                for tick in 0..layout.ticks {
+                for tick in asked_in.clone() {
                     asked += changes[tick];
                     let at = first + row * layout.ticks + tick;
                     over[at - begin] = (asked - layout.there[at]) as f64 * layout.inverse[at];
@@ -369,6 +256,8 @@ impl Uses {
                     }
                 }
             }
+            let all = drawn[asked_in.end];
+            drawn[asked_in.end..].fill(all);
             let changes = &self.changes[(station * (BY_TICK + 1) + CROWD) * self.width..][..self.width];
             let mut asked = 0;
             for (at, change) in (layout.crowd(station)..layout.first[station + 1]).zip(changes) {
