@@ -167,7 +167,7 @@ fn battery(raw: &raw::Battery) -> Result<Battery, InstanceError> {
         floor,
         min_gain,
         targets: raw.targets.clone(),
-        chargers: vec![Charger { swap_energy, curve, owed: Vec::new() }],
+        chargers: vec![Charger { swap_energy, again_energy: swap_energy, curve, owed: Vec::new() }],
     })
 }
 

@@ -49,6 +49,8 @@ pub struct Battery {
 pub struct Charger {
     /// What a charged spare of the station holds.
     pub swap_energy: i64,
+    /// What a pack that a robot left holds when it has been charged and is a spare, at least `swap_energy`.
+    pub again_energy: i64,
     /// The taper: the first segment above the stored energy holds.
     pub curve: Vec<Segment>,
     /// Ticks of work that a robot owes which is let go at each of [`Battery::targets`], because it comes again so much

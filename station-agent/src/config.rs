@@ -95,6 +95,10 @@ pub enum SourceConfig {
         load: ModelRef,
         /// The true packs.
         packs: BTreeMap<PackId, TruePack>,
+        /// True models of spares that are of another kind than what robots leave (`charging.spare_battery`): that is charged in their
+        /// places.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        spares: BTreeMap<SpareId, ModelRef>,
         /// Time to lift a robot into a bay, s.
         load_s: f64,
         /// Time to lift a robot out of a bay, s.
@@ -185,7 +189,8 @@ impl Config {
         for spare in &self.spares {
             fraction(format!("spares.{}.soc", spare.id), spare.soc)?;
         }
-        let SourceConfig::Sim { packs, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, .. } = &self.source;
+        let SourceConfig::Sim { packs, spares, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, .. } =
+            &self.source;
         charging.check().context("source")?;
         selector.map_or(Ok(()), |selector| selector.check()).context("source")?;
         depot.map_or(Ok(()), |depot| depot.check()).context("source")?;
@@ -199,6 +204,8 @@ impl Config {
             fraction(format!("source.packs.{}.soc", pack.id), truth.soc)?;
             truth.age.check().with_context(|| format!("source.packs.{}", pack.id))?;
         }
+        let unknown = spares.keys().find(|id| !self.spares.iter().any(|spare| spare.id == **id));
+        ensure!(unknown.is_none(), "source.spares: there is no spare {}", unknown.map_or("", AsRef::as_ref));
         self.alone.check()?;
         self.publish.check()
     }
@@ -208,7 +215,7 @@ impl Config {
     /// # Errors
     /// When a model cannot be read.
     pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, StationBody)> {
-        let SourceConfig::Sim { load, packs, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, seed } =
+        let SourceConfig::Sim { load, packs, spares, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, seed } =
             &self.source;
         let mut true_packs = Vec::new();
         for pack in &self.packs {
@@ -226,6 +233,10 @@ impl Config {
             converter_w_max: charging.converter_w(),
             recharge_w: charging.recharge_w,
             spare_battery: charging.load(path)?,
+            spare_batteries: spares
+                .iter()
+                .map(|(id, battery)| Ok((id.clone(), battery.load_as(System::Battery, &format!("source.spares.{id}"), path)?)))
+                .collect::<anyhow::Result<_>>()?,
             selector: *selector,
             depot: *depot,
             vehicle: match vehicle {

@@ -1,7 +1,6 @@
 //! How many more robots can be serviced: the services of the plan first, in its order, then whoever else would come.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use energy::{Estimate, Need};
 use planner::Mode;
@@ -66,24 +65,28 @@ fn question(
     let from_soc = basis.settings.serve_below_soc;
     // Where nothing charges in a bay, a service is an exchange.
     let exchanges = state.bays.is_empty() && !state.spares.is_empty();
-    // Where all spares are away, nobody knows what they are: they may fit.
-    let kind = |robot: &RobotView| racks.given(view, robot, index).or(station.spares.is_empty().then_some(0));
-    let usual = |soc: Estimate, table: &Table, kind: Option<u16>| match kind.filter(|_| exchanges) {
-        Some(kind) => exchange(basis, station, models, table, soc, kind),
-        None => charge(station, models, table, soc),
+    let usual = |soc: Estimate, table: &Table, kind: Option<u16>| match exchanges {
+        true => exchange(basis, station, models, table, soc, kind),
+        false => charge(station, models, table, soc),
     };
     let coming = robots.iter().filter_map(|(from_s, planned, robot)| {
         let (_, _, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
         let soc = Estimate::new((robot.soc.value - robot.drain_soc_per_s * from_s).max(0.0), robot.soc.sigma);
         let wanted = match planned {
-            Some(planned) => as_planned(planned, station, models, table, soc, kind(robot).unwrap_or(0)),
-            None => usual(soc, table, kind(robot)),
+            Some(planned) => {
+                let spare = station.spares.iter().find(|spare| planned.spare.as_ref() == Some(&spare.spare));
+                as_planned(planned, station, models, table, soc, spare.map(|spare| racks.kind(index, spare)))
+            }
+            // Where all spares are away, nobody knows what they are: they may fit. Who takes none of them is not served there.
+            None => match racks.given(view, robot, index) {
+                None if exchanges && !station.spares.is_empty() => return None,
+                kind => usual(soc, table, kind),
+            },
         };
         let from_s = from_s - station.committed_until_s;
         Some(Coming { robot: robot.robot.clone(), wanted, from_s, is_planned: planned.is_some() })
     });
-    let reference = basis.reference_battery().and_then(|battery| view.robots.iter().find(|robot| Arc::ptr_eq(&robot.battery, battery)));
-    let service = usual(Estimate::exact(from_soc), &table, Some(reference.and_then(kind).unwrap_or(0)));
+    let service = usual(Estimate::exact(from_soc), &table, None);
     Some(Question {
         station: id.clone(),
         packs: state.packs.iter().filter_map(|pack| holding(basis, station, &pack.pack, pack.connected)).collect(),
@@ -116,8 +119,8 @@ fn charge(station: &StationView, models: &StationModels, table: &Table, soc: Est
     }
 }
 
-/// An exchange for a charged spare of a kind.
-fn exchange(basis: &Basis<'_>, station: &StationView, models: &StationModels, table: &Table, soc: Estimate, kind: u16) -> Wanted {
+/// An exchange for a charged spare of a kind, or any.
+fn exchange(basis: &Basis<'_>, station: &StationView, models: &StationModels, table: &Table, soc: Estimate, kind: Option<u16>) -> Wanted {
     let (need, time_s) = (basis.exchange(&station.station, models), models.handling.swap_s);
     let course = Course { even_wh: need.mean_wh, ..Course::default() };
     Wanted { need, time_s, course, place: Place::Spare(kind), left: left_behind(station, models, table, soc, time_s) }
@@ -138,7 +141,7 @@ fn by_cause(exchange: &Wanted) -> BTreeMap<String, f64> {
 }
 
 /// What the plan says of a service; an exchange is for a spare of the kind.
-fn as_planned(planned: &Planned, station: &StationView, models: &StationModels, table: &Table, soc: Estimate, kind: u16) -> Wanted {
+fn as_planned(planned: &Planned, station: &StationView, models: &StationModels, table: &Table, soc: Estimate, kind: Option<u16>) -> Wanted {
     let time_s = planned.end.seconds_since(planned.start);
     let (need, left) = match planned.mode {
         Mode::SwapAndRecharge => Recharging::split(&planned.need, table.at(soc.value), time_s),

@@ -154,6 +154,7 @@ impl Scenario {
             source: station_agent::SourceConfig::Sim {
                 load: truth(&entry.load),
                 packs: entry.packs.iter().map(|pack| (pack.id.clone(), true_pack(pack))).collect(),
+                spares: entry.spares.iter().filter_map(|spare| Some((spare.id.clone(), truth(spare.battery.as_deref()?)))).collect(),
                 load_s: entry.load_s,
                 unload_s: entry.unload_s,
                 swap_s: entry.swap_s,

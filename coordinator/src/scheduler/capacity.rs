@@ -83,8 +83,8 @@ pub struct Wanted {
 pub enum Place {
     /// A bay, until it is over.
     Bay,
-    /// A spare of this kind; what it leaves becomes one ([`Wanted::left`]).
-    Spare(u16),
+    /// A spare of this kind, or of any; what it leaves becomes one of the same ([`Wanted::left`]).
+    Spare(Option<u16>),
 }
 
 impl Wanted {
@@ -282,7 +282,7 @@ impl Free {
         let first = match wanted.place {
             Place::Bay => (0..bays_s.len()).map(|bay| (bay, bays_s[bay])).min_by(|a, b| a.1.total_cmp(&b.1)),
             Place::Spare(kind) => {
-                let own = (0..spares.len()).filter(|&spare| spares[spare].0 == kind);
+                let own = (0..spares.len()).filter(|&spare| kind.is_none_or(|kind| kind == spares[spare].0));
                 own.map(|spare| (spare, spares[spare].1)).min_by(|a, b| a.1.total_cmp(&b.1))
             }
         };
@@ -293,7 +293,8 @@ impl Free {
                 None
             }
             (Place::Spare(kind), found) => {
-                found.map(|(spare, _)| spares.swap_remove(spare));
+                let taken = found.map(|(spare, _)| spares.swap_remove(spare).0);
+                let kind = taken.or(kind).unwrap_or(0);
                 spares.extend(wanted.left.as_ref().map(|left| (kind, start_s + left.until_s)));
                 if found.is_none() { Some(Lack::Spare) } else { None }
             }

@@ -59,7 +59,7 @@ impl Table {
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
-            let (bare_wh, bare_s) = forecast::spare_again(station, 1, soc).unwrap_or((0.0, recharge.charge_s));
+            let (bare_wh, bare_s) = forecast::spare_again(station, battery, 1, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
             Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh, bare_s }
         };
@@ -223,8 +223,8 @@ impl Course {
 
 /// Station, battery, robots side by side, temperature step.
 type Kind = (Alike, usize, usize, i32);
-/// Station, packs side by side, hundredths of charge.
-type Beside = (Alike, usize, i32);
+/// Station, kind of pack, packs side by side, hundredths of charge.
+type Beside = (Alike, usize, usize, i32);
 /// Station and its bays, kind of pack, power (bits), temperature step.
 type Ending = (Alike, usize, usize, u64, i32);
 
@@ -260,17 +260,18 @@ impl Tables {
         Arc::clone(known.entry(kind).or_insert_with(made))
     }
 
-    /// How long it takes to charge a pack that a robot left beside others, s, where they share what the station's converters give; none
-    /// where they do not.
+    /// How long it takes to charge a pack of this kind that a robot left beside others of it, s, where they share what the station's
+    /// converters give; none where they do not.
     #[must_use]
-    pub fn charged_beside(&self, station: &StationModels, at_once: usize, soc: f64) -> Option<f64> {
+    pub fn charged_beside(&self, station: &StationModels, battery: &Arc<Model>, at_once: usize, soc: f64) -> Option<f64> {
         if at_once < 2 || station.converter_w_max.is_infinite() {
             return None;
         }
         let percent = (soc * 100.0).round();
         let mut known = self.beside.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || forecast::spare_again(station, at_once, percent / 100.0).map(|(_, charge_s)| charge_s);
-        *known.entry((station.alike(), at_once, percent as i32)).or_insert_with(made)
+        let made = || forecast::spare_again(station, battery, at_once, percent / 100.0).map(|(_, charge_s)| charge_s);
+        let key = (station.alike(), Arc::as_ptr(battery).addr(), at_once, percent as i32);
+        *known.entry(key).or_insert_with(made)
     }
 
     /// How much more a pack of this kind gives because the load of the station's bays ends gently, Wh.

@@ -2,7 +2,8 @@
 
 use super::problem::{RobotView, SpareView, StationView, View};
 
-/// Spares that hold so much less than the fullest of their kind are handed out later: a plan takes all for as full as the last one.
+/// Spares that hold so much less than another of their kind, which is ready no later, are handed out later: a plan takes all for as full
+/// as the last one.
 const ALIKE_SOC: f64 = 0.1;
 
 /// The kinds of all stations' spares, as a plan tells them apart.
@@ -10,6 +11,8 @@ const ALIKE_SOC: f64 = 0.1;
 pub struct Racks {
     /// By station and by the view's kind.
     kinds: Vec<Vec<u16>>,
+    /// How many robots take each kind, by station.
+    takers: Vec<Vec<usize>>,
 }
 
 impl Racks {
@@ -20,6 +23,7 @@ impl Racks {
             let count = station.spares.iter().map(|spare| spare.kind + 1).max().unwrap_or(0);
             let is_here = |robot: &&RobotView| robot.travel.iter().any(|(there, ..)| *there == index);
             let here: Vec<&RobotView> = if count > 1 { view.robots.iter().filter(is_here).collect() } else { Vec::new() };
+            // Where there is one kind, it does not matter.
             let mut known: Vec<Vec<bool>> = Vec::new();
             let mut place = |kind: usize| {
                 let takers: Vec<bool> = here.iter().map(|robot| robot.takes(index, kind)).collect();
@@ -29,9 +33,11 @@ impl Racks {
                 }
                 place as u16
             };
-            (0..count).map(&mut place).collect()
+            let kinds: Vec<u16> = (0..count).map(&mut place).collect();
+            (kinds, known.iter().map(|takers| takers.iter().filter(|takes| **takes).count()).collect::<Vec<usize>>())
         };
-        Self { kinds: view.stations.iter().enumerate().map(of).collect() }
+        let (kinds, takers) = view.stations.iter().enumerate().map(of).unzip();
+        Self { kinds, takers }
     }
 
     /// The kind of a spare at a station.
@@ -40,20 +46,24 @@ impl Racks {
         self.kinds[station][spare.kind]
     }
 
-    /// The kind of spares that a robot is given at a station: of those that go into it the one with the fullest. None where
-    /// no spare does.
+    /// The kind of spares that a robot is given at a station: of those that go into it, and of which one is there now if any is, the
+    /// one that goes into the fewest others, then the one with the fullest. None where no spare goes into it.
     #[must_use]
     pub fn given(&self, view: &View, robot: &RobotView, station: usize) -> Option<u16> {
         let fitting = view.stations[station].spares.iter().filter(|spare| robot.takes(station, spare.kind));
-        let fullest = fitting.max_by(|a, b| a.soc.total_cmp(&b.soc).then(b.kind.cmp(&a.kind)))?;
-        Some(self.kind(station, fullest))
+        let fitting = fitting.map(|spare| (self.kind(station, spare), spare));
+        let best = fitting.min_by(|(one, a), (other, b)| {
+            let key = |kind: u16, spare: &SpareView| (spare.ready_s > 0.0, self.takers[station][usize::from(kind)]);
+            key(*one, a).cmp(&key(*other, b)).then(b.soc.total_cmp(&a.soc)).then(one.cmp(other))
+        });
+        best.map(|(kind, _)| kind)
     }
 
-    /// Spares of a kind that are handed out next: the fullest, and those that hold nearly as much.
+    /// Spares of a kind that are handed out next: those beside which none is ready that holds much more.
     pub(super) fn next<'a>(&'a self, view: &'a View, station: usize, kind: u16) -> impl Iterator<Item = &'a SpareView> {
         let own = move || view.stations[station].spares.iter().filter(move |spare| self.kind(station, spare) == kind);
-        let fullest = own().map(|spare| spare.soc).fold(0.0, f64::max);
-        own().filter(move |spare| spare.soc >= fullest - ALIKE_SOC)
+        let is_next = move |spare: &&SpareView| !own().any(|other| other.ready_s <= spare.ready_s && other.soc - ALIKE_SOC > spare.soc);
+        own().filter(is_next)
     }
 
     /// The same of all kinds.

@@ -7,7 +7,7 @@ use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, optimise, renew, re
 use proto::RobotId;
 
 use super::again::{unsure, with_the_uncounted};
-use super::plan::Plan;
+use super::plan::{Plan, Planned, Rejected};
 use super::problem::{RobotView, StationView, View};
 use super::translate::{Offer, Task, worth};
 use crate::models::{Settings, ShortEnergy};
@@ -69,6 +69,16 @@ impl Solved {
         let plan = Plan::new(&task, &found, before, settings.confidence);
         let wants_place = found.plan.unserved.iter().any(|unserved| unserved.stranded && unserved.wants_place);
         Self { sessions: found.plan.sessions, plan, task, wants_place }
+    }
+
+    /// Who would have an exchange and no spare for it: robot and station.
+    fn without_a_spare(&self) -> Vec<(usize, usize)> {
+        let exchanges = self.sessions.iter().filter(|session| !matches!(session.mode, Mode::Charge(_)));
+        let is_without = |session: &&Session| {
+            let robot = &self.task.view.robots[session.robot].robot;
+            self.plan.planned.iter().any(|planned| planned.robot == *robot && planned.spare.is_none())
+        };
+        exchanges.filter(is_without).map(|session| (session.robot, session.station)).collect()
     }
 
     /// What there is to choose from for these robots, and what was chosen for the others.
@@ -176,9 +186,21 @@ impl Asked<'_> {
         if spares.is_disjoint(left) {
             return None;
         }
-        let promised = Plan { planned: self.before.planned.clone(), ..Plan::default() };
+        // Nobody else is given anything for it.
+        let is_promised = |robot: &&RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
+        let others = self.view.robots.iter().filter(|robot| !is_promised(robot));
+        let reasons = vec!["a service of its own would take from others what they were promised".to_owned()];
+        let rejected = others.map(|robot| Rejected { robot: robot.robot.clone(), stranded: true, reasons: reasons.clone() });
+        let promised = Plan { planned: self.before.planned.clone(), rejected: rejected.collect(), ..Plan::default() };
         let (kept, unsure) = self.beside(&promised, &best.plan, &spares, Offer::Spares(&spares));
-        (unsure.is_empty() && missed(&kept) < missed(best)).then_some(kept)
+        // Promises come first: a service hours ahead that nobody was promised is no reason to break one.
+        (unsure.is_empty() && (self.broken(&kept), missed(&kept)) < (self.broken(best), missed(best))).then_some(kept)
+    }
+
+    /// How many of those who were promised a service have none.
+    fn broken(&self, solved: &Solved) -> usize {
+        let is_kept = |promised: &&Planned| solved.plan.planned.iter().any(|planned| planned.robot == promised.robot);
+        self.before.planned.len() - self.before.planned.iter().filter(is_kept).count()
     }
 
     /// Who strands and could come to such a station.
@@ -240,10 +262,27 @@ impl Asked<'_> {
         None
     }
 
-    fn planned(&self, view: View, offer: Offer<'_>) -> Solved {
-        let task = Task::new(view, self.settings, &self.before.planned, offer);
-        let found = plan(&task, self.settings, self.before, self.effort);
-        Solved::new(task, found, self.before, self.settings)
+    /// A plan in whole ticks and the times at which spares are ready may differ by a little: whom a plan gives an exchange for which there
+    /// is no spare then is asked again, without one. What was proven before holds for less choice as well.
+    fn planned(&self, mut view: View, offer: Offer<'_>) -> Solved {
+        let mut proven = None;
+        loop {
+            let task = Task::new(view, self.settings, &self.before.planned, offer);
+            let found = plan(&task, self.settings, self.before, self.effort);
+            let mut solved = Solved::new(task, found, self.before, self.settings);
+            let quality = &mut solved.plan.quality;
+            let bound = *proven.get_or_insert(*quality);
+            (quality.stranded_bound, quality.missed_bound_s) = (bound.stranded_bound, bound.missed_bound_s);
+            let without = solved.without_a_spare();
+            if without.is_empty() {
+                return solved;
+            }
+            view = solved.task.view;
+            for (robot, station) in without {
+                let kinds: Vec<usize> = view.stations[station].spares.iter().map(|spare| spare.kind).collect();
+                view.robots[robot].unfit.extend(kinds.into_iter().map(|kind| (station, kind)));
+            }
+        }
     }
 }
 

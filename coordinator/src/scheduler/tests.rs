@@ -1,5 +1,6 @@
 //! Small fleets by hand, through the whole of the translation.
 
+mod racks;
 mod stepped;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -101,45 +102,6 @@ fn solved(robots: Vec<RobotView>, stations: Vec<StationView>) -> Solved {
 
 fn names(plan: &Plan) -> Vec<&str> {
     plan.planned.iter().map(|planned| planned.robot.as_ref()).collect()
-}
-
-#[test]
-fn nobody_gets_a_spare_of_a_kind_that_does_not_fit() {
-    // Two kinds of spares, the fuller of the wrong kind for both robots; one of theirs is left for one of them.
-    let mut rack = station("rack", 0, &[80.0], &[0.99, 0.97, 0.98]);
-    (rack.spares[0].kind, rack.spares[2].kind) = (1, 1);
-    let explorer = |name: &str, soc: f64| RobotView { unfit: vec![(0, 1)], ..robot(name, soc, &[(0, 60.0)]) };
-    let found = solved(vec![explorer("a", 0.11), explorer("b", 0.12)], vec![rack.clone()]);
-    let [planned] = &found.plan.planned[..] else { panic!("{:?}", found.plan) };
-    assert_eq!(planned.spare.as_ref().map(AsRef::as_ref), Some("spare-1"));
-    assert_eq!(found.plan.rejected[0].reasons, ["rack: no charged spare that fits it is left at 00:04"]);
-    // Who can take the other kind has it.
-    let other = RobotView { unfit: vec![(0, 0)], ..robot("c", 0.12, &[(0, 60.0)]) };
-    let found = solved(vec![explorer("a", 0.11), other], vec![rack]);
-    let given: BTreeSet<_> =
-        found.plan.planned.iter().map(|one| (one.robot.to_string(), one.spare.as_ref().unwrap().to_string())).collect();
-    assert_eq!(given, [("a", "spare-1"), ("c", "spare-0")].map(|(robot, spare)| (robot.to_owned(), spare.to_owned())).into());
-}
-
-#[test]
-fn a_robot_waits_for_a_spare_of_its_own_kind_whatever_others_there_are() {
-    // What fits is far less full than what does not, and the second of it is being charged.
-    let mut rack = station("rack", 0, &[80.0], &[0.99, 0.85, 0.85, 0.99]);
-    (rack.spares[0].kind, rack.spares[3].kind) = (1, 1);
-    rack.spares[2].ready_s = 900.0;
-    let explorer = |name: &str| RobotView { unfit: vec![(0, 1)], ..robot(name, 0.12, &[(0, 60.0)]) };
-    let found = solved(vec![explorer("a"), explorer("b")], vec![rack.clone()]);
-    let starts_s = |spare: &str| {
-        let has = |one: &&Planned| one.spare.as_ref().is_some_and(|given| given.as_ref() == spare);
-        found.plan.planned.iter().find(has).map(|one| one.start.seconds_since(found.task.view.now))
-    };
-    let (now_s, then_s) = (starts_s("spare-1").expect("the first is there"), starts_s("spare-2").expect("the second is waited for"));
-    assert!(now_s < 900.0 && then_s >= 890.0, "{now_s} {then_s}");
-    assert_eq!(found.plan.quality.stranded_bound, 0);
-    // Who is empty before that is told what it waits for.
-    let found = solved(vec![explorer("a"), RobotView { empty_s: 800.0, ..explorer("b") }, explorer("c")], vec![rack]);
-    assert_eq!((found.plan.planned.len(), found.plan.rejected.len()), (2, 1));
-    assert!(found.plan.rejected[0].reasons[0].contains("no charged spare that fits it is left"), "{:?}", found.plan.rejected);
 }
 
 #[test]

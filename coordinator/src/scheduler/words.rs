@@ -163,7 +163,7 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
             minutes(endurance as f64)
         ),
         Why::NoPlace => "no bay works, and no charged spare is left".to_owned(),
-        Why::NoFit => "no bay works, and no spare that fits it is left".to_owned(),
+        Why::NoFit => "no bay works, and none of the spares fits".to_owned(),
         Why::TooLate { .. } => "no service that adds enough ends in time".to_owned(),
         Why::Pointless => "a service there would cost more work than it gives".to_owned(),
         Why::Free { start, cost, unserved } => format!(

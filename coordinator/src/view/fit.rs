@@ -37,6 +37,11 @@ impl SpareKind {
         }
     }
 
+    /// Its battery model, where that is known.
+    pub(super) fn model(&self) -> Option<&Arc<Model>> {
+        self.model.as_ref()
+    }
+
     fn is(&self, other: &Self) -> bool {
         let address = |kind: &Self| kind.model.as_ref().map(Arc::as_ptr);
         self.name == other.name && address(self) == address(other)
@@ -63,7 +68,7 @@ impl Basis<'_> {
     }
 
     /// What a spare of a station is: as it says itself, or else what packs of robots are there.
-    fn kind_of(&self, models: &StationModels, spare: &SpareState) -> SpareKind {
+    pub(super) fn kind_of(&self, models: &StationModels, spare: &SpareState) -> SpareKind {
         match &spare.battery {
             Some(name) => SpareKind { name: Some(name.clone()), model: self.models.named(name).cloned() },
             None => SpareKind { name: None, model: models.spare_battery.clone() },

@@ -1,6 +1,9 @@
 //! Spares: which can be handed out and when, and what those take that are still charged.
 
-use energy::{Estimate, Need};
+use std::sync::Arc;
+
+use energy::units::REFERENCE_DEGC;
+use energy::{Estimate, Model, Need};
 use proto::{SpareId, SpareState, StationId, StationState};
 
 use super::Basis;
@@ -46,7 +49,7 @@ impl Basis<'_> {
                 let gauged = || self.fleet.robots.get(&run.robot)?.gauge.as_ref().map(|gauge| from_wire(gauge.soc));
                 let soc = run.hands_over.or_else(gauged).unwrap_or(Estimate::exact(0.0));
                 let from_s = self.ends_s(run);
-                let (charge_s, need) = self.whole(&view.station, models, state, soc);
+                let (charge_s, need) = self.whole(&view.station, models, state, spare, soc);
                 view.recharging.extend(need.map(|need| Recharging { from_s, until_s: from_s + charge_s, need }));
                 (from_s + charge_s, self.settings.charge_to_soc)
             } else if spare.ready {
@@ -77,7 +80,7 @@ impl Basis<'_> {
         let left = station.left.get(&spare.spare);
         let since_s = left.map_or(0.0, |left| self.now.seconds_since(left.since));
         let soc = left.map_or(from_wire(spare.soc), |left| left.soc(from_wire(spare.soc)));
-        let Some(table) = self.reference(id, models) else { return Left { until_s: LATE_S, need: None } };
+        let Some((table, battery)) = self.charge_of(id, models, spare) else { return Left { until_s: LATE_S, need: None } };
         let whole_s = table.at(soc.value).bare_s;
         let alone_s = whole_s - since_s;
         if alone_s <= 0.0 {
@@ -88,15 +91,30 @@ impl Basis<'_> {
         let need = self.bare(id, &table, Estimate::new(reached, alone_s / whole_s * soc.sigma));
         // From the last level of the table on, less and less of its charge is left.
         let share = (alone_s / table.at(reached).bare_s).min(1.0);
-        let until_s = (alone_s * self.longer_beside(id, models, state, soc.value, whole_s)).max(LATE_S);
+        let until_s = (alone_s * self.longer_beside((id, models, state), &battery, soc.value, whole_s)).max(LATE_S);
         Left { until_s, need: need.map(|need| need.scaled(share)) }
     }
 
-    /// What a pack that a robot leaves with that much charge takes then: how long, s, and how much of the station's packs.
-    fn whole(&self, id: &StationId, models: &StationModels, state: &StationState, soc: Estimate) -> (f64, Option<Need>) {
-        let Some(table) = self.reference(id, models) else { return (0.0, None) };
+    /// What a pack that a robot leaves for a spare with that much charge takes then: how long, s, and how much of the station's packs.
+    fn whole(
+        &self,
+        id: &StationId,
+        models: &StationModels,
+        state: &StationState,
+        spare: &SpareState,
+        soc: Estimate,
+    ) -> (f64, Option<Need>) {
+        let Some((table, battery)) = self.charge_of(id, models, spare) else { return (0.0, None) };
         let whole_s = table.at(soc.value).bare_s;
-        (whole_s * self.longer_beside(id, models, state, soc.value, whole_s), self.bare(id, &table, soc))
+        (whole_s * self.longer_beside((id, models, state), &battery, soc.value, whole_s), self.bare(id, &table, soc))
+    }
+
+    /// What charging takes of what is left in a spare's place, which is of its kind; where nobody said what that is, of the battery that
+    /// capacity is counted in.
+    fn charge_of(&self, id: &StationId, models: &StationModels, spare: &SpareState) -> Option<(Arc<Table>, Arc<Model>)> {
+        let kind = self.kind_of(models, spare);
+        let battery = kind.model().or_else(|| self.reference_battery())?;
+        Some((self.table(id, models, battery, REFERENCE_DEGC), Arc::clone(battery)))
     }
 
     /// What the station's packs give for it: nothing where what robots leave is put aside, or charged from outside.
@@ -106,10 +124,16 @@ impl Basis<'_> {
     }
 
     /// How many times as long that takes beside all that are charged now, where they share what the converters give.
-    fn longer_beside(&self, id: &StationId, models: &StationModels, state: &StationState, soc: f64, whole_s: f64) -> f64 {
+    fn longer_beside(
+        &self,
+        (id, models, state): (&StationId, &StationModels, &StationState),
+        battery: &Arc<Model>,
+        soc: f64,
+        whole_s: f64,
+    ) -> f64 {
         let spares = state.spares.iter().filter(|spare| !spare.ready).count();
         let robots = self.running.values().filter(|run| run.station == *id && run.at_place() && matches!(run.how, How::Recharge { .. }));
-        let shared_s = self.tables.charged_beside(models, spares + robots.count(), soc);
+        let shared_s = self.tables.charged_beside(models, battery, spares + robots.count(), soc);
         shared_s.map_or(1.0, |shared_s| (shared_s / whole_s.max(1.0)).max(1.0))
     }
 }

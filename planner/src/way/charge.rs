@@ -143,7 +143,7 @@ impl From {
         let charged = charge(battery, at, energy, targets, false);
         let charged_runs = runs.add((charger, false), at, &charged);
         let swap = swaps && at.swap_energy - energy >= battery.min_gain;
-        let bare = swap.then(|| charge(battery, at, energy, &[at.swap_energy], true));
+        let bare = swap.then(|| charge(battery, at, energy, &[at.again_energy], true));
         let bare_runs = bare.as_ref().map_or(0, |bare| runs.add((charger, true), at, bare));
         Self { charger, charged, charged_runs, bare, bare_runs }
     }

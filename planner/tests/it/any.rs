@@ -14,6 +14,7 @@ pub fn battery() -> Battery {
         targets: vec![600, 800, 970],
         chargers: vec![Charger {
             swap_energy: 960,
+            again_energy: 985,
             curve: vec![segment(800, 60, 75, 66), segment(930, 40, 52, 45), segment(1000, 15, 24, 18)],
             owed: Vec::new(),
         }],

@@ -80,7 +80,7 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
                 let kind = travel.spares.expect("a spare that fits");
                 handed_out.push((kind, start));
                 if session.mode == Mode::SwapAndRecharge {
-                    let (_, draws) = charged(problem, arrived, swap_energy, true);
+                    let (_, draws) = charged(problem, arrived, battery.chargers[0].again_energy, true);
                     for (tick, draw) in (end..horizon).zip(&draws) {
                         load[tick] += draw;
                     }

@@ -42,6 +42,8 @@ pub struct World {
     /// What packs of robots are, where they are charged and become spares; none where they are put
     /// aside.
     pub spare_battery: Option<Arc<Model>>,
+    /// The same of spares that are of another kind.
+    pub spare_batteries: BTreeMap<SpareId, Arc<Model>>,
     /// What happens while it changes packs; none for changes that nobody notices.
     pub selector: Option<SelectorConfig>,
     /// Where packs are exchanged; none where they stay.
@@ -145,7 +147,7 @@ impl StationBody {
             converter_w_max: world.converter_w_max,
             bay_w_max: f64::INFINITY,
             recharge_w: world.recharge_w,
-            shelf: Shelf::new(world.spare_battery, world.temperature_degc, world.seed),
+            shelf: Shelf::new((world.spare_battery, world.spare_batteries), world.temperature_degc, world.seed),
             charged: Vec::new(),
             selector: world.selector,
             depot: world.depot,

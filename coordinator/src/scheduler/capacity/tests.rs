@@ -100,7 +100,7 @@ fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
     // An exchange takes none: it is the charge after it that lacks one.
     let mut asked = question(&[70.0], 0);
     asked.robots = vec![coming("a", 20.0, 0.0)];
-    asked.robots[0].wanted.place = Place::Spare(0);
+    asked.robots[0].wanted.place = Place::Spare(None);
     asked.spares = vec![(0, 0.0)];
     let answer = first(&asked);
     assert_eq!((answer.robots_promised, answer.lacks_bay), (1, true));
@@ -110,7 +110,7 @@ fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
 fn exchanges(usable_wh: f64, spares_s: &[f64], charge_wh: Option<f64>) -> Question {
     let charge = |wh| Recharging { from_s: 60.0, until_s: 3660.0, need: Need { mean_wh: wh, ..Need::default() } };
     let mut asked = question(&[usable_wh], 0);
-    asked.service = Wanted { time_s: 60.0, place: Place::Spare(0), left: charge_wh.map(charge), ..wanted(1.0) };
+    asked.service = Wanted { time_s: 60.0, place: Place::Spare(None), left: charge_wh.map(charge), ..wanted(1.0) };
     asked.spares = spares_s.iter().map(|&ready_s| (0, ready_s)).collect();
     asked
 }
@@ -124,6 +124,25 @@ fn of_spares_that_are_put_aside_there_are_as_many_exchanges_as_spares() {
     assert!((told[0] - 1.1).abs() < 1e-9 && (told[1] - 5.1).abs() < 1e-9, "{told:?}");
     let nothing_charged = first(&exchanges(70.0, &[], None));
     assert_eq!((nothing_charged.robots_expected, nothing_charged.lacks_spare), (0, true));
+}
+
+#[test]
+fn a_robot_counts_on_spares_of_its_own_kind_and_one_more_on_any() {
+    // Two spares of the first kind, the second of them later, and one of another.
+    let mut asked = exchanges(70.0, &[0.0, 1800.0], None);
+    asked.spares.push((1, 0.0));
+    let of = |name: &str, kind| {
+        let mut robot = coming(name, 1.0, 0.0);
+        robot.wanted = Wanted { place: Place::Spare(Some(kind)), ..asked.service.clone() };
+        robot
+    };
+    let robots = [of("a", 0), of("b", 0)];
+    let answer = first(&Question { robots: robots.to_vec(), ..asked.clone() });
+    assert_eq!((answer.robots_promised, answer.lacks_spare), (3, true));
+    // Two exchanges and 6 Wh an hour, until the second one's spare is there.
+    assert!((answer.promises[1].need_wh.value - 5.1).abs() < 1e-9, "{:?}", answer.promises);
+    let answer = first(&Question { robots: robots.into_iter().chain([of("c", 0)]).collect(), ..asked });
+    assert_eq!((answer.robots_promised, answer.lacks_spare), (2, true));
 }
 
 #[test]

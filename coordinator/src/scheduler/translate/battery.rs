@@ -43,11 +43,12 @@ pub(super) fn battery(
         let spares = racks.given(view, robot, station).map(|kind| racks.next(view, station, kind));
         let swap_soc = spares.into_iter().flatten().map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
         let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
+        let again_energy = ((settings.charge_to_soc * capacity) as i64).max(swap_energy);
         let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, tick_s));
         let any = Segment { below: capacity as i64, gain: capacity as i64, draw: 0, draw_bare: 0 };
         let owed = |&soc: &f64| tables.get(&station).map_or(0.0, |table| owed_s(table, &stations[station], settings, soc));
         let owed = levels.iter().map(|soc| (owed(soc) / f64::from(tick_s) - 1e-9).ceil().max(0.0) as Tick).collect();
-        Charger { swap_energy, curve: if curve.is_empty() { vec![any] } else { curve }, owed }
+        Charger { swap_energy, again_energy, curve: if curve.is_empty() { vec![any] } else { curve }, owed }
     });
     Battery {
         capacity: capacity as i64,

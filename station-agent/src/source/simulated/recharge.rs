@@ -58,7 +58,9 @@ struct Left {
 
 /// Packs that robots left behind, on chargers, one for each place.
 pub(super) struct Shelf {
+    /// What is left, where it is charged at all, and where that is of another kind.
     battery: Option<Arc<Model>>,
+    others: BTreeMap<SpareId, Arc<Model>>,
     temperature_degc: f64,
     seed: u64,
     /// Robots whose pack was exchanged and that have not said what they left.
@@ -67,8 +69,8 @@ pub(super) struct Shelf {
 }
 
 impl Shelf {
-    pub(super) fn new(battery: Option<Arc<Model>>, temperature_degc: f64, seed: u64) -> Self {
-        Self { battery, temperature_degc, seed, awaited: BTreeMap::new(), left: BTreeMap::new() }
+    pub(super) fn new((battery, others): (Option<Arc<Model>>, BTreeMap<SpareId, Arc<Model>>), temperature_degc: f64, seed: u64) -> Self {
+        Self { battery, others, temperature_degc, seed, awaited: BTreeMap::new(), left: BTreeMap::new() }
     }
 
     /// A robot's pack is now in the place of a spare.
@@ -81,6 +83,7 @@ impl Shelf {
     /// A robot says how full the pack was that it left.
     pub(super) fn arrived(&mut self, robot: &RobotId, soc: f64) {
         let (Some(battery), Some(place)) = (&self.battery, self.awaited.remove(robot)) else { return };
+        let battery = self.others.get(&place).unwrap_or(battery);
         self.seed = self.seed.wrapping_add(104_729);
         let body = PackBody::new(Arc::clone(battery), Age::default().start(soc, self.temperature_degc), self.seed);
         self.left.insert(place, Left { charger: PackCharger::new(battery), body });
