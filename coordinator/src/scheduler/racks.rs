@@ -22,8 +22,8 @@ impl Racks {
         let of = |(index, station): (usize, &StationView)| {
             let count = station.spares.iter().map(|spare| spare.kind + 1).max().unwrap_or(0);
             let is_here = |robot: &&RobotView| robot.travel.iter().any(|(there, ..)| *there == index);
+            // Where there is one kind, it does not matter who takes it.
             let here: Vec<&RobotView> = if count > 1 { view.robots.iter().filter(is_here).collect() } else { Vec::new() };
-            // Where there is one kind, it does not matter.
             let mut known: Vec<Vec<bool>> = Vec::new();
             let mut place = |kind: usize| {
                 let takers: Vec<bool> = here.iter().map(|robot| robot.takes(index, kind)).collect();

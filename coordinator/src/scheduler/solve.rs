@@ -188,10 +188,13 @@ impl Asked<'_> {
         }
         // Nobody else is given anything for it.
         let is_promised = |robot: &&RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
-        let others = self.view.robots.iter().filter(|robot| !is_promised(robot));
-        let reasons = vec!["a service of its own would take from others what they were promised".to_owned()];
-        let rejected = others.map(|robot| Rejected { robot: robot.robot.clone(), stranded: true, reasons: reasons.clone() });
-        let promised = Plan { planned: self.before.planned.clone(), rejected: rejected.collect(), ..Plan::default() };
+        let without = |robot: &RobotView| {
+            let left_out = best.plan.rejected.iter().find(|left| left.robot == robot.robot);
+            let reasons = || vec!["a service of its own would take from others what they were promised".to_owned()];
+            left_out.cloned().unwrap_or_else(|| Rejected { robot: robot.robot.clone(), stranded: true, reasons: reasons() })
+        };
+        let rejected = self.view.robots.iter().filter(|robot| !is_promised(robot)).map(without).collect();
+        let promised = Plan { planned: self.before.planned.clone(), rejected, ..Plan::default() };
         let (kept, unsure) = self.beside(&promised, &best.plan, &spares, Offer::Spares(&spares));
         // Promises come first: a service hours ahead that nobody was promised is no reason to break one.
         (unsure.is_empty() && (self.broken(&kept), missed(&kept)) < (self.broken(best), missed(best))).then_some(kept)
