@@ -88,7 +88,7 @@ pub struct PolicyConfig {
     pub resend_s: f64,
     /// A command that nobody has answered for this time is given up, s.
     pub deadline_s: f64,
-    /// A service is given up when its robot is not in its bay this long after it was due, s.
+    /// A service is given up when its robot is not in its bay this long after it was due, or takes no charge this long after its end, s.
     pub late_s: f64,
     /// The first plan waits this long for the robots and stations that are configured, s.
     pub patience_s: f64,

@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use proto::{
-    BayId, BayPhase, CommandId, PackId, RobotAction, RobotId, RobotPhase, ServiceStatus, SpareId, StationAction, StationId, Timestamp,
+    BayId, BayPhase, CommandId, Gauge, PackId, RobotAction, RobotId, RobotPhase, RobotState, ServiceStatus, SpareId, StationAction,
+    StationId, Timestamp,
 };
 
 use crate::fleet::{Robot, Station};
 use energy::{Estimate, Need};
+
+/// A battery is not charged that takes less than this share of what it holds per hour: a charge usually ends at a few times as much.
+const NO_CHARGE_PER_H: f64 = 0.01;
 
 /// How a robot is serviced.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,6 +88,8 @@ pub struct ServiceRun {
     pub asked: Option<CommandId>,
     /// State of charge of the pack that it hands over, as its robot's gauge said before: after that it may speak of the other one.
     pub hands_over: Option<Estimate>,
+    /// Why its robot was let go before it was charged.
+    pub cut_short: Option<String>,
 }
 
 /// What carries a service on.
@@ -114,6 +120,13 @@ impl ServiceRun {
     #[must_use]
     pub fn at_place(&self) -> bool {
         !self.under_way() && self.stage != Stage::LetOut
+    }
+
+    /// Whether its robot should be charged and nothing to speak of flows: it is too hot or too cold, or its charger gives nothing.
+    #[must_use]
+    pub fn takes_no_charge(&self, gauge: &Gauge, state: &RobotState) -> bool {
+        let charges = matches!(self.stage, Stage::Charging | Stage::ChargingItself) && state.phase == RobotPhase::Charging;
+        charges && gauge.power_w > -NO_CHARGE_PER_H * gauge.full_wh.value
     }
 
     /// Enters a stage.
@@ -197,7 +210,10 @@ impl ServiceRun {
                     true => Step::Wait,
                     // Three standard deviations of two gauges' disagreement about the last percent.
                     false if gauge.soc.value >= to_soc - 0.03 => Step::Done,
-                    false => Step::Fail(format!("let go at {:.0} % charge", gauge.soc.value * 100.0)),
+                    false => {
+                        let why = self.cut_short.iter().map(|why| format!(": {why}")).collect::<String>();
+                        Step::Fail(format!("let go at {:.0} % charge{why}", gauge.soc.value * 100.0))
+                    }
                 }
             }
             // Restarted without a memory, or moved by hand.

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
-use energy::{Estimate, Model, Need};
+use energy::{Channel, Estimate, Model, Need};
 use proto::{BayPhase, Gauge, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -18,7 +18,7 @@ use self::fit::SpareKind;
 use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
-use crate::scheduler::charging::{Table, step_of};
+use crate::scheduler::charging::{Table, step_degc, uncritical_degc};
 use crate::scheduler::{PackState, PackView, RobotView, StationView, Tables, View};
 use crate::service_run::{ServiceRun, Stage};
 use crate::trust::Trust;
@@ -115,6 +115,7 @@ impl Basis<'_> {
             robot: id.clone(),
             battery: Arc::clone(battery),
             temperature_degc: gauge.temperature_degc,
+            charge_degc: charge_degc(battery, gauge.temperature_degc, held),
             soc,
             empty_s,
             lasts_s,
@@ -137,8 +138,8 @@ impl Basis<'_> {
                 view.closed.push((station.station.clone(), why.clone()));
                 continue;
             }
-            let kind = (index, Arc::as_ptr(battery).addr(), step_of(gauge.temperature_degc) as i32);
-            let made = || self.table(&station.station, &self.models.stations[&station.station], battery, gauge.temperature_degc);
+            let kind = (index, Arc::as_ptr(battery).addr(), view.charge_degc as i32);
+            let made = || self.table(&station.station, &self.models.stations[&station.station], battery, view.charge_degc);
             let table = Arc::clone(around.tables.entry(kind).or_insert_with(made));
             handled_s = handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
             view.travel.push((index, travel.time_s, table));
@@ -272,10 +273,17 @@ impl Basis<'_> {
         }
     }
 
-    /// What charging takes at a station, for a battery like those of its robots.
+    /// What charging takes at a station where it is neither hot nor cold, for a battery like those of its robots.
     #[must_use]
     pub fn reference(&self, id: &StationId, models: &StationModels) -> Option<Arc<Table>> {
         Some(self.table(id, models, self.reference_battery()?, energy::units::REFERENCE_DEGC))
+    }
+
+    /// How warm it is at a station, °C: as its coolest pack, since work only warms them.
+    #[must_use]
+    pub fn surroundings_degc(&self, id: &StationId) -> f64 {
+        let packs = self.fleet.stations.get(id).into_iter().flat_map(|station| station.packs.values());
+        packs.map(|gauge| gauge.temperature_degc).reduce(f64::min).unwrap_or(energy::units::REFERENCE_DEGC)
     }
 
     /// The battery of the service that capacity is counted in: that of the first robot known, or
@@ -291,6 +299,18 @@ impl Basis<'_> {
         let factor = self.watch.wider(&Subject::Station(id.clone()));
         let shared_wh = need.shared_wh.iter().map(|change_wh| factor * change_wh).collect();
         Need { mean_wh: need.mean_wh, shared_wh, own_variance: factor * factor * need.own_variance }
+    }
+}
+
+/// The temperature that charging a robot is planned with, °C: a new promise allows for what the gauge's thermometer may be off, so that
+/// one that was given is not broken over as much.
+fn charge_degc(battery: &Model, gauged_degc: f64, held: bool) -> f64 {
+    let doubt_degc = if held { 0.0 } else { battery.sensor(Channel::TemperatureDegc).offset_sigma };
+    let [hot_degc, cold_degc] = uncritical_degc(battery);
+    match gauged_degc {
+        _ if gauged_degc + doubt_degc > hot_degc => step_degc(battery, gauged_degc + doubt_degc),
+        _ if gauged_degc - doubt_degc < cold_degc => step_degc(battery, gauged_degc - doubt_degc),
+        _ => step_degc(battery, gauged_degc),
     }
 }
 

@@ -8,7 +8,8 @@ pub mod ending;
 use std::sync::Arc;
 
 use crate::pack::Battery;
-use crate::units::S_PER_H;
+use crate::protection::Trip;
+use crate::units::{S_PER_DAY, S_PER_H};
 use crate::{Channel, Estimate, Facts, Model, Pack, RobotFacts, Run, Start, propagate, propagate_all};
 
 /// A discharge at constant power, to the end of discharge.
@@ -25,17 +26,21 @@ pub struct Discharge {
 pub struct Charge {
     /// Energy into the terminals, Wh.
     pub energy_wh: f64,
-    /// Time it takes, s.
+    /// Time it takes, s; [`TIME_MAX_S`] where it never ends.
     pub time_s: f64,
     /// State of charge at the end: the target, or less when the charger's current fell below
     /// its cutoff first.
     pub soc: f64,
+    /// Why it never ends: the pack stays too hot or too cold to be charged.
+    pub stopped: Option<Trip>,
 }
 
 /// Steps of a forecast: four times as many change its energy by less than 0.1 % (see the tests).
 const STEPS: f64 = 40.0;
 /// Longest forecast, s: a week.
-const TIME_MAX_S: f64 = 7.0 * 24.0 * 3600.0;
+pub const TIME_MAX_S: f64 = 7.0 * S_PER_DAY;
+/// Change of a temperature that counts as none, K per s: a kelvin in a day.
+const SETTLED_K_PER_S: f64 = 1.0 / S_PER_DAY;
 /// Power below which a pack counts as unloaded for a forecast, as a share of its stored energy
 /// per hour (C/100: slower discharges deliver no more energy).
 const POWER_SHARE_MIN: f64 = 0.01;
@@ -98,15 +103,30 @@ pub fn discharge_behind(run: &mut impl Battery, power_w: f64, extra_ohm: impl Fn
     Discharge { energy_wh, time_s: energy_wh * S_PER_H / power_w.max(1e-9) }
 }
 
-/// Charges a pack by its own charger settings until `target_soc` or the cutoff current.
+/// Charges a pack by its own charger settings until `target_soc` or the cutoff current, as if no temperature ever stopped it.
 #[must_use]
 pub fn charge(run: &mut impl Battery, target_soc: f64) -> Charge {
-    charge_within(run, target_soc, f64::INFINITY, |_, _, _| {})
+    charge_by(run, target_soc, f64::INFINITY, |_, _| None, |_, _, _| {})
 }
 
 /// [`charge`] with at most `power_w_max` into the battery, W (> 0): several share what charges
-/// them. Says of each stretch how long it was (s) and what went into the battery (A, W).
-pub fn charge_within(run: &mut impl Battery, target_soc: f64, power_w_max: f64, mut stretch: impl FnMut(f64, f64, f64)) -> Charge {
+/// them. While its protection finds the pack too hot or too cold to be charged it rests, as long as that helps; its surroundings
+/// keep the temperature that it began with. Says of each stretch how long it was (s) and what went into the battery (A, W; nothing
+/// while it rests).
+pub fn charge_within(run: &mut impl Battery, target_soc: f64, power_w_max: f64, stretch: impl FnMut(f64, f64, f64)) -> Charge {
+    let model = Arc::clone(run.model());
+    let limits = &model.battery().protection;
+    charge_by(run, target_soc, power_w_max, |cell_degc, was| limits.no_charge_at(cell_degc, was), stretch)
+}
+
+/// A charge that `bars` may hold up: at a cell temperature (°C), after what barred it before.
+fn charge_by(
+    run: &mut impl Battery,
+    target_soc: f64,
+    power_w_max: f64,
+    bars: impl Fn(f64, Option<Trip>) -> Option<Trip>,
+    mut stretch: impl FnMut(f64, f64, f64),
+) -> Charge {
     let model = Arc::clone(run.model());
     let facts = model.battery();
     let most_a = |terminal_v: f64| facts.charge.current_a.min(power_w_max / terminal_v.max(0.1));
@@ -114,7 +134,20 @@ pub fn charge_within(run: &mut impl Battery, target_soc: f64, power_w_max: f64, 
     let expected_s = (target_soc - run.channel(Channel::Soc)).max(0.0) * facts.capacity_ah / begin_a * S_PER_H;
     let dt_s = (expected_s / STEPS).max(1.0);
     let (mut energy_wh, mut time_s) = (0.0, 0.0);
+    let mut barred = None;
     while time_s < TIME_MAX_S && run.channel(Channel::Soc) < target_soc {
+        let cell_degc = run.channel(Channel::CellDegc);
+        barred = bars(cell_degc, barred);
+        if barred.is_some() {
+            run.step_current(0.0, dt_s);
+            if (run.channel(Channel::CellDegc) - cell_degc).abs() < SETTLED_K_PER_S * dt_s {
+                time_s = TIME_MAX_S;
+                break;
+            }
+            stretch(dt_s, 0.0, 0.0);
+            time_s += dt_s;
+            continue;
+        }
         let before = run.channel(Channel::Soc);
         let limit_a = most_a(run.channel(Channel::TerminalVoltageV));
         let current_a = -run.step_charge(limit_a, facts.full_v(), dt_s);
@@ -130,7 +163,8 @@ pub fn charge_within(run: &mut impl Battery, target_soc: f64, power_w_max: f64, 
         energy_wh += power_w * share * dt_s / S_PER_H;
         time_s += share * dt_s;
     }
-    Charge { energy_wh, time_s, soc: run.channel(Channel::Soc).min(target_soc) }
+    let stopped = barred.filter(|_| time_s >= TIME_MAX_S);
+    Charge { energy_wh, time_s, soc: run.channel(Channel::Soc).min(target_soc), stopped }
 }
 
 /// What a pack's estimate depends on, for a forecast with sigma: its charge, its parameters and
@@ -205,6 +239,7 @@ mod tests {
     use super::*;
     use crate::load::Terminals as _;
     use crate::load_model;
+    use crate::protection::{Measured, Protection};
 
     fn model(name: &str) -> Arc<Model> {
         Arc::new(load_model(name, &|_| unreachable!("built in")).unwrap())
@@ -241,6 +276,67 @@ mod tests {
         }
         assert!((coarse.energy_wh / energy_wh - 1.0).abs() < 2e-3, "{} against {energy_wh}", coarse.energy_wh);
         assert!((coarse.time_s / seconds - 1.0).abs() < 1e-2, "{} against {seconds}", coarse.time_s);
+    }
+
+    /// In steps of a second, behind the protection as a pack has it, with its delays.
+    fn charged_behind_protection(pack: &Arc<Model>, temperature_degc: f64) -> (f64, f64) {
+        let mut run = Run::new(Arc::clone(pack), Start { temperature_degc, ..Start::at_soc(0.1) });
+        let mut protection = Protection::of(pack.battery());
+        let (mut seconds, mut energy_wh) = (0.0, 0.0);
+        while run.channels[Channel::Soc] < 0.98 && seconds < S_PER_DAY {
+            if protection.allowed().charge.is_ok() {
+                run.step_charge(1.32, 12.6, 1.0)
+            } else {
+                run.step_current(0.0, 1.0);
+                0.0
+            };
+            energy_wh -= run.channels[Channel::PowerW] / S_PER_H;
+            seconds += 1.0;
+            let [cell_min_v, cell_max_v, current_a, temperature_degc] =
+                [Channel::CellMinV, Channel::CellMaxV, Channel::TerminalCurrentA, Channel::CellDegc].map(|channel| run.channels[channel]);
+            protection.step(1.0, &Measured { cell_min_v, cell_max_v, current_a, temperature_degc });
+        }
+        (seconds, energy_wh)
+    }
+
+    #[test]
+    fn a_pack_that_gets_too_hot_to_be_charged_rests_until_it_has_cooled_down() {
+        let pack = model("explorer-3s1p-1320mah");
+        let at = |temperature_degc| {
+            let start = Start { temperature_degc, ..Start::at_soc(0.1) };
+            let mut rests_s = 0.0;
+            let charge = charge_within(&mut Run::new(Arc::clone(&pack), start), 0.98, f64::INFINITY, |dt_s, current_a, _| {
+                if current_a == 0.0 {
+                    rests_s += dt_s;
+                }
+            });
+            (charge, rests_s)
+        };
+        let (mild, no_rest_s) = at(25.0);
+        assert_eq!((mild.stopped, no_rest_s), (None, 0.0));
+        for degc in [39.2, 39.6] {
+            let ((coarse, rests_s), (seconds, energy_wh)) = (at(degc), charged_behind_protection(&pack, degc));
+            assert!(coarse.stopped.is_none() && rests_s > 300.0 && coarse.time_s > mild.time_s + 300.0, "{degc}: {coarse:?} {rests_s}");
+            assert!((coarse.time_s / seconds - 1.0).abs() < 0.03, "{degc}: {} against {seconds}", coarse.time_s);
+            assert!((coarse.energy_wh / energy_wh - 1.0).abs() < 5e-3, "{degc}: {} against {energy_wh}", coarse.energy_wh);
+        }
+    }
+
+    #[test]
+    fn a_pack_that_stays_too_hot_or_too_cold_is_never_charged() {
+        let pack = model("explorer-3s1p-1320mah");
+        for (degc, why, reaches_soc) in [
+            (-1.0, Trip::UnderTemperatureCharge, 0.09..0.1),
+            // It warms itself, and cools down to 41 °C at best, where 40 is asked for.
+            (41.0, Trip::OverTemperatureCharge, 0.2..0.97),
+            (46.0, Trip::OverTemperatureCharge, 0.09..0.1),
+        ] {
+            let start = Start { temperature_degc: degc, ..Start::at_soc(0.1) };
+            let charge = charge_within(&mut Run::new(Arc::clone(&pack), start), 0.98, f64::INFINITY, |_, _, _| {});
+            assert_eq!((charge.stopped, charge.time_s), (Some(why), TIME_MAX_S), "{degc}: {charge:?}");
+            assert!(reaches_soc.contains(&charge.soc), "{degc}: {charge:?}");
+            assert!(charged_behind_protection(&pack, degc).0 >= S_PER_DAY, "{degc}");
+        }
     }
 
     /// A deviation a hundred times smaller must come out a hundred times smaller.

@@ -194,6 +194,18 @@ impl Limits {
         &self.0[trip as usize]
     }
 
+    /// Whether cells at this temperature are too hot or too cold to be charged, °C, where `was` is what they were before: a limit
+    /// that was passed holds until its release. Delays are left out: they are seconds, and temperatures take minutes.
+    #[must_use]
+    pub fn no_charge_at(&self, cell_degc: f64, was: Option<Trip>) -> Option<Trip> {
+        [Trip::OverTemperatureCharge, Trip::UnderTemperatureCharge].into_iter().find(|&trip| {
+            let limit = self.get(trip);
+            let sign = if trip.is_lower() { -1.0 } else { 1.0 };
+            let bound = if was == Some(trip) { limit.release } else { limit.trip };
+            sign * cell_degc > sign * bound
+        })
+    }
+
     /// The limit of that reason, to be changed.
     pub fn get_mut(&mut self, trip: Trip) -> &mut Limit {
         &mut self.0[trip as usize]

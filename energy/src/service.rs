@@ -12,6 +12,7 @@ use std::sync::Arc;
 use crate::charger::PowerPath;
 use crate::effect::{Phase, find};
 use crate::forecast::{self, charge_within};
+use crate::protection::Trip;
 use crate::system::System;
 use crate::units::{REFERENCE_DEGC, S_PER_H};
 use crate::{Channel, Estimate, Model, Need, Run, Start};
@@ -53,6 +54,8 @@ impl Circumstances {
 pub struct Recharge {
     /// Time on the charger, s.
     pub charge_s: f64,
+    /// Why that never ends: the battery stays too hot or too cold to be charged.
+    pub stopped: Option<Trip>,
     /// Energy from the station's packs, Wh.
     pub need: Need,
     /// The same by cause, Wh: the charge itself, then each effect of the station's model. It sums to
@@ -121,7 +124,7 @@ impl Stay {
             let situation = Situation {
                 charge_w: robots * stretch.charge_w,
                 docked: robots * self.docked,
-                charging: robots,
+                charging: if stretch.charge_w > 0.0 { robots } else { 0.0 },
                 squared_a2: robots * stretch.current_a.powi(2),
                 lift: 0.0,
                 pack_v,
@@ -185,18 +188,19 @@ fn recharge(
             stretches.push(Stretch { hours: values[1] * dt_s / S_PER_H, charge_w: power_w, current_a });
         });
         let stay = Stay { docked, stretches, load_h, unload_h };
-        (stay, values[1] * charge.time_s)
+        (stay, charge)
     };
     let inputs = forecast::uncertain(battery, soc);
     let expected: Vec<f64> = inputs.iter().map(|input| input.value).collect();
-    let (mean, charge_s) = stay(&expected);
+    let (mean, charge) = stay(&expected);
     let own = crate::propagate(&inputs, |values| stay(values).0.energy_wh(&mut load, around));
     let mut need = need(station, |values| {
         let mut run = Run::with_parameters(Arc::clone(station), values.to_vec(), Start::at_soc(0.0));
         mean.energy_wh(&mut run, around)
     });
     need.own_variance = own.sigma.powi(2);
-    Recharge { charge_s, need, breakdown_wh: breakdown(station, &mean, around) }
+    let charge_s = expected[1] * charge.time_s;
+    Recharge { charge_s, stopped: charge.stopped, need, breakdown_wh: breakdown(station, &mean, around) }
 }
 
 fn breakdown(station: &Arc<Model>, stay: &Stay, around: &Circumstances) -> BTreeMap<String, f64> {

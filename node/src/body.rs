@@ -48,8 +48,10 @@ impl PackBody {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let [offset, gain] = [0, 1].map(|_| [0, 1, 2].map(|_| StandardNormal.sample(&mut rng)));
         let pack = Pack::new(model, start);
-        let protection = watched(&pack);
-        Self { pack, protection, rng, offset, gain }
+        let protection = Protection::of(pack.model().battery());
+        let mut body = Self { pack, protection, rng, offset, gain };
+        body.rest();
+        body
     }
 
     /// The true value of a channel at the end of the last step.
@@ -68,7 +70,7 @@ impl PackBody {
     pub fn exchange(&mut self, soc: f64) {
         let temperature_degc = self.truth(Channel::AmbientDegc);
         self.pack.restart(Start { temperature_degc, ..Start::at_soc(soc) });
-        self.protection = watched(&self.pack);
+        self.rest();
     }
 
     /// What keeps the pack from being charged or discharged, if anything does.
@@ -107,7 +109,7 @@ impl PackBody {
             }
             Task::Charge { .. } | Task::Rest => self.pack.step_current(0.0, dt_s),
         }
-        self.protection.step(dt_s, &measured(&self.pack));
+        self.protect(dt_s);
         failed.map_or_else(|| Ok(self.sample(dt_s)), Err)
     }
 
@@ -137,7 +139,7 @@ impl PackBody {
             (self.pack, *charging) = (trial, before);
             self.pack.step_current(0.0, dt_s);
         }
-        self.protection.step(dt_s, &measured(&self.pack));
+        self.protect(dt_s);
         if drained { Err(CannotDeliver { power_w: around.own_load_w }) } else { Ok((flow, self.sample(dt_s))) }
     }
 
@@ -145,8 +147,29 @@ impl PackBody {
     pub fn pulse(&mut self, current_a: f64, dt_s: f64) {
         if dt_s > 0.0 {
             self.pack.step_current(current_a, dt_s);
-            self.protection.step(dt_s, &measured(&self.pack));
+            self.protect(dt_s);
         }
+    }
+
+    /// The front end of a pack that has been at rest for long.
+    fn rest(&mut self) {
+        const LONG_S: f64 = 3600.0;
+        self.protection = Protection::of(self.pack.model().battery());
+        self.protect(LONG_S);
+    }
+
+    /// The front end takes in a step.
+    fn protect(&mut self, dt_s: f64) {
+        let measured = Measured { temperature_degc: self.thermistor_degc(), ..measured(&self.pack) };
+        self.protection.step(dt_s, &measured);
+    }
+
+    /// Temperature of the cells as this specimen's thermistor has it, °C: front end and gauge share it.
+    #[must_use]
+    pub fn thermistor_degc(&self) -> f64 {
+        let [.., offset] = self.offset;
+        let [.., gain] = self.gain;
+        self.pack.model().sensor(Channel::TemperatureDegc).shows(self.truth(Channel::CellDegc), 0.0, offset, gain)
     }
 
     /// Reads the sensors once, as after a step of `dt_s`.
@@ -167,14 +190,6 @@ impl PackBody {
         let noise: f64 = StandardNormal.sample(&mut self.rng);
         Estimate::new((self.truth(Channel::Soc) + sigma * noise).clamp(0.0, 1.0), sigma)
     }
-}
-
-/// The protection of a pack that has been at rest for long.
-fn watched(pack: &Pack) -> Protection {
-    const LONG_S: f64 = 3600.0;
-    let mut protection = Protection::of(pack.model().battery());
-    protection.step(LONG_S, &measured(pack));
-    protection
 }
 
 fn measured(pack: &Pack) -> Measured {

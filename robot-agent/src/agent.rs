@@ -4,6 +4,7 @@
 //! `drain.rs` how it learns what it draws at work.
 
 mod alone;
+mod charge;
 mod drain;
 mod memory;
 
@@ -84,6 +85,7 @@ pub struct Agent {
     station: Option<StationId>,
     bay: Option<BayId>,
     target_soc: Option<f64>,
+    charge: charge::Watch,
     last: Option<Sample>,
     /// Nobody was told of it yet.
     fresh: bool,
@@ -114,6 +116,7 @@ impl Agent {
             station: None,
             bay: None,
             target_soc: None,
+            charge: charge::Watch::default(),
             last: None,
             fresh: false,
             drain: drain::Drain::default(),
@@ -191,6 +194,7 @@ impl Agent {
             }
             (RobotAction::ChargeTo { soc }, Docked | Charging | Charged) => {
                 self.target_soc = Some(*soc);
+                self.charge = charge::Watch::default();
                 self.phase = Charging;
                 self.outputs.push_back(Output::Act(Act::Charge));
                 Outcome::Accepted
@@ -253,9 +257,10 @@ impl Agent {
             (Working | Travelling | Waiting, Place::InBay) => self.phase = Docked,
             (Docked | Charging | Charged, Place::AtStation) => self.resume(),
             (Charging, Place::InBay) if observation.powered => {
-                let target = self.target_soc.unwrap_or(1.0);
-                let tapered = observation.sample.is_some_and(|s| s.current_a <= 0.0 && -s.current_a < self.profile.charge_cutoff_a);
-                if self.gauge.soc().value >= target || (tapered && self.gauge.soc().value > 0.5) {
+                let (target, soc, facts) = (self.target_soc.unwrap_or(1.0), self.gauge.soc().value, self.gauge.model().battery());
+                let ended = observation.sample.is_some_and(|sample| self.charge.sees(&sample, facts, self.profile.charge_cutoff_a));
+                self.note = self.note.take().or_else(|| self.charge.note(observation.sample.as_ref()));
+                if soc >= target || (ended && soc > 0.5) {
                     self.stop_charging();
                 }
             }

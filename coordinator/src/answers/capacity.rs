@@ -69,6 +69,8 @@ fn question(
         true => exchange(basis, station, models, table, soc, kind),
         false => charge(station, models, table, soc),
     };
+    // Whose battery is never charged as it is now does not come for that.
+    let in_vain = |soc: Estimate, table: &Table| !exchanges && table.at(soc.value).stopped.is_some();
     let coming = robots.iter().filter_map(|(from_s, planned, robot)| {
         let (_, _, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
         let soc = Estimate::new((robot.soc.value - robot.drain_soc_per_s * from_s).max(0.0), robot.soc.sigma);
@@ -80,13 +82,17 @@ fn question(
             // Where all spares are away, nobody knows what they are: they may fit. Who takes none of them is not served there.
             None => match racks.given(view, robot, index) {
                 None if exchanges && !station.spares.is_empty() => return None,
+                _ if in_vain(soc, table) => return None,
                 kind => usual(soc, table, kind),
             },
         };
         let from_s = from_s - station.committed_until_s;
         Some(Coming { robot: robot.robot.clone(), wanted, from_s, is_planned: planned.is_some() })
     });
-    let service = usual(Estimate::exact(from_soc), &table, None);
+    let mut service = usual(Estimate::exact(from_soc), &table, None);
+    if in_vain(Estimate::exact(from_soc), &basis.table(id, models, basis.reference_battery()?, basis.surroundings_degc(id))) {
+        service.place = Place::InVain;
+    }
     Some(Question {
         station: id.clone(),
         packs: state.packs.iter().filter_map(|pack| holding(basis, station, &pack.pack, pack.connected)).collect(),

@@ -39,6 +39,7 @@ impl Core {
                 stage: Stage::Travelling,
                 asked: None,
                 hands_over: None,
+                cut_short: None,
             };
             let action = run.first();
             self.event(now, EventKind::ServiceStarted, Some(&robot), Some(&station), None, format!("{robot} goes to {station}"));
@@ -69,6 +70,14 @@ impl Core {
                 self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
                 continue;
             }
+            if let Some(why) = self.charged_in_vain(now, run, belief) {
+                let stage = run.stage;
+                if let Some(run) = self.running.get_mut(&robot) {
+                    run.cut_short = Some(why);
+                }
+                self.ask_robot(now, &robot, RobotAction::Undock, Some((robot.clone(), stage)));
+                continue;
+            }
             if self.keeps_others_out(now, run, belief, place) {
                 self.give_up(now, &robot, "it is not heard, and others want its bay");
                 continue;
@@ -93,6 +102,14 @@ impl Core {
             Concerned::Everybody => self.models.stations.keys().cloned().collect(),
         };
         self.select_packs(now, &stations);
+    }
+
+    /// Why a robot is let go although it is not charged: long after it should be, it takes nothing.
+    fn charged_in_vain(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<String> {
+        let (over_s, known) = (now.seconds_since(run.end), robot.known());
+        let (_, state) = known.filter(|(gauge, state)| over_s > self.settings.late_s && run.takes_no_charge(gauge, state))?;
+        let why = state.note.as_deref().unwrap_or("its charger gives nothing");
+        Some(format!("{:.0} min after its end it took none ({why})", over_s / 60.0))
     }
 
     /// Whether a robot that is lost on its way keeps a free bay from those who come after it. Nobody can let

@@ -147,6 +147,7 @@ impl Core {
             stage,
             asked: None,
             hands_over: None,
+            cut_short: None,
         };
         self.strays.remove(robot);
         self.plan.planned.retain(|planned| planned.robot != *robot);

@@ -83,6 +83,8 @@ pub struct Wanted {
 pub enum Place {
     /// A bay, until it is over.
     Bay,
+    /// A bay in vain: its battery is not charged, however long it stays.
+    InVain,
     /// A spare of this kind, or of any; what it leaves becomes one of the same ([`Wanted::left`]).
     Spare(Option<u16>),
 }
@@ -141,6 +143,8 @@ struct Count {
 enum Lack {
     Bay,
     Spare,
+    /// Its battery is too hot or too cold to be charged, and stays so.
+    RightTemperature,
 }
 
 /// Places and spares, and from when each is free, s.
@@ -189,6 +193,7 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
         short_for_next_wh: count.short_wh,
         lacks_bay: count.lacks == Some(Lack::Bay),
         lacks_spare: count.lacks == Some(Lack::Spare),
+        lacks_right_temperature: count.lacks == Some(Lack::RightTemperature),
         promises: count.promises,
     }
 }
@@ -204,6 +209,7 @@ fn of_station(question: &Question, confidence: f64) -> StationCapacity {
         short_for_next_wh: count.short_wh,
         lacks_bay: count.lacks == Some(Lack::Bay),
         lacks_spare: count.lacks == Some(Lack::Spare),
+        lacks_right_temperature: count.lacks == Some(Lack::RightTemperature),
         promises: count.promises,
     }
 }
@@ -280,6 +286,7 @@ impl Free {
     fn take(&mut self, wanted: &Wanted, soonest_s: f64, is_planned: bool) -> (f64, Option<Lack>) {
         let Free { bays_s, spares } = self;
         let first = match wanted.place {
+            Place::InVain => None,
             Place::Bay => (0..bays_s.len()).map(|bay| (bay, bays_s[bay])).min_by(|a, b| a.1.total_cmp(&b.1)),
             Place::Spare(kind) => {
                 let own = (0..spares.len()).filter(|&spare| kind.is_none_or(|kind| kind == spares[spare].0));
@@ -299,6 +306,7 @@ impl Free {
                 if found.is_none() { Some(Lack::Spare) } else { None }
             }
             (Place::Bay, None) => Some(Lack::Bay),
+            (Place::InVain, _) => Some(Lack::RightTemperature),
         };
         (start_s, lack.filter(|_| !is_planned))
     }

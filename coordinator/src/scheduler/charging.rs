@@ -2,11 +2,13 @@
 //! battery behind a station's converters, tabulated over the state of charge.
 //!
 //! A table is made once for a kind of battery at a kind of station, a number of robots side by side and a
-//! temperature; plans look it up.
+//! temperature; plans look it up. A battery that gets too hot rests until it has cooled down, as its protection wants it; one that
+//! stays too hot or too cold is charged for longer than anybody plans ahead.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use energy::protection::Trip;
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 
@@ -20,8 +22,10 @@ const STEPS: u32 = 20;
 /// how much of a station's last pack is usable.
 const TAPER_STEPS: u32 = 2;
 const TAPER_DIVIDED: u32 = 5;
-/// Temperatures are told apart in steps of this, °C.
-const TEMPERATURE_STEP_DEGC: f64 = 5.0;
+/// Temperatures are told apart in steps of this, °C: the second where a battery may get too hot or too cold to be charged.
+const TEMPERATURE_STEPS_DEGC: [f64; 2] = [5.0, 1.0];
+/// That is within so much of where it may be charged again, °C: a charge warms a small pack by some 6.
+const NEAR_DEGC: f64 = 10.0;
 
 /// One state of charge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +42,8 @@ pub struct Point {
     pub bare_wh: f64,
     /// Time that takes, s.
     pub bare_s: f64,
+    /// Why the charge never ends.
+    pub stopped: Option<Trip>,
 }
 
 /// A charge from any state of charge to the target.
@@ -59,9 +65,9 @@ impl Table {
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
-            let (bare_wh, bare_s) = forecast::spare_again(station, battery, 1, soc).unwrap_or((0.0, recharge.charge_s));
+            let (bare_wh, bare_s) = forecast::spare_again(station, battery, 1, temperature_degc, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
-            Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh, bare_s }
+            Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh, bare_s, stopped: recharge.stopped }
         };
         let reference = recharge(from_soc);
         let mean_wh = reference.need.mean_wh.max(f64::MIN_POSITIVE);
@@ -97,6 +103,7 @@ impl Table {
             own_variance: between(|point| point.own_variance),
             bare_wh: between(|point| point.bare_wh),
             bare_s: between(|point| point.bare_s),
+            stopped: low.stopped.or(high.stopped),
         }
     }
 
@@ -112,6 +119,7 @@ impl Table {
             own_variance: share * share * from.own_variance,
             bare_wh: from.bare_wh,
             bare_s: from.bare_s,
+            stopped: from.stopped,
         }
     }
 
@@ -221,11 +229,11 @@ impl Course {
     }
 }
 
-/// Station, battery, robots side by side, temperature step.
+/// Station, battery, robots side by side, temperature.
 type Kind = (Alike, usize, usize, i32);
-/// Station, kind of pack, packs side by side, hundredths of charge.
-type Beside = (Alike, usize, usize, i32);
-/// Station and its bays, kind of pack, power (bits), temperature step.
+/// Station, kind of pack, packs side by side, temperature, hundredths of charge.
+type Beside = (Alike, usize, usize, i32, i32);
+/// Station and its bays, kind of pack, power (bits), temperature.
 type Ending = (Alike, usize, usize, u64, i32);
 
 /// All tables that were asked for so far. They follow from models that never change, so keeping them
@@ -253,40 +261,60 @@ impl Tables {
         temperature_degc: f64,
         [from_soc, to_soc]: [f64; 2],
     ) -> Arc<Table> {
-        let step = step_of(temperature_degc);
-        let kind = (station.alike(), Arc::as_ptr(battery).addr(), at_once, step as i32);
+        let degc = step_degc(battery, temperature_degc);
+        let kind = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc as i32);
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || Arc::new(Table::new(station, at_once, battery, step * TEMPERATURE_STEP_DEGC, from_soc, to_soc));
+        let made = || Arc::new(Table::new(station, at_once, battery, degc, from_soc, to_soc));
         Arc::clone(known.entry(kind).or_insert_with(made))
     }
 
     /// How long it takes to charge a pack of this kind that a robot left beside others of it, s, where they share what the station's
     /// converters give; none where they do not.
     #[must_use]
-    pub fn charged_beside(&self, station: &StationModels, battery: &Arc<Model>, at_once: usize, soc: f64) -> Option<f64> {
+    pub fn charged_beside(
+        &self,
+        station: &StationModels,
+        battery: &Arc<Model>,
+        at_once: usize,
+        temperature_degc: f64,
+        soc: f64,
+    ) -> Option<f64> {
         if at_once < 2 || station.converter_w_max.is_infinite() {
             return None;
         }
-        let percent = (soc * 100.0).round();
+        let (percent, degc) = ((soc * 100.0).round(), step_degc(battery, temperature_degc));
         let mut known = self.beside.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || forecast::spare_again(station, battery, at_once, percent / 100.0).map(|(_, charge_s)| charge_s);
-        let key = (station.alike(), Arc::as_ptr(battery).addr(), at_once, percent as i32);
+        let made = || forecast::spare_again(station, battery, at_once, degc, percent / 100.0).map(|(_, charge_s)| charge_s);
+        let key = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc as i32, percent as i32);
         *known.entry(key).or_insert_with(made)
     }
 
     /// How much more a pack of this kind gives because the load of the station's bays ends gently, Wh.
     #[must_use]
     pub fn gain_wh(&self, station: &StationModels, bays: usize, pack: &Arc<Model>, temperature_degc: f64, draw: &Draw) -> f64 {
-        let step = step_of(temperature_degc);
-        let kind = (station.alike(), bays, Arc::as_ptr(pack).addr(), draw.power_w.to_bits(), step as i32);
+        let degc = step_degc(pack, temperature_degc);
+        let kind = (station.alike(), bays, Arc::as_ptr(pack).addr(), draw.power_w.to_bits(), degc as i32);
         let mut gains = self.gains.lock().unwrap_or_else(PoisonError::into_inner);
-        *gains.entry(kind).or_insert_with(|| energy::forecast::ending::gain_wh(pack, step * TEMPERATURE_STEP_DEGC, draw))
+        *gains.entry(kind).or_insert_with(|| energy::forecast::ending::gain_wh(pack, degc, draw))
     }
 }
 
-/// The step of temperature that a table stands for.
-pub(crate) fn step_of(temperature_degc: f64) -> f64 {
-    (temperature_degc / TEMPERATURE_STEP_DEGC).round()
+/// The temperature that a table for this one stands for, whole °C: the nearest step, and where heat or cold may keep the battery from being
+/// charged the next finer one on that side.
+pub(crate) fn step_degc(battery: &Model, temperature_degc: f64) -> f64 {
+    let ([coarse, fine], [hot_degc, cold_degc]) = (TEMPERATURE_STEPS_DEGC, uncritical_degc(battery));
+    match temperature_degc {
+        _ if temperature_degc > hot_degc => (temperature_degc / fine).ceil() * fine,
+        _ if temperature_degc < cold_degc => (temperature_degc / fine).floor() * fine,
+        _ => (temperature_degc / coarse).round() * coarse,
+    }
+}
+
+/// Above and below which temperature a battery may get too hot or too cold to be charged, °C.
+pub(crate) fn uncritical_degc(battery: &Model) -> [f64; 2] {
+    let releases = |trip| battery.battery().protection.get(trip).release;
+    let cold_degc = releases(Trip::UnderTemperatureCharge);
+    [(releases(Trip::OverTemperatureCharge) - NEAR_DEGC).max(cold_degc), cold_degc]
 }
 
 #[cfg(test)]
@@ -294,9 +322,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn steps_are_fine_and_err_on_the_safe_side_where_heat_or_cold_may_stop_a_charge() {
+        let battery = energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap();
+        for (is_degc, counts_as_degc) in
+            [(-0.4, -1.0), (0.6, 0.0), (4.9, 4.0), (5.0, 5.0), (22.4, 20.0), (27.6, 30.0), (30.0, 30.0), (30.2, 31.0), (39.4, 40.0)]
+        {
+            assert_eq!(step_degc(&battery, is_degc), counts_as_degc, "{is_degc}");
+        }
+    }
+
+    #[test]
     fn a_pack_alone_has_reached_the_level_from_which_its_charge_takes_as_much_less_time() {
         // An hour from empty to 90 %, the last third of it for the last tenth; a robot in a bay takes three times as long.
-        let point = |soc: f64, bare_s: f64| Point { soc, charge_s: 3.0 * bare_s, need_wh: 0.0, own_variance: 0.0, bare_wh: 0.0, bare_s };
+        let point = |soc: f64, bare_s: f64| Point {
+            soc,
+            charge_s: 3.0 * bare_s,
+            need_wh: 0.0,
+            own_variance: 0.0,
+            bare_wh: 0.0,
+            bare_s,
+            stopped: None,
+        };
         let points = vec![point(0.0, 3600.0), point(0.8, 1200.0), point(0.9, 0.0)];
         let table = Table { points, lift_wh: 0.0, shared_per_wh: Vec::new(), breakdown_wh: BTreeMap::new() };
         for (soc, after_s, reached) in [(0.0, 0.0, 0.0), (0.0, 1200.0, 0.4), (0.4, 1800.0, 0.85), (0.4, 9000.0, 0.9), (0.95, 60.0, 0.95)] {

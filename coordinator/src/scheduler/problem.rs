@@ -32,6 +32,8 @@ pub struct RobotView {
     pub battery: Arc<Model>,
     /// Temperature of its battery, °C.
     pub temperature_degc: f64,
+    /// The one that charging it is planned with, whole °C.
+    pub charge_degc: f64,
     /// Its state of charge.
     pub soc: Estimate,
     /// Time until it is empty if it goes on working, s, pessimistic at the confidence that is asked for;

@@ -111,7 +111,7 @@ impl Task {
             .robots
             .iter()
             .map(|robot| {
-                let key = (Arc::as_ptr(&robot.battery).addr(), robot.temperature_degc.round() as i32);
+                let key = (Arc::as_ptr(&robot.battery).addr(), robot.charge_degc as i32);
                 let kind = kinds.iter().position(|known| *known == key).unwrap_or_else(|| {
                     kinds.push(key);
                     tables.push(BTreeMap::new());
@@ -253,7 +253,8 @@ fn close_horizon(problem: &mut Problem, view: &View) {
         ticks as Tick + station.load_ticks + station.unload_ticks + station.swap_ticks
     };
     let services = problem.batteries.iter().flat_map(|battery| problem.stations.iter().map(move |station| charging(battery, station)));
-    let service = services.max().unwrap_or(0).min(most);
+    // Nobody waits for a charge that never ends.
+    let service = services.filter(|&ticks| ticks < most).max().unwrap_or(0);
     let until = |robot: usize| problem.endurance(robot).min(i64::from(most)).max(problem.robots[robot].wanted.map_or(0, i64::from));
     let empty = (0..problem.robots.len()).map(until).max().unwrap_or(0);
     let begun = problem.stations.iter().flat_map(|station| &station.ongoing).map(|ongoing| ongoing.until).max().unwrap_or(0);

@@ -9,7 +9,7 @@ use planner::{Explained, Explainer, Mode, Session, Unserved, Ways, explain::Othe
 use proto::{PackId, RobotId, StationId, Timestamp};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::translate::Task;
+use super::translate::{HORIZON_MAX_S, Task};
 
 /// What can be told of a robot's place in a plan.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -139,7 +139,11 @@ pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, co
     let closed = view.closed.iter().map(|(station, why)| format!("{station} takes no part: {why}"));
     let told = |obstacle: &planner::reasons::Obstacle| {
         let station = &task.view.stations[obstacle.station].station;
-        format!("{station}: {}", obstacle_in_words(task, plan, unserved.robot, obstacle.station, obstacle.why, confidence))
+        let why = match (obstacle.why, never_charged(task, unserved.robot, obstacle.station)) {
+            (Why::TooLate { .. } | Why::Pointless, Some(why)) => why,
+            (why, _) => obstacle_in_words(task, plan, unserved.robot, obstacle.station, why, confidence),
+        };
+        format!("{station}: {why}")
     };
     if !unserved.stranded && unserved.obstacles.iter().all(|obstacle| obstacle.why == Why::Pointless) && view.closed.is_empty() {
         return vec![if view.travel.is_empty() { "no station is in reach" } else { "it needs none as far as is planned" }.to_owned()];
@@ -149,6 +153,18 @@ pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, co
         reasons.push("no station is in reach".to_owned());
     }
     reasons
+}
+
+/// Why charging a robot there would never end.
+fn never_charged(task: &Task, robot: usize, station: usize) -> Option<String> {
+    let view = &task.view.robots[robot];
+    let table = view.travel.iter().find(|(index, ..)| *index == station).map(|(.., table)| table)?;
+    let comes_soc = view.soc.value - view.drain_soc_per_s * view.wanted_s.min(HORIZON_MAX_S);
+    let why = table.at(comes_soc).stopped?;
+    let limit = view.battery.battery().protection.get(why);
+    let (is_degc, may_degc, side) = (view.temperature_degc, limit.trip, if why.is_lower() { "below" } else { "above" });
+    let would = if (is_degc < limit.release) == why.is_lower() { "is" } else { "would get" };
+    Some(format!("its battery {would} {why}: it is at {is_degc:.0} °C, and takes none {side} {may_degc:.0} °C"))
 }
 
 fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: usize, why: Why, confidence: f64) -> String {

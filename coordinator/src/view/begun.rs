@@ -1,6 +1,6 @@
 //! Services that have begun: when they end, what they hold, and what they still take.
 
-use energy::Need;
+use energy::{Model, Need};
 use proto::{RobotPhase, StationId};
 
 use super::Basis;
@@ -8,12 +8,13 @@ use crate::fleet::Robot;
 use crate::forecast;
 use crate::models::{StationModels, from_wire};
 use crate::scheduler::Begun;
+use crate::scheduler::charging::uncritical_degc;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::watch::Subject;
 
 impl Basis<'_> {
     /// When a service that has begun ends, s from now; negative once the robot is out. Once it charges, its gauge says so
-    /// better than the plan.
+    /// better than the plan; one whose robot takes no charge is given up after a while ([`ServiceRun::takes_no_charge`]).
     #[must_use]
     pub fn ends_s(&self, run: &ServiceRun) -> f64 {
         if run.stage == Stage::LetOut {
@@ -24,9 +25,13 @@ impl Basis<'_> {
             return planned_s;
         }
         let belief = self.fleet.robots.get(&run.robot).and_then(Robot::known);
+        if belief.is_some_and(|(gauge, state)| run.takes_no_charge(gauge, state)) {
+            let given_up_s = run.end.seconds_since(self.now) + self.settings.late_s;
+            return if run.end > self.now { planned_s } else { given_up_s.max(1.0) };
+        }
         let charging = belief.filter(|(_, state)| state.phase == RobotPhase::Charging).and_then(|(gauge, state)| {
             let (models, battery) = (self.models.stations.get(&run.station)?, self.models.battery(&run.robot, &state.battery)?);
-            let table = self.table(&run.station, models, battery, gauge.temperature_degc);
+            let table = self.table(&run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
             let to_soc = run.how.to_soc().unwrap_or(table.target_soc());
             Some(table.between(gauge.soc.value, to_soc).charge_s + models.handling.unload_s)
         });
@@ -77,7 +82,15 @@ impl Basis<'_> {
         let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
         let factor = self.watch.wider(&Subject::Station(run.station.clone()));
-        let need = self.table(&run.station, models, battery, gauge.temperature_degc).need_to(from_wire(gauge.soc), to_soc, factor);
+        let table = self.table(&run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
+        let need = table.need_to(from_wire(gauge.soc), to_soc, factor);
         if run.stage == Stage::Unloading { need.scaled(left(handling.load_s + handling.unload_s)) } else { need }
     }
+}
+
+/// The temperature at which a charge that goes on is looked up, °C: the battery has warmed itself, and a table would take that for the
+/// warmth of what is around it.
+fn warmed_degc(battery: &Model, gauged_degc: f64) -> f64 {
+    let [hot_degc, cold_degc] = uncritical_degc(battery);
+    gauged_degc.clamp(cold_degc, hot_degc)
 }

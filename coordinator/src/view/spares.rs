@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use energy::units::REFERENCE_DEGC;
 use energy::{Estimate, Model, Need};
 use proto::{SpareId, SpareState, StationId, StationState};
 
@@ -114,7 +113,7 @@ impl Basis<'_> {
     fn charge_of(&self, id: &StationId, models: &StationModels, spare: &SpareState) -> Option<(Arc<Table>, Arc<Model>)> {
         let kind = self.kind_of(models, spare);
         let battery = kind.model().or_else(|| self.reference_battery())?;
-        Some((self.table(id, models, battery, REFERENCE_DEGC), Arc::clone(battery)))
+        Some((self.table(id, models, battery, self.surroundings_degc(id)), Arc::clone(battery)))
     }
 
     /// What the station's packs give for it: nothing where what robots leave is put aside, or charged from outside.
@@ -133,7 +132,7 @@ impl Basis<'_> {
     ) -> f64 {
         let spares = state.spares.iter().filter(|spare| !spare.ready).count();
         let robots = self.running.values().filter(|run| run.station == *id && run.at_place() && matches!(run.how, How::Recharge { .. }));
-        let shared_s = self.tables.charged_beside(models, battery, spares + robots.count(), soc);
+        let shared_s = self.tables.charged_beside(models, battery, spares + robots.count(), self.surroundings_degc(id), soc);
         shared_s.map_or(1.0, |shared_s| (shared_s / whole_s.max(1.0)).max(1.0))
     }
 }

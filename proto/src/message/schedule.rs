@@ -236,6 +236,9 @@ pub struct PackCapacity {
     /// Whether that service lacks a charged spare, however much energy there is.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub lacks_spare: bool,
+    /// Whether its robot's battery is too hot or too cold to be charged, and stays so, however much energy there is.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub lacks_right_temperature: bool,
     /// Service after service, in the order in which they will be wanted, how certainly the pack pays
     /// for all of them up to it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -274,6 +277,9 @@ pub struct StationCapacity {
     /// Whether that service lacks a charged spare, however much energy there is.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub lacks_spare: bool,
+    /// Whether its robot's battery is too hot or too cold to be charged, and stays so, however much energy there is.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub lacks_right_temperature: bool,
     /// Service after service; see [`PackCapacity::promises`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub promises: Vec<Promise>,

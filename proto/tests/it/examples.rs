@@ -173,6 +173,7 @@ pub fn capacity() -> Capacity {
             short_for_next_wh: 1.4,
             lacks_bay: false,
             lacks_spare: false,
+            lacks_right_temperature: false,
             promises: promises(),
         }],
         stations: vec![StationCapacity {
@@ -183,6 +184,7 @@ pub fn capacity() -> Capacity {
             short_for_next_wh: 1.4,
             lacks_bay: false,
             lacks_spare: false,
+            lacks_right_temperature: false,
             promises: promises(),
         }],
         robots_expected: 9,

@@ -232,7 +232,7 @@ impl RobotBody {
         let own_load_w = self.load_w(dt_s, false).unwrap_or(0.0);
         let (charger, charging) = &mut at;
         let facts = self.pack.model().battery();
-        let mut request = charger::request(facts, self.pack.truth(Channel::CellDegc));
+        let mut request = charger::request(facts, self.pack.thermistor_degc());
         if !self.charger_on {
             // The gauge ends a charge, as it must where the robot hangs on the charger too.
             request.current_a = 0.0;

@@ -101,7 +101,7 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             Cell::new(wh(pack.service_wh)),
             right(pack.robots_expected.to_string()),
             right(pack.robots_promised.to_string()),
-            right(short(pack.short_for_next_wh, pack.lacks_bay, pack.lacks_spare)),
+            right(short(pack.short_for_next_wh, [pack.lacks_bay, pack.lacks_spare, pack.lacks_right_temperature])),
         ]);
     }
     for station in capacity.stations.iter().filter(|station| capacity.packs_at(&station.station).count() > 1) {
@@ -113,7 +113,7 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             Cell::new(""),
             right(station.robots_expected.to_string()),
             right(station.robots_promised.to_string()),
-            right(short(station.short_for_next_wh, station.lacks_bay, station.lacks_spare)),
+            right(short(station.short_for_next_wh, [station.lacks_bay, station.lacks_spare, station.lacks_right_temperature])),
         ]);
     }
     say_text(&text(&packs));

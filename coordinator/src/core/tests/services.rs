@@ -17,6 +17,7 @@ fn waits(n: usize, start_s: f64) -> ServiceRun {
         stage: Stage::Waiting,
         asked: None,
         hands_over: None,
+        cut_short: None,
     }
 }
 
@@ -259,4 +260,50 @@ fn who_waits_for_a_bay_begins_after_everybody_who_comes_into_it_before_and_never
     core.running.get_mut(&id::<RobotId>("r0")).unwrap().stage = Stage::Loading;
     assert_eq!(counts(&core, "r0"), (0.0, 550.0));
     assert_eq!(counts(&core, "r1"), (500.0, 1150.0));
+}
+
+/// A robot that charges from 100 s to 700 s, and whose gauge shows this power at a time.
+fn charges(core: &mut Core, time_s: f64, soc: f64, power_w: f64) {
+    let gauge = Gauge { power_w, current_a: power_w / 11.1, temperature_degc: 44.0, ..gauge(time_s, soc, 14.6) };
+    core.handle(at(time_s), Input::RobotGauge(id("r0"), gauge));
+    says(core, time_s, "r0", RobotPhase::Charging);
+}
+
+#[test]
+fn who_takes_no_charge_is_let_go_long_after_its_end_and_its_bay_counts_as_taken_until_then() {
+    let how = How::Recharge { bay: id("bay-1"), to_soc: 0.98 };
+    let mut core = begun(how, Stage::Charging);
+    let late_s = core.settings.late_s;
+    says(&mut core, 105.0, "r0", RobotPhase::Charging);
+    holds(&mut core, 110.0, BayPhase::Occupied, Some("r0"));
+    let ends_s = |core: &Core, time_s: f64| {
+        let run = &core.running[&id::<RobotId>("r0")];
+        core.basis(at(time_s)).ends_s(run)
+    };
+    charges(&mut core, 300.0, 0.5, 0.0);
+    assert_eq!(ends_s(&core, 300.0), 400.0, "a rest is no reason to think otherwise than planned");
+    charges(&mut core, 800.0, 0.6, 0.02);
+    assert_eq!(ends_s(&core, 800.0), late_s - 100.0);
+    charges(&mut core, 810.0, 0.6, -15.0);
+    assert!((600.0..3000.0).contains(&ends_s(&core, 810.0)), "who charges again is done when it is full: {}", ends_s(&core, 810.0));
+
+    let asked = |core: &mut Core| {
+        let told = std::iter::from_fn(|| core.poll()).filter_map(|output| match output {
+            Output::ToRobot(robot, command) => Some((robot, command.action)),
+            _ => None,
+        });
+        told.collect::<Vec<_>>()
+    };
+    asked(&mut core);
+    charges(&mut core, 690.0 + late_s, 0.62, 0.0);
+    core.handle(at(695.0 + late_s), Input::Tick);
+    assert_eq!(asked(&mut core), []);
+    charges(&mut core, 710.0 + late_s, 0.62, -15.0);
+    core.handle(at(711.0 + late_s), Input::Tick);
+    assert_eq!(asked(&mut core), [], "it is late, and charges");
+    charges(&mut core, 720.0 + late_s, 0.62, 0.0);
+    core.handle(at(721.0 + late_s), Input::Tick);
+    assert_eq!(asked(&mut core), [(id("r0"), proto::RobotAction::Undock)]);
+    let run = &core.running[&id::<RobotId>("r0")];
+    assert_eq!(run.cut_short.as_deref(), Some("30 min after its end it took none (its charger gives nothing)"));
 }
