@@ -19,17 +19,17 @@ pub fn circumstances(station: &StationModels, at_once: usize) -> Circumstances {
 }
 
 /// Recharges a robot from `soc` to `target_soc`: what the station's packs give, beyond what the
-/// station takes anyway.
+/// station takes anyway. A `protected` charge rests while the battery is too hot or too cold.
 #[must_use]
 pub fn recharge(
     station: &StationModels,
     at_once: usize,
     battery: &Arc<Model>,
-    temperature_degc: f64,
+    (temperature_degc, protected): (f64, bool),
     soc: Estimate,
     target_soc: f64,
 ) -> Recharge {
-    let around = Circumstances { temperature_degc, ..circumstances(station, at_once) };
+    let around = Circumstances { temperature_degc, protected, ..circumstances(station, at_once) };
     service::service_energy(&station.load, station.handling, battery, soc, target_soc, &around)
 }
 

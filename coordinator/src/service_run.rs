@@ -88,6 +88,8 @@ pub struct ServiceRun {
     pub asked: Option<CommandId>,
     /// State of charge of the pack that it hands over, as its robot's gauge said before: after that it may speak of the other one.
     pub hands_over: Option<Estimate>,
+    /// Since when its robot takes no charge in its bay.
+    pub takes_none_since: Option<Timestamp>,
     /// Why its robot was let go before it was charged.
     pub cut_short: Option<String>,
 }

@@ -304,7 +304,7 @@ impl Basis<'_> {
 
 /// The temperature that charging a robot is planned with, °C: a new promise allows for what the gauge's thermometer may be off, so that
 /// one that was given is not broken over as much.
-fn charge_degc(battery: &Model, gauged_degc: f64, held: bool) -> f64 {
+pub(crate) fn charge_degc(battery: &Model, gauged_degc: f64, held: bool) -> f64 {
     let doubt_degc = if held { 0.0 } else { battery.sensor(Channel::TemperatureDegc).offset_sigma };
     let [hot_degc, cold_degc] = uncritical_degc(battery);
     match gauged_degc {

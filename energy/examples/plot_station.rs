@@ -46,7 +46,7 @@ fn charge(battery: &Arc<Model>, path: PowerPath) -> Series {
     let facts = battery.battery();
     let device = Charger::for_pack(facts, path);
     let around =
-        Surroundings { request: charger::request(facts, 25.0), series: facts.series, own_load_w: OWN_LOAD_W, output_w_max: f64::INFINITY };
+        Surroundings { request: charger::request(facts, true), series: facts.series, own_load_w: OWN_LOAD_W, output_w_max: f64::INFINITY };
     let (mut charging, mut series) = (device.begin(), Series::new());
     for step in 1..=(HOURS * S_PER_H / STEP_S) as u32 {
         let flow = device.step(&mut charging, &mut run, &around, STEP_S);

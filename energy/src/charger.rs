@@ -63,16 +63,9 @@ pub struct ChargeRequest {
     pub voltage_v: f64,
 }
 
-/// Least and greatest cell temperature at which lithium-ion cells are charged, °C: below 0 °C
-/// lithium plates on the graphite (makers' usual window, for one the Japanese JEITA guideline of
-/// 2007).
-pub const CHARGE_DEGC: (f64, f64) = (0.0, 45.0);
-
-/// What the gauge of a pack asks for: its rated current within the temperature window, else 0.
+/// What the gauge of a pack asks for: its rated current while its temperature allows a charge, else 0.
 #[must_use]
-pub fn request(facts: &BatteryFacts, cell_degc: f64) -> ChargeRequest {
-    let (least_degc, greatest_degc) = CHARGE_DEGC;
-    let allowed = cell_degc >= least_degc && cell_degc <= greatest_degc;
+pub fn request(facts: &BatteryFacts, allowed: bool) -> ChargeRequest {
     ChargeRequest { current_a: if allowed { facts.charge.current_a } else { 0.0 }, voltage_v: facts.full_v() }
 }
 

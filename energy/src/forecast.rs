@@ -106,25 +106,18 @@ pub fn discharge_behind(run: &mut impl Battery, power_w: f64, extra_ohm: impl Fn
 /// Charges a pack by its own charger settings until `target_soc` or the cutoff current, as if no temperature ever stopped it.
 #[must_use]
 pub fn charge(run: &mut impl Battery, target_soc: f64) -> Charge {
-    charge_by(run, target_soc, f64::INFINITY, |_, _| None, |_, _, _| {})
+    charge_within(run, target_soc, f64::INFINITY, false, |_, _, _| {})
 }
 
 /// [`charge`] with at most `power_w_max` into the battery, W (> 0): several share what charges
-/// them. While its protection finds the pack too hot or too cold to be charged it rests, as long as that helps; its surroundings
+/// them. A `protected` one rests while the pack is too hot or too cold to be charged, as long as that helps; its surroundings
 /// keep the temperature that it began with. Says of each stretch how long it was (s) and what went into the battery (A, W; nothing
 /// while it rests).
-pub fn charge_within(run: &mut impl Battery, target_soc: f64, power_w_max: f64, stretch: impl FnMut(f64, f64, f64)) -> Charge {
-    let model = Arc::clone(run.model());
-    let limits = &model.battery().protection;
-    charge_by(run, target_soc, power_w_max, |cell_degc, was| limits.no_charge_at(cell_degc, was), stretch)
-}
-
-/// A charge that `bars` may hold up: at a cell temperature (°C), after what barred it before.
-fn charge_by(
+pub fn charge_within(
     run: &mut impl Battery,
     target_soc: f64,
     power_w_max: f64,
-    bars: impl Fn(f64, Option<Trip>) -> Option<Trip>,
+    protected: bool,
     mut stretch: impl FnMut(f64, f64, f64),
 ) -> Charge {
     let model = Arc::clone(run.model());
@@ -137,7 +130,7 @@ fn charge_by(
     let mut barred = None;
     while time_s < TIME_MAX_S && run.channel(Channel::Soc) < target_soc {
         let cell_degc = run.channel(Channel::CellDegc);
-        barred = bars(cell_degc, barred);
+        barred = if protected { facts.protection.no_charge_at(cell_degc, barred) } else { None };
         if barred.is_some() {
             run.step_current(0.0, dt_s);
             if (run.channel(Channel::CellDegc) - cell_degc).abs() < SETTLED_K_PER_S * dt_s {
@@ -305,7 +298,7 @@ mod tests {
         let at = |temperature_degc| {
             let start = Start { temperature_degc, ..Start::at_soc(0.1) };
             let mut rests_s = 0.0;
-            let charge = charge_within(&mut Run::new(Arc::clone(&pack), start), 0.98, f64::INFINITY, |dt_s, current_a, _| {
+            let charge = charge_within(&mut Run::new(Arc::clone(&pack), start), 0.98, f64::INFINITY, true, |dt_s, current_a, _| {
                 if current_a == 0.0 {
                     rests_s += dt_s;
                 }
@@ -332,7 +325,7 @@ mod tests {
             (46.0, Trip::OverTemperatureCharge, 0.09..0.1),
         ] {
             let start = Start { temperature_degc: degc, ..Start::at_soc(0.1) };
-            let charge = charge_within(&mut Run::new(Arc::clone(&pack), start), 0.98, f64::INFINITY, |_, _, _| {});
+            let charge = charge_within(&mut Run::new(Arc::clone(&pack), start), 0.98, f64::INFINITY, true, |_, _, _| {});
             assert_eq!((charge.stopped, charge.time_s), (Some(why), TIME_MAX_S), "{degc}: {charge:?}");
             assert!(reaches_soc.contains(&charge.soc), "{degc}: {charge:?}");
             assert!(charged_behind_protection(&pack, degc).0 >= S_PER_DAY, "{degc}");

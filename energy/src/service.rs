@@ -41,12 +41,14 @@ pub struct Circumstances {
     pub converter_w_max: f64,
     /// Temperature of the robot's battery at the start, °C.
     pub temperature_degc: f64,
+    /// Whether the charge rests while the battery's protection finds it too hot or too cold.
+    pub protected: bool,
 }
 
 impl Circumstances {
     /// One robot alone, at a pack voltage of 0 (not known), without a limit.
     pub const ALONE: Circumstances =
-        Circumstances { pack_v: 0.0, at_once: 1.0, converter_w_max: f64::INFINITY, temperature_degc: REFERENCE_DEGC };
+        Circumstances { pack_v: 0.0, at_once: 1.0, converter_w_max: f64::INFINITY, temperature_degc: REFERENCE_DEGC, protected: true };
 }
 
 /// What one recharge takes.
@@ -54,8 +56,8 @@ impl Circumstances {
 pub struct Recharge {
     /// Time on the charger, s.
     pub charge_s: f64,
-    /// Why that never ends: the battery stays too hot or too cold to be charged.
-    pub stopped: Option<Trip>,
+    /// Why that never ends, and the state of charge that it stops at: the battery stays too hot or too cold to be charged.
+    pub stopped: Option<(Trip, f64)>,
     /// Energy from the station's packs, Wh.
     pub need: Need,
     /// The same by cause, Wh: the charge itself, then each effect of the station's model. It sums to
@@ -184,9 +186,10 @@ fn recharge(
         let mut stretches = Vec::new();
         let mut run = forecast::pack_at(battery, values, around.temperature_degc);
         // The capacity's factor scales a charge whose power per capacity is kept.
-        let charge = charge_within(&mut run, target_soc, bay_w_max / values[1], |dt_s, current_a, power_w| {
+        let stretch = |dt_s: f64, current_a: f64, power_w: f64| {
             stretches.push(Stretch { hours: values[1] * dt_s / S_PER_H, charge_w: power_w, current_a });
-        });
+        };
+        let charge = charge_within(&mut run, target_soc, bay_w_max / values[1], around.protected, stretch);
         let stay = Stay { docked, stretches, load_h, unload_h };
         (stay, charge)
     };
@@ -200,7 +203,7 @@ fn recharge(
     });
     need.own_variance = own.sigma.powi(2);
     let charge_s = expected[1] * charge.time_s;
-    Recharge { charge_s, stopped: charge.stopped, need, breakdown_wh: breakdown(station, &mean, around) }
+    Recharge { charge_s, stopped: charge.stopped.map(|why| (why, charge.soc)), need, breakdown_wh: breakdown(station, &mean, around) }
 }
 
 fn breakdown(station: &Arc<Model>, stay: &Stay, around: &Circumstances) -> BTreeMap<String, f64> {

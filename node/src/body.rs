@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
-use energy::charger::{Charger, Charging, Flow, Surroundings};
+use energy::charger::{self, ChargeRequest, Charger, Charging, Flow, Surroundings};
 use energy::gauge::Sample;
 use energy::load::{CannotDeliver, Terminals as _};
 use energy::pack::Battery as _;
-use energy::protection::{Measured, Protection};
+use energy::protection::{Measured, Protection, Trip};
 use energy::{Channel, Estimate, Model, Pack, Start};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -113,6 +113,13 @@ impl PackBody {
         failed.map_or_else(|| Ok(self.sample(dt_s)), Err)
     }
 
+    /// What the pack asks its charger for: nothing while it is too hot or too cold.
+    #[must_use]
+    pub fn charge_request(&self) -> ChargeRequest {
+        let bars = |trip| matches!(trip, Trip::OverTemperatureCharge | Trip::UnderTemperatureCharge);
+        charger::request(self.pack.model().battery(), !self.protection.tripped().any(bars))
+    }
+
     /// Steps the pack on a charger with what stands around it, and reads its sensors. While the
     /// protection does not allow a charge, the pack asks for none.
     ///
@@ -165,8 +172,7 @@ impl PackBody {
     }
 
     /// Temperature of the cells as this specimen's thermistor has it, °C: front end and gauge share it.
-    #[must_use]
-    pub fn thermistor_degc(&self) -> f64 {
+    fn thermistor_degc(&self) -> f64 {
         let [.., offset] = self.offset;
         let [.., gain] = self.gain;
         self.pack.model().sensor(Channel::TemperatureDegc).shows(self.truth(Channel::CellDegc), 0.0, offset, gain)

@@ -13,7 +13,7 @@ use crate::scheduler::capacity::{Coming, Holding, Place, Question, Wanted, capac
 use crate::scheduler::charging::{Course, Table};
 use crate::scheduler::translate::HORIZON_MAX_S;
 use crate::scheduler::{PackView, Plan, Planned, Racks, Recharging, RobotView, StationView, View, WHOLE_FLEET_MAX, packs_after_begun};
-use crate::view::Basis;
+use crate::view::{Basis, charge_degc};
 
 /// A pack that holds this many standard deviations more than is owed leaves nothing to the next.
 const SIGMAS_OWED: f64 = 6.0;
@@ -90,7 +90,8 @@ fn question(
         Some(Coming { robot: robot.robot.clone(), wanted, from_s, is_planned: planned.is_some() })
     });
     let mut service = usual(Estimate::exact(from_soc), &table, None);
-    if in_vain(Estimate::exact(from_soc), &basis.table(id, models, basis.reference_battery()?, basis.surroundings_degc(id))) {
+    let battery = basis.reference_battery()?;
+    if in_vain(Estimate::exact(from_soc), &basis.table(id, models, battery, charge_degc(battery, basis.surroundings_degc(id), false))) {
         service.place = Place::InVain;
     }
     Some(Question {
@@ -136,6 +137,10 @@ fn exchange(basis: &Basis<'_>, station: &StationView, models: &StationModels, ta
 fn left_behind(station: &StationView, models: &StationModels, table: &Table, soc: Estimate, from_s: f64) -> Option<Recharging> {
     models.spare_battery.as_ref()?;
     let (need, until_s) = (table.bare(soc, 1.0), from_s + table.at(soc.value).bare_s);
+    // What is never charged is no spare again.
+    if until_s >= HORIZON_MAX_S {
+        return None;
+    }
     let shared_wh = station.shared_per_wh.iter().map(|change| change * need.mean_wh).collect();
     Some(Recharging { from_s, until_s, need: Need { shared_wh, ..need } })
 }

@@ -39,6 +39,7 @@ impl Core {
                 stage: Stage::Travelling,
                 asked: None,
                 hands_over: None,
+                takes_none_since: None,
                 cut_short: None,
             };
             let action = run.first();
@@ -59,6 +60,7 @@ impl Core {
             Concerned::Everybody => self.running.keys().cloned().collect(),
         };
         for robot in robots {
+            self.note_charge(now, &robot);
             let Some(run) = self.running.get(&robot) else { continue };
             if run.asked.is_some() {
                 continue;
@@ -104,12 +106,18 @@ impl Core {
         self.select_packs(now, &stations);
     }
 
-    /// Why a robot is let go although it is not charged: long after it should be, it takes nothing.
+    /// Notes since when a robot takes no charge.
+    fn note_charge(&mut self, now: Timestamp, robot: &RobotId) {
+        let (Some(run), Some(belief)) = (self.running.get_mut(robot), self.fleet.robots.get(robot)) else { return };
+        let none = belief.known().is_some_and(|(gauge, state)| run.takes_no_charge(gauge, state));
+        run.takes_none_since = none.then(|| run.takes_none_since.unwrap_or(now));
+    }
+
+    /// Why a robot is let go although it is not charged: it should be, and has taken nothing for long.
     fn charged_in_vain(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<String> {
-        let (over_s, known) = (now.seconds_since(run.end), robot.known());
-        let (_, state) = known.filter(|(gauge, state)| over_s > self.settings.late_s && run.takes_no_charge(gauge, state))?;
-        let why = state.note.as_deref().unwrap_or("its charger gives nothing");
-        Some(format!("{:.0} min after its end it took none ({why})", over_s / 60.0))
+        let since = run.takes_none_since.filter(|&since| now.seconds_since(since.max(run.end)) > self.settings.late_s)?;
+        let why = robot.known().and_then(|(_, state)| state.note.as_deref()).unwrap_or("its charger gives nothing");
+        Some(format!("it has taken none for {:.0} min ({why})", now.seconds_since(since) / 60.0))
     }
 
     /// Whether a robot that is lost on its way keeps a free bay from those who come after it. Nobody can let

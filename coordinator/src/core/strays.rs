@@ -147,6 +147,7 @@ impl Core {
             stage,
             asked: None,
             hands_over: None,
+            takes_none_since: None,
             cut_short: None,
         };
         self.strays.remove(robot);

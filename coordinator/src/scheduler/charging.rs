@@ -3,7 +3,7 @@
 //!
 //! A table is made once for a kind of battery at a kind of station, a number of robots side by side and a
 //! temperature; plans look it up. A battery that gets too hot rests until it has cooled down, as its protection wants it; one that
-//! stays too hot or too cold is charged for longer than anybody plans ahead.
+//! stays too hot or too cold is charged as far as it goes.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,7 +13,7 @@ use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 
 use super::usable::Usable;
-use crate::forecast::{self, Draw};
+use crate::forecast::{self, Draw, Recharge};
 use crate::models::{Alike, StationModels};
 
 /// Steps of a table.
@@ -42,7 +42,7 @@ pub struct Point {
     pub bare_wh: f64,
     /// Time that takes, s.
     pub bare_s: f64,
-    /// Why the charge never ends.
+    /// Why the charge never ends; time and energy are then those of one that nothing stops.
     pub stopped: Option<Trip>,
 }
 
@@ -57,17 +57,33 @@ pub struct Table {
     pub shared_per_wh: Vec<f64>,
     /// A full service from the level at which one is wanted, by cause, Wh.
     pub breakdown_wh: BTreeMap<String, f64>,
+    /// How far a charge goes that heat or cold stops, from the level at which one is wanted: 0 for not at all.
+    pub reaches_soc: f64,
 }
 
 impl Table {
     fn new(station: &StationModels, at_once: usize, battery: &Arc<Model>, temperature_degc: f64, from_soc: f64, to_soc: f64) -> Self {
-        let recharge = |soc: f64| forecast::recharge(station, at_once, battery, temperature_degc, Estimate::exact(soc), to_soc);
+        let forecast = |soc: f64, protected: bool| {
+            forecast::recharge(station, at_once, battery, (temperature_degc, protected), Estimate::exact(soc), to_soc)
+        };
+        let recharge = |soc: f64| {
+            let recharge = forecast(soc, true);
+            if recharge.stopped.is_none() { recharge } else { Recharge { stopped: recharge.stopped, ..forecast(soc, false) } }
+        };
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
             let (bare_wh, bare_s) = forecast::spare_again(station, battery, 1, temperature_degc, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
-            Point { soc, charge_s: recharge.charge_s, need_wh, own_variance, bare_wh, bare_s, stopped: recharge.stopped }
+            Point {
+                soc,
+                charge_s: recharge.charge_s,
+                need_wh,
+                own_variance,
+                bare_wh,
+                bare_s,
+                stopped: recharge.stopped.map(|(why, _)| why),
+            }
         };
         let reference = recharge(from_soc);
         let mean_wh = reference.need.mean_wh.max(f64::MIN_POSITIVE);
@@ -80,6 +96,7 @@ impl Table {
             points,
             shared_per_wh: reference.need.shared_wh.iter().map(|change_wh| change_wh / mean_wh).collect(),
             breakdown_wh: reference.breakdown_wh,
+            reaches_soc: reference.stopped.map_or(0.0, |(_, soc)| if soc > from_soc { soc } else { 0.0 }),
         }
     }
 
@@ -299,12 +316,12 @@ impl Tables {
     }
 }
 
-/// The temperature that a table for this one stands for, whole °C: the nearest step, and where heat or cold may keep the battery from being
-/// charged the next finer one on that side.
+/// The temperature that a table for this one stands for, whole °C: the nearest step, a finer one where heat may keep the battery from being
+/// charged, and the next colder one where cold may: at its limit that does so at once.
 pub(crate) fn step_degc(battery: &Model, temperature_degc: f64) -> f64 {
     let ([coarse, fine], [hot_degc, cold_degc]) = (TEMPERATURE_STEPS_DEGC, uncritical_degc(battery));
     match temperature_degc {
-        _ if temperature_degc > hot_degc => (temperature_degc / fine).ceil() * fine,
+        _ if temperature_degc > hot_degc => (temperature_degc / fine).round() * fine,
         _ if temperature_degc < cold_degc => (temperature_degc / fine).floor() * fine,
         _ => (temperature_degc / coarse).round() * coarse,
     }
@@ -322,10 +339,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn steps_are_fine_and_err_on_the_safe_side_where_heat_or_cold_may_stop_a_charge() {
+    fn steps_are_fine_where_heat_or_cold_may_stop_a_charge() {
         let battery = energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap();
         for (is_degc, counts_as_degc) in
-            [(-0.4, -1.0), (0.6, 0.0), (4.9, 4.0), (5.0, 5.0), (22.4, 20.0), (27.6, 30.0), (30.0, 30.0), (30.2, 31.0), (39.4, 40.0)]
+            [(-0.4, -1.0), (0.6, 0.0), (4.9, 4.0), (5.0, 5.0), (22.4, 20.0), (27.6, 30.0), (30.0, 30.0), (30.6, 31.0), (39.4, 39.0)]
         {
             assert_eq!(step_degc(&battery, is_degc), counts_as_degc, "{is_degc}");
         }
@@ -344,7 +361,7 @@ mod tests {
             stopped: None,
         };
         let points = vec![point(0.0, 3600.0), point(0.8, 1200.0), point(0.9, 0.0)];
-        let table = Table { points, lift_wh: 0.0, shared_per_wh: Vec::new(), breakdown_wh: BTreeMap::new() };
+        let table = Table { points, lift_wh: 0.0, shared_per_wh: Vec::new(), breakdown_wh: BTreeMap::new(), reaches_soc: 0.0 };
         for (soc, after_s, reached) in [(0.0, 0.0, 0.0), (0.0, 1200.0, 0.4), (0.4, 1800.0, 0.85), (0.4, 9000.0, 0.9), (0.95, 60.0, 0.95)] {
             let found = table.reached_alone(soc, after_s);
             assert!((found - reached).abs() < 1e-9, "{soc} {after_s}: {found}");

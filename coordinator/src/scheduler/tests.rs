@@ -1,12 +1,12 @@
 //! Small fleets by hand, through the whole of the translation.
 
+mod heat;
 mod racks;
 mod stepped;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use energy::protection::Trip;
 use energy::{Estimate, Model, Need};
 use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
 
@@ -33,7 +33,13 @@ fn table() -> Arc<Table> {
             stopped: None,
         }
     };
-    Arc::new(Table { points: (0..=10).map(point).collect(), lift_wh: 0.1, shared_per_wh: vec![0.01], breakdown_wh: BTreeMap::new() })
+    Arc::new(Table {
+        points: (0..=10).map(point).collect(),
+        lift_wh: 0.1,
+        shared_per_wh: vec![0.01],
+        breakdown_wh: BTreeMap::new(),
+        reaches_soc: 0.0,
+    })
 }
 
 fn station(name: &str, bays: usize, usable_wh: &[f64], spares: &[f64]) -> StationView {
@@ -348,33 +354,4 @@ fn as_long_as_all_goes_as_foreseen_no_promise_is_broken_by_planning_again() {
             before = plan;
         }
     }
-}
-
-/// `one` with a battery that is never charged as cold as it is.
-fn too_cold(one: RobotView) -> RobotView {
-    let cold = |point: &Point| match point.charge_s {
-        0.0 => *point,
-        _ => Point { charge_s: energy::forecast::TIME_MAX_S, stopped: Some(Trip::UnderTemperatureCharge), ..*point },
-    };
-    let travel = one.travel.iter().map(|(station, travel_s, table)| {
-        let points = table.points.iter().map(cold).collect();
-        (*station, *travel_s, Arc::new(Table { points, ..Table::clone(table) }))
-    });
-    RobotView { temperature_degc: -5.2, charge_degc: -6.0, travel: travel.collect(), ..one }
-}
-
-#[test]
-fn who_is_too_cold_to_be_charged_gets_a_spare_or_hears_why_not() {
-    let cold = |name: &str, soc: f64| too_cold(robot(name, soc, &[(0, 60.0)]));
-    let with = |spares: &[f64]| {
-        let robots = vec![cold("a", 0.15), cold("b", 0.2), robot("c", 0.2, &[(0, 60.0)])];
-        solved(robots, vec![station("s", 3, &[80.0], spares)]).plan
-    };
-    let plan = with(&[]);
-    assert_eq!(names(&plan), ["c"]);
-    let why = "s: its battery is too cold to charge: it is at -5 °C, and takes none below 0 °C";
-    assert_eq!(plan.rejected.iter().map(|rejected| rejected.reasons.join(";")).collect::<Vec<_>>(), [why, why]);
-    let plan = with(&[0.97]);
-    assert_eq!(names(&plan), ["a", "c"]);
-    assert!(plan.planned[0].spare.is_some() && plan.planned[1].bay.is_some());
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use energy::Channel;
 use planner::book::Clash;
 use planner::problem::Tick;
 use planner::reasons::Why;
@@ -158,13 +159,24 @@ pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, co
 /// Why charging a robot there would never end.
 fn never_charged(task: &Task, robot: usize, station: usize) -> Option<String> {
     let view = &task.view.robots[robot];
+    if task.view.stations[station].bays.is_empty() {
+        return None;
+    }
     let table = view.travel.iter().find(|(index, ..)| *index == station).map(|(.., table)| table)?;
     let comes_soc = view.soc.value - view.drain_soc_per_s * view.wanted_s.min(HORIZON_MAX_S);
     let why = table.at(comes_soc).stopped?;
     let limit = view.battery.battery().protection.get(why);
-    let (is_degc, may_degc, side) = (view.temperature_degc, limit.trip, if why.is_lower() { "below" } else { "above" });
-    let would = if (is_degc < limit.release) == why.is_lower() { "is" } else { "would get" };
-    Some(format!("its battery {would} {why}: it is at {is_degc:.0} °C, and takes none {side} {may_degc:.0} °C"))
+    let doubt_degc = view.battery.sensor(Channel::TemperatureDegc).offset_sigma;
+    let (is_degc, trip_degc, again_degc) = (view.temperature_degc, limit.trip, limit.release);
+    let is_so = if why.is_lower() { is_degc < trip_degc } else { is_degc > trip_degc };
+    Some(match why.is_lower() {
+        true if is_so => format!("its battery is {why}: it is at {is_degc:.1} °C, and takes none below {trip_degc:.0} °C"),
+        true => format!("its battery may be {why}: it is at {is_degc:.1} ± {doubt_degc:.1} °C, and takes none below {trip_degc:.0} °C"),
+        false if is_so => format!("its battery is {why}: it is at {is_degc:.1} °C, and takes none above {trip_degc:.0} °C"),
+        false => format!(
+            "its battery would get {why}: it is at {is_degc:.1} ± {doubt_degc:.1} °C, passes {trip_degc:.0} °C while it is charged, and takes none again above {again_degc:.0} °C"
+        ),
+    })
 }
 
 fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: usize, why: Why, confidence: f64) -> String {

@@ -25,8 +25,8 @@ impl Basis<'_> {
             return planned_s;
         }
         let belief = self.fleet.robots.get(&run.robot).and_then(Robot::known);
-        if belief.is_some_and(|(gauge, state)| run.takes_no_charge(gauge, state)) {
-            let given_up_s = run.end.seconds_since(self.now) + self.settings.late_s;
+        if let Some(since) = run.takes_none_since {
+            let given_up_s = since.max(run.end).seconds_since(self.now) + self.settings.late_s;
             return if run.end > self.now { planned_s } else { given_up_s.max(1.0) };
         }
         let charging = belief.filter(|(_, state)| state.phase == RobotPhase::Charging).and_then(|(gauge, state)| {

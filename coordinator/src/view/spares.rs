@@ -5,10 +5,11 @@ use std::sync::Arc;
 use energy::{Estimate, Model, Need};
 use proto::{SpareId, SpareState, StationId, StationState};
 
-use super::Basis;
+use super::{Basis, charge_degc};
 use crate::fleet::Station;
 use crate::models::{StationModels, from_wire};
 use crate::scheduler::charging::Table;
+use crate::scheduler::translate::HORIZON_MAX_S;
 use crate::scheduler::{Recharging, SpareView, StationView};
 use crate::service_run::{How, ServiceRun};
 use crate::watch::Subject;
@@ -58,7 +59,7 @@ impl Basis<'_> {
             };
             // A spare at the level at which robots want a service is none.
             let charged = spare.soc.value > self.settings.serve_below_soc;
-            if (ready_s == 0.0 && charged) || (ready_s > 0.0 && view.charges_spares) {
+            if (ready_s == 0.0 && charged) || (ready_s > 0.0 && ready_s < HORIZON_MAX_S && view.charges_spares) {
                 let kind = self.place_of(&kinds, models, spare);
                 view.spares.push(SpareView { spare: spare.spare.clone(), soc, ready_s, kind });
             }
@@ -113,7 +114,8 @@ impl Basis<'_> {
     fn charge_of(&self, id: &StationId, models: &StationModels, spare: &SpareState) -> Option<(Arc<Table>, Arc<Model>)> {
         let kind = self.kind_of(models, spare);
         let battery = kind.model().or_else(|| self.reference_battery())?;
-        Some((self.table(id, models, battery, self.surroundings_degc(id)), Arc::clone(battery)))
+        let degc = charge_degc(battery, self.surroundings_degc(id), false);
+        Some((self.table(id, models, battery, degc), Arc::clone(battery)))
     }
 
     /// What the station's packs give for it: nothing where what robots leave is put aside, or charged from outside.

@@ -19,7 +19,7 @@ fn charged(run: &mut Run<f64>, charger: &Charger, around: &Surroundings, hours: 
 }
 
 fn around(own_load_w: f64) -> Surroundings {
-    Surroundings { request: request(explorer(0.0).model().battery(), 25.0), series: 3, own_load_w, output_w_max: f64::INFINITY }
+    Surroundings { request: request(explorer(0.0).model().battery(), true), series: 3, own_load_w, output_w_max: f64::INFINITY }
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn the_lesser_of_request_and_own_limit_holds_and_in_the_cold_nothing_is_asked() 
     assert!((charger.step(&mut charger.begin(), &mut run, &asked, 1.0).battery_a - 1.32).abs() < 1e-9);
     let small = Charger { output_a_max: 0.5, ..charger };
     assert!((small.step(&mut small.begin(), &mut run, &asked, 1.0).battery_a - 0.5).abs() < 1e-9);
-    let cold = Surroundings { request: request(run.model().battery(), -0.1), ..asked };
+    let cold = Surroundings { request: request(run.model().battery(), false), ..asked };
     let mut charging = charger.begin();
     assert_eq!(charger.step(&mut charging, &mut run, &cold, 1.0).battery_a, 0.0);
     assert_eq!(charging.stage, Stage::Waiting);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use energy::charger::{self, Charger, Charging, PowerPath, Surroundings};
+use energy::charger::{Charger, Charging, PowerPath, Surroundings};
 use energy::gauge::Sample;
 use energy::load::CannotDeliver;
 use energy::power::RailCannotDeliver;
@@ -232,7 +232,7 @@ impl RobotBody {
         let own_load_w = self.load_w(dt_s, false).unwrap_or(0.0);
         let (charger, charging) = &mut at;
         let facts = self.pack.model().battery();
-        let mut request = charger::request(facts, self.pack.thermistor_degc());
+        let mut request = self.pack.charge_request();
         if !self.charger_on {
             // The gauge ends a charge, as it must where the robot hangs on the charger too.
             request.current_a = 0.0;

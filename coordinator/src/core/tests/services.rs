@@ -17,6 +17,7 @@ fn waits(n: usize, start_s: f64) -> ServiceRun {
         stage: Stage::Waiting,
         asked: None,
         hands_over: None,
+        takes_none_since: None,
         cut_short: None,
     }
 }
@@ -295,15 +296,15 @@ fn who_takes_no_charge_is_let_go_long_after_its_end_and_its_bay_counts_as_taken_
         told.collect::<Vec<_>>()
     };
     asked(&mut core);
-    charges(&mut core, 690.0 + late_s, 0.62, 0.0);
-    core.handle(at(695.0 + late_s), Input::Tick);
+    charges(&mut core, 1000.0, 0.62, 0.0);
+    charges(&mut core, 990.0 + late_s, 0.62, 0.0);
     assert_eq!(asked(&mut core), []);
-    charges(&mut core, 710.0 + late_s, 0.62, -15.0);
-    core.handle(at(711.0 + late_s), Input::Tick);
-    assert_eq!(asked(&mut core), [], "it is late, and charges");
-    charges(&mut core, 720.0 + late_s, 0.62, 0.0);
-    core.handle(at(721.0 + late_s), Input::Tick);
+    charges(&mut core, 1000.0 + late_s, 0.62, -15.0);
+    charges(&mut core, 1010.0 + late_s, 0.62, 0.0);
+    charges(&mut core, 1000.0 + 2.0 * late_s, 0.62, 0.0);
+    assert_eq!(asked(&mut core), [], "it is late, and was charged in between");
+    charges(&mut core, 1020.0 + 2.0 * late_s, 0.62, 0.0);
     assert_eq!(asked(&mut core), [(id("r0"), proto::RobotAction::Undock)]);
     let run = &core.running[&id::<RobotId>("r0")];
-    assert_eq!(run.cut_short.as_deref(), Some("30 min after its end it took none (its charger gives nothing)"));
+    assert_eq!(run.cut_short.as_deref(), Some("it has taken none for 30 min (its charger gives nothing)"));
 }

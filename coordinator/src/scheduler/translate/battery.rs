@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use energy::forecast::TIME_MAX_S;
 use planner::problem::{Battery, Charger, Segment, Tick};
 
 use super::UNITS_PER_WH;
 use crate::models::Settings;
-use crate::scheduler::charging::Table;
+use crate::scheduler::charging::{Point, Table};
 use crate::scheduler::problem::{RobotView, StationView, View};
 use crate::scheduler::racks::Racks;
 
@@ -83,9 +84,16 @@ fn curve(table: &Table, capacity: f64, tick_s: u32) -> Vec<Segment> {
     // What a pack alone takes after the last point, its charger's end, is spread over what it takes before.
     let bare_wh = [&table.points[0], &table.points[table.points.len() - 1]].map(|point| point.bare_wh);
     let to_the_end = bare_wh[0] / (bare_wh[0] - bare_wh[1]).max(f64::MIN_POSITIVE);
-    for pair in table.points.windows(2) {
+    // A charge that heat or cold stops ends between two points: another one stands there.
+    let inner = |points: &[Point]| (points[0].soc < table.reaches_soc && table.reaches_soc < points[1].soc).then_some(table.reaches_soc);
+    let ends = table.points.windows(2).find_map(inner).map(|soc| table.at(soc));
+    let mut points: Vec<Point> = table.points.iter().copied().chain(ends).collect();
+    points.sort_by(|a, b| a.soc.total_cmp(&b.soc));
+    for pair in points.windows(2) {
         let [low, high] = [pair[0], pair[1]];
-        let ticks = (low.charge_s - high.charge_s) / f64::from(tick_s);
+        // Beyond that it takes longer than anybody plans ahead.
+        let never_s = if low.stopped.is_some() && high.soc > table.reaches_soc { TIME_MAX_S } else { 0.0 };
+        let ticks = (low.charge_s - high.charge_s + never_s) / f64::from(tick_s);
         let last = curve.last().copied();
         let below = (high.soc * capacity) as i64;
         if ticks <= 1e-6 || below <= last.map_or(0, |last| last.below) {

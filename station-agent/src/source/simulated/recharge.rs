@@ -28,7 +28,7 @@ impl PackCharger {
     /// What it asks for, W.
     pub(super) fn asks_w(&mut self, pack: &PackBody) -> f64 {
         let facts = pack.model().battery();
-        let request = charger::request(facts, pack.thermistor_degc());
+        let request = pack.charge_request();
         let voltage_v = pack.truth(Channel::TerminalVoltageV);
         self.asked_a = self.charger.asks_a(&mut self.charging, &request, voltage_v / f64::from(facts.series));
         self.asked_a * voltage_v

@@ -144,9 +144,16 @@ fn a_supply_charges_the_pack_that_rests_and_a_depleted_one_counts_again() {
 
 /// A robot leaves a pack at a tenth of its charge for the spare, which is charged: its label, and the energy for that, Wh.
 fn charged_again(body: &mut StationBody) -> (Estimate, f64) {
+    let (charged, energy_wh, _) = charged_within_hours(body, 6);
+    assert_eq!(charged[0].0, spare());
+    (charged[0].1, energy_wh)
+}
+
+/// The same within some hours, and how long it took, s.
+fn charged_within_hours(body: &mut StationBody, hours: u32) -> (Vec<(SpareId, Estimate)>, f64, u32) {
     body.act(&Act::Swap { robot: robot(1), spare: spare() });
     let (mut seconds, mut charged, mut energy_wh) = (0, Vec::new(), 0.0);
-    while charged.is_empty() && seconds < 6 * 3600 {
+    while charged.is_empty() && seconds < hours * 3600 {
         let observation = body.advance(1.0).unwrap();
         if observation.swapped.is_some() {
             let at = Timestamp::from_unix_ms(0);
@@ -165,8 +172,19 @@ fn charged_again(body: &mut StationBody) -> (Estimate, f64) {
         energy_wh += (body.truth(Channel::PackPowerW) - 5.7) / 3600.0;
         seconds += 1;
     }
-    assert_eq!(charged[0].0, spare());
-    (charged[0].1, energy_wh)
+    (charged, energy_wh, seconds)
+}
+
+#[test]
+fn a_pack_left_behind_that_gets_too_hot_rests_and_is_no_spare_before_it_is_full() {
+    let at = |temperature_degc: f64| {
+        let mut body = StationBody::new(World { spare_battery: Some(model(EXPLORER)), temperature_degc, ..world(&[1.0, 1.0]) });
+        charged_within_hours(&mut body, 6)
+    };
+    let (mild, warm, hot) = (at(25.0), at(37.5), at(43.0));
+    assert!(mild.0[0].1.value > 0.98 && warm.0[0].1.value > 0.98);
+    // At 43 °C it takes what warms it by 2 K, and is never as cool as 40 °C again.
+    assert!(hot.0.is_empty() && hot.1 < 0.5 * mild.1, "{hot:?} {mild:?}");
 }
 
 #[test]
