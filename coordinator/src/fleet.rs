@@ -52,6 +52,8 @@ pub struct Station {
     pub state: Option<StationState>,
     /// The last gauge message of each pack.
     pub packs: BTreeMap<PackId, Gauge>,
+    /// How warm it is there, °C: as its coolest pack, since work only warms them, on average over a while; none before one has spoken.
+    pub surroundings_degc: Option<f64>,
     /// Packs that robots left and that are not charged yet, by the spare whose place they took.
     pub left: BTreeMap<SpareId, LeftPack>,
     /// Whether it was lost after it had spoken.
@@ -75,7 +77,24 @@ impl LeftPack {
     }
 }
 
+/// Time constant of the average of a station's temperature, s: the noise of a thermometer goes, and the weather stays.
+const SURROUNDINGS_TAU_S: f64 = 600.0;
+
 impl Station {
+    /// Takes in what the gauge of a pack says.
+    pub fn gauged(&mut self, pack: PackId, gauge: Gauge) {
+        let (at, before) = (gauge.at, self.packs.values().map(|known| known.at).max());
+        let is_new = self.packs.insert(pack, gauge).is_none();
+        let coolest_degc = self.packs.values().map(|known| known.temperature_degc).fold(f64::INFINITY, f64::min);
+        self.surroundings_degc = Some(match (self.surroundings_degc, before) {
+            (Some(was_degc), Some(before)) if !is_new => {
+                let passed_s = at.seconds_since(before).clamp(0.0, SURROUNDINGS_TAU_S);
+                was_degc + (coolest_degc - was_degc) * passed_s / SURROUNDINGS_TAU_S
+            }
+            _ => coolest_degc,
+        });
+    }
+
     /// State of one bay.
     #[must_use]
     pub fn bay(&self, bay: &BayId) -> Option<&BayState> {
@@ -120,7 +139,42 @@ pub fn newer((at, seq): (Timestamp, u64), known: Option<(Timestamp, u64)>) -> bo
 
 #[cfg(test)]
 mod tests {
+    use proto::Estimate as Told;
+
     use super::*;
+
+    #[test]
+    fn a_stations_temperature_is_that_of_its_coolest_pack_on_average() {
+        let mut station = Station::default();
+        let mut says = |name: &str, at_s: i64, temperature_degc: f64| {
+            let nothing = Told::new(0.0, 0.0);
+            let gauge = Gauge {
+                at: Timestamp::from_unix_ms(at_s * 1000),
+                seq: at_s as u64,
+                soc: nothing,
+                remaining_wh: nothing,
+                full_wh: nothing,
+                time_to_empty_s: None,
+                time_to_full_s: None,
+                soh: nothing,
+                cycles: None,
+                voltage_v: 11.1,
+                current_a: 0.0,
+                temperature_degc,
+                power_w: 0.0,
+                cells_series: 3,
+                source: "test".to_owned(),
+            };
+            station.gauged(PackId::new(name).unwrap(), gauge);
+            station.surroundings_degc.unwrap()
+        };
+        assert_eq!(says("warm", 0, 9.0), 9.0);
+        assert_eq!(says("cool", 1, 1.0), 1.0, "a pack that nobody knew counts at once");
+        assert_eq!(says("warm", 2, 20.0), 1.0);
+        // Noise of 1 K in one reading a minute later is a tenth of that; ten minutes later it has all of a change.
+        assert!((says("cool", 62, 2.0) - 1.1).abs() < 1e-9);
+        assert!((says("cool", 762, 5.0) - 5.0).abs() < 1e-9);
+    }
 
     #[test]
     fn the_newest_word_counts_whatever_the_order_and_whatever_the_clock_does() {

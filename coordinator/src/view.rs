@@ -279,11 +279,10 @@ impl Basis<'_> {
         Some(self.table(id, models, self.reference_battery()?, energy::units::REFERENCE_DEGC))
     }
 
-    /// How warm it is at a station, °C: as its coolest pack, since work only warms them.
+    /// How warm it is at a station, °C.
     #[must_use]
     pub fn surroundings_degc(&self, id: &StationId) -> f64 {
-        let packs = self.fleet.stations.get(id).into_iter().flat_map(|station| station.packs.values());
-        packs.map(|gauge| gauge.temperature_degc).reduce(f64::min).unwrap_or(energy::units::REFERENCE_DEGC)
+        self.fleet.stations.get(id).and_then(|station| station.surroundings_degc).unwrap_or(energy::units::REFERENCE_DEGC)
     }
 
     /// The battery of the service that capacity is counted in: that of the first robot known, or

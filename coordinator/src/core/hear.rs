@@ -175,7 +175,7 @@ impl Core {
         if !newer((gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
             return false;
         }
-        station.packs.insert(pack.clone(), gauge.clone());
+        station.gauged(pack.clone(), gauge.clone());
         let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[id], id, &pack, &gauge);
         self.record(Record::PackGauge { station: id.clone(), pack, gauge });
         self.doubted(now, news);
