@@ -328,3 +328,20 @@ fn lasting_s(remaining_wh: Estimate, state: &RobotState, [battery, work, on_way]
 fn wider(estimate: Estimate, factor: f64) -> Estimate {
     Estimate::new(estimate.value, factor * estimate.sigma)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_promise_allows_for_what_the_thermometer_may_be_off_and_a_kept_one_does_not() {
+        // Its thermometer is within 1 K; 5 and 40 °C are where its protection lets it be charged again.
+        let battery = energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap();
+        for (gauged_degc, new_degc, held_degc) in
+            [(0.5, -1.0, 0.0), (5.5, 4.0, 5.0), (25.0, 25.0, 25.0), (29.6, 31.0, 30.0), (39.2, 40.0, 39.0)]
+        {
+            let told = [false, true].map(|held| charge_degc(&battery, gauged_degc, held));
+            assert_eq!(told, [new_degc, held_degc], "{gauged_degc}");
+        }
+    }
+}
