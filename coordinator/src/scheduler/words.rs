@@ -142,7 +142,10 @@ pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, co
         let station = &task.view.stations[obstacle.station].station;
         let why = match (obstacle.why, never_charged(task, unserved.robot, obstacle.station)) {
             (Why::TooLate { .. } | Why::Pointless, Some(why)) => why,
-            (why, _) => obstacle_in_words(task, plan, unserved.robot, obstacle.station, why, confidence),
+            (why, cold) => {
+                let why = obstacle_in_words(task, plan, unserved.robot, obstacle.station, why, confidence);
+                cold.map_or_else(|| why.clone(), |cold| format!("{why}, and {cold}"))
+            }
         };
         format!("{station}: {why}")
     };

@@ -29,6 +29,8 @@ fn who_is_too_cold_to_be_charged_gets_a_spare_or_hears_why_not() {
     let plan = with(&[0.97]);
     assert_eq!(names(&plan), ["a", "c"]);
     assert!(plan.planned[0].spare.is_some() && plan.planned[1].bay.is_some());
+    let told = &plan.rejected[0].reasons[0];
+    assert!(told.contains("no charged spare is left") && told.ends_with(&why[3..]), "{told}");
 }
 
 #[test]
