@@ -334,6 +334,7 @@ impl Core {
             settings: &self.settings,
             running: &self.running,
             promised: &self.promised,
+            planned: &self.plan.planned,
             watch: &self.watch,
             trust: &self.trust,
             in_reach: OnceCell::new(),

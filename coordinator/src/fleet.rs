@@ -52,8 +52,11 @@ pub struct Station {
     pub state: Option<StationState>,
     /// The last gauge message of each pack.
     pub packs: BTreeMap<PackId, Gauge>,
-    /// How warm it is there, °C: as its coolest pack, since work only warms them, on average over a while; none before one has spoken.
+    /// How warm it is there, °C, as is counted with: what its coolest pack is on average, since work only warms them, once that has
+    /// moved by a degree; none before one has spoken.
     pub surroundings_degc: Option<f64>,
+    /// That average, °C.
+    average_degc: Option<f64>,
     /// Packs that robots left and that are not charged yet, by the spare whose place they took.
     pub left: BTreeMap<SpareId, LeftPack>,
     /// Whether it was lost after it had spoken.
@@ -79,6 +82,9 @@ impl LeftPack {
 
 /// Time constant of the average of a station's temperature, s: the noise of a thermometer goes, and the weather stays.
 const SURROUNDINGS_TAU_S: f64 = 600.0;
+/// How far that average moves before it is counted with anew, K: whether spares are charged again at all may hang on a tenth of a degree, and
+/// what was promised of them must not come and go with it.
+const SURROUNDINGS_MOVE_K: f64 = 1.0;
 
 impl Station {
     /// Takes in what the gauge of a pack says.
@@ -86,13 +92,18 @@ impl Station {
         let (at, before) = (gauge.at, self.packs.values().map(|known| known.at).max());
         let is_new = self.packs.insert(pack, gauge).is_none();
         let coolest_degc = self.packs.values().map(|known| known.temperature_degc).fold(f64::INFINITY, f64::min);
-        self.surroundings_degc = Some(match (self.surroundings_degc, before) {
+        let average_degc = match (self.average_degc, before) {
             (Some(was_degc), Some(before)) if !is_new => {
                 let passed_s = at.seconds_since(before).clamp(0.0, SURROUNDINGS_TAU_S);
                 was_degc + (coolest_degc - was_degc) * passed_s / SURROUNDINGS_TAU_S
             }
             _ => coolest_degc,
-        });
+        };
+        self.average_degc = Some(average_degc);
+        let moved = |counted_degc: &f64| (average_degc - counted_degc).abs() >= SURROUNDINGS_MOVE_K;
+        if is_new || self.surroundings_degc.as_ref().is_none_or(moved) {
+            self.surroundings_degc = Some(average_degc);
+        }
     }
 
     /// State of one bay.
@@ -171,9 +182,12 @@ mod tests {
         assert_eq!(says("warm", 0, 9.0), 9.0);
         assert_eq!(says("cool", 1, 1.0), 1.0, "a pack that nobody knew counts at once");
         assert_eq!(says("warm", 2, 20.0), 1.0);
-        // Noise of 1 K in one reading a minute later is a tenth of that; ten minutes later it has all of a change.
-        assert!((says("cool", 62, 2.0) - 1.1).abs() < 1e-9);
+        // Noise of 1 K in one reading a minute later is a tenth of that on average, and that is not counted.
+        assert_eq!(says("cool", 62, 2.0), 1.0);
+        // Ten minutes later it has all of a change.
         assert!((says("cool", 762, 5.0) - 5.0).abs() < 1e-9);
+        assert_eq!(says("cool", 1462, 4.1), 5.0, "less than a degree");
+        assert!((says("cool", 2162, 4.0) - 4.0).abs() < 1e-9, "that together is one");
     }
 
     #[test]

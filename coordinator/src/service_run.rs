@@ -36,6 +36,12 @@ impl How {
     pub fn to_soc(&self) -> Option<f64> {
         if let How::Recharge { to_soc, .. } = self { Some(*to_soc) } else { None }
     }
+
+    /// The spare that an exchange gives.
+    #[must_use]
+    pub fn spare(&self) -> Option<&SpareId> {
+        if let How::Swap { spare } = self { Some(spare) } else { None }
+    }
 }
 
 /// Where a service stands.

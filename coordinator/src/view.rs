@@ -19,7 +19,7 @@ use crate::fleet::{Fleet, Robot, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::{Table, step_degc, uncritical_degc};
-use crate::scheduler::{PackState, PackView, RobotView, StationView, Tables, View};
+use crate::scheduler::{PackState, PackView, Planned, RobotView, StationView, Tables, View};
 use crate::service_run::{ServiceRun, Stage};
 use crate::trust::Trust;
 use crate::watch::{Subject, Watch};
@@ -49,6 +49,8 @@ pub struct Basis<'a> {
     pub running: &'a BTreeMap<RobotId, ServiceRun>,
     /// Robots that the last plan promised a service.
     pub promised: &'a BTreeSet<RobotId>,
+    /// What it promised and has not begun.
+    pub planned: &'a [Planned],
     /// Doubts in models.
     pub(crate) watch: &'a Watch,
     /// Doubts in gauges.
@@ -155,11 +157,21 @@ impl Basis<'_> {
         view
     }
 
-    /// What charging a battery takes at a station.
+    /// What charging a battery takes at a station, in its robot, where it is that warm, and where that left it.
     #[must_use]
     pub fn table(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, temperature_degc: f64) -> Arc<Table> {
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
-        self.tables.of(models, self.side_by_side(id), battery, temperature_degc, levels)
+        let left_degc = models.spare_battery.as_ref().map_or(temperature_degc, |_| self.left_degc(id, battery));
+        // Without a bay only what was left is charged.
+        let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map(|state| state.bays.len());
+        let in_robot_degc = if bays == Some(0) { left_degc } else { temperature_degc };
+        self.tables.of(models, self.side_by_side(id), battery, [in_robot_degc, left_degc], levels)
+    }
+
+    /// The temperature at which a battery is charged that a robot left at a station, °C; as of a promise that was given where one waits for that.
+    #[must_use]
+    pub fn left_degc(&self, id: &StationId, battery: &Model) -> f64 {
+        charge_degc(battery, self.surroundings_degc(id), self.waits_for_a_charge(id))
     }
 
     /// One station, with what services that have begun hold of it.
@@ -263,7 +275,7 @@ impl Basis<'_> {
         let Some(battery) = self.reference_battery() else { return Draw::steady(overhead_w) };
         let bays = state.bays.len();
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
-        let table = self.tables.of(models, bays, battery, energy::units::REFERENCE_DEGC, levels);
+        let table = self.tables.of(models, bays, battery, [energy::units::REFERENCE_DEGC; 2], levels);
         let service = table.at(self.settings.serve_below_soc);
         let each_w = service.need_wh / (service.charge_s / S_PER_H).max(1e-6);
         let taper = table.taper(each_w);
@@ -280,8 +292,7 @@ impl Basis<'_> {
     }
 
     /// How warm it is at a station, °C.
-    #[must_use]
-    pub fn surroundings_degc(&self, id: &StationId) -> f64 {
+    fn surroundings_degc(&self, id: &StationId) -> f64 {
         self.fleet.stations.get(id).and_then(|station| station.surroundings_degc).unwrap_or(energy::units::REFERENCE_DEGC)
     }
 

@@ -145,9 +145,11 @@ fn battery(raw: &raw::Battery) -> Result<Battery, InstanceError> {
     for (place, segment) in raw.curve.iter().enumerate() {
         let name = |field: &str| format!("battery.curve[{place}].{field}");
         let above = curve.last().map_or(0, |last| last.below);
+        let gain = range(name("gain"), segment.gain, 1, capacity)?;
         curve.push(Segment {
             below: range(name("below"), segment.below, above + 1, capacity)?,
-            gain: range(name("gain"), segment.gain, 1, capacity)?,
+            gain,
+            gain_bare: gain,
             draw: range(name("draw"), segment.draw, 0, ENERGY_MAX)?,
             draw_bare: range(name("draw_bare"), segment.draw_bare, 0, ENERGY_MAX)?,
         });

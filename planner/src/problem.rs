@@ -63,9 +63,11 @@ pub struct Charger {
 pub struct Segment {
     /// Holds while less than this is stored.
     pub below: i64,
-    /// What is stored in a tick.
+    /// What is stored in a tick while the robot is in the bay.
     pub gain: i64,
-    /// What the station's packs give for it in a tick while the robot is powered.
+    /// What is stored in a tick of a pack alone.
+    pub gain_bare: i64,
+    /// What the station's packs give in a tick while the robot is powered.
     pub draw: i64,
     /// The same for a pack alone.
     pub draw_bare: i64,

@@ -13,7 +13,7 @@ use crate::scheduler::capacity::{Coming, Holding, Place, Question, Wanted, capac
 use crate::scheduler::charging::{Course, Table};
 use crate::scheduler::translate::HORIZON_MAX_S;
 use crate::scheduler::{PackView, Plan, Planned, Racks, Recharging, RobotView, StationView, View, WHOLE_FLEET_MAX, packs_after_begun};
-use crate::view::{Basis, charge_degc};
+use crate::view::Basis;
 
 /// A pack that holds this many standard deviations more than is owed leaves nothing to the next.
 const SIGMAS_OWED: f64 = 6.0;
@@ -91,7 +91,7 @@ fn question(
     });
     let mut service = usual(Estimate::exact(from_soc), &table, None);
     let battery = basis.reference_battery()?;
-    if in_vain(Estimate::exact(from_soc), &basis.table(id, models, battery, charge_degc(battery, basis.surroundings_degc(id), false))) {
+    if in_vain(Estimate::exact(from_soc), &basis.table(id, models, battery, basis.left_degc(id, battery))) {
         service.place = Place::InVain;
     }
     Some(Question {

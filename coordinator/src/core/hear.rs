@@ -103,8 +103,7 @@ impl Core {
         let before = station.state.replace(state.clone());
         station.lost = false;
         let here = self.running.values().filter(|run| run.station == *id);
-        let taken: BTreeMap<&SpareId, &ServiceRun> =
-            here.filter_map(|run| if let How::Swap { spare } = &run.how { Some((spare, run)) } else { None }).collect();
+        let taken: BTreeMap<&SpareId, &ServiceRun> = here.filter_map(|run| Some((run.how.spare()?, run))).collect();
         for spare in &state.spares {
             if spare.ready {
                 station.left.remove(&spare.spare);

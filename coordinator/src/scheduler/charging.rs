@@ -22,6 +22,8 @@ const STEPS: u32 = 20;
 /// how much of a station's last pack is usable.
 const TAPER_STEPS: u32 = 2;
 const TAPER_DIVIDED: u32 = 5;
+/// Points of a table before its last between which the current falls off.
+pub(super) const TAPER_POINTS: usize = (TAPER_STEPS * TAPER_DIVIDED) as usize;
 /// Temperatures are told apart in steps of this, °C: the second where a battery may get too hot or too cold to be charged.
 const TEMPERATURE_STEPS_DEGC: [f64; 2] = [5.0, 1.0];
 /// That is within so much of where it may be charged again, °C: a charge warms a small pack by some 6.
@@ -62,7 +64,13 @@ pub struct Table {
 }
 
 impl Table {
-    fn new(station: &StationModels, at_once: usize, battery: &Arc<Model>, temperature_degc: f64, from_soc: f64, to_soc: f64) -> Self {
+    fn new(
+        station: &StationModels,
+        at_once: usize,
+        battery: &Arc<Model>,
+        [temperature_degc, alone_degc]: [f64; 2],
+        [from_soc, to_soc]: [f64; 2],
+    ) -> Self {
         let forecast = |soc: f64, protected: bool| {
             forecast::recharge(station, at_once, battery, (temperature_degc, protected), Estimate::exact(soc), to_soc)
         };
@@ -73,7 +81,7 @@ impl Table {
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
-            let (bare_wh, bare_s) = forecast::spare_again(station, battery, 1, temperature_degc, soc).unwrap_or((0.0, recharge.charge_s));
+            let (bare_wh, bare_s) = forecast::spare_again(station, battery, 1, alone_degc, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
             Point {
                 soc,
@@ -246,8 +254,8 @@ impl Course {
     }
 }
 
-/// Station, battery, robots side by side, temperature.
-type Kind = (Alike, usize, usize, i32);
+/// Station, battery, robots side by side, temperature of a robot's battery and of one that is charged alone.
+type Kind = (Alike, usize, usize, [i32; 2]);
 /// Station, kind of pack, packs side by side, temperature, hundredths of charge.
 type Beside = (Alike, usize, usize, i32, i32);
 /// Station and its bays, kind of pack, power (bits), temperature.
@@ -267,21 +275,14 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The table of a battery at a station, made when it is first asked for; `from_soc` and `to_soc` are
-    /// the levels at which a service is wanted and done.
+    /// The table of a battery at a station, made when it is first asked for; `degc` is how warm it is in its robot, and how warm where a robot
+    /// left it, and `levels` at which charge a service is wanted and done.
     #[must_use]
-    pub fn of(
-        &self,
-        station: &StationModels,
-        at_once: usize,
-        battery: &Arc<Model>,
-        temperature_degc: f64,
-        [from_soc, to_soc]: [f64; 2],
-    ) -> Arc<Table> {
-        let degc = step_degc(battery, temperature_degc);
-        let kind = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc as i32);
+    pub fn of(&self, station: &StationModels, at_once: usize, battery: &Arc<Model>, degc: [f64; 2], levels: [f64; 2]) -> Arc<Table> {
+        let degc = degc.map(|degc| step_degc(battery, degc));
+        let kind = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc.map(|degc| degc as i32));
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || Arc::new(Table::new(station, at_once, battery, degc, from_soc, to_soc));
+        let made = || Arc::new(Table::new(station, at_once, battery, degc, levels));
         Arc::clone(known.entry(kind).or_insert_with(made))
     }
 

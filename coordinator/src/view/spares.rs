@@ -1,11 +1,12 @@
 //! Spares: which can be handed out and when, and what those take that are still charged.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use energy::{Estimate, Model, Need};
 use proto::{SpareId, SpareState, StationId, StationState};
 
-use super::{Basis, charge_degc};
+use super::Basis;
 use crate::fleet::Station;
 use crate::models::{StationModels, from_wire};
 use crate::scheduler::charging::Table;
@@ -37,7 +38,7 @@ impl Basis<'_> {
     ) {
         let kinds = self.kinds_of_spares(models, state);
         for spare in &state.spares {
-            let taker = here.iter().find(|run| matches!(&run.how, How::Swap { spare: taken } if *taken == spare.spare));
+            let taker = here.iter().find(|run| run.how.spare() == Some(&spare.spare));
             // While it is handed out, a station may still speak of the spare.
             let is_charged = !spare.ready && taker.is_none_or(|run| run.under_way());
             let left = is_charged.then(|| self.left(&view.station, models, station, state, spare));
@@ -74,6 +75,16 @@ impl Basis<'_> {
             Some(self.left(id, models, station, state, spare).until_s)
         });
         known.unwrap_or(0.0)
+    }
+
+    /// Whether anybody was promised a spare at a station that has to be charged first.
+    pub(super) fn waits_for_a_charge(&self, id: &StationId) -> bool {
+        let Some(state) = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()) else { return false };
+        let taken = self.running.values().filter(|run| run.station == *id).filter_map(|run| run.how.spare());
+        let promised = self.planned.iter().filter(|planned| planned.station == *id).filter_map(|planned| planned.spare.as_ref());
+        let is_ready = |spare: &SpareId| state.spares.iter().any(|known| known.spare == *spare && known.ready);
+        let mut given: BTreeSet<&SpareId> = taken.collect();
+        promised.into_iter().any(|spare| !given.insert(spare) || !is_ready(spare))
     }
 
     fn left(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState, spare: &SpareState) -> Left {
@@ -114,8 +125,7 @@ impl Basis<'_> {
     fn charge_of(&self, id: &StationId, models: &StationModels, spare: &SpareState) -> Option<(Arc<Table>, Arc<Model>)> {
         let kind = self.kind_of(models, spare);
         let battery = kind.model().or_else(|| self.reference_battery())?;
-        let degc = charge_degc(battery, self.surroundings_degc(id), false);
-        Some((self.table(id, models, battery, degc), Arc::clone(battery)))
+        Some((self.table(id, models, battery, self.left_degc(id, battery)), Arc::clone(battery)))
     }
 
     /// What the station's packs give for it: nothing where what robots leave is put aside, or charged from outside.
@@ -134,7 +144,7 @@ impl Basis<'_> {
     ) -> f64 {
         let spares = state.spares.iter().filter(|spare| !spare.ready).count();
         let robots = self.running.values().filter(|run| run.station == *id && run.at_place() && matches!(run.how, How::Recharge { .. }));
-        let shared_s = self.tables.charged_beside(models, battery, spares + robots.count(), self.surroundings_degc(id), soc);
+        let shared_s = self.tables.charged_beside(models, battery, spares + robots.count(), self.left_degc(id, battery), soc);
         shared_s.map_or(1.0, |shared_s| (shared_s / whole_s.max(1.0)).max(1.0))
     }
 }

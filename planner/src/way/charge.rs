@@ -96,10 +96,10 @@ fn charge(battery: &Battery, charger: &Charger, energy: i64, targets: &[i64], ba
             }
             let segment = &charger.curve[at];
             let stop = segment.below.min(target);
-            let steps = (stop - energy + segment.gain - 1) / segment.gain;
-            energy = (energy + steps * segment.gain).min(battery.capacity);
+            let (gain, draw) = if bare { (segment.gain_bare, segment.draw_bare) } else { (segment.gain, segment.draw) };
+            let steps = (stop - energy + gain - 1) / gain;
+            energy = (energy + steps * gain).min(battery.capacity);
             ticks += steps as Tick;
-            let draw = if bare { segment.draw_bare } else { segment.draw };
             match charge.runs.last_mut() {
                 Some(run) if run.draw == draw => run.ticks += steps as u32,
                 _ => charge.runs.push(Run { ticks: steps as u32, draw, segment: at as u32 }),

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 /// A small battery: three segments of taper.
 pub fn battery() -> Battery {
-    let segment = |below, gain, draw, draw_bare| Segment { below, gain, draw, draw_bare };
+    let segment = |below, gain, draw, draw_bare| Segment { below, gain, gain_bare: gain, draw, draw_bare };
     Battery {
         capacity: 1000,
         floor: 100,
