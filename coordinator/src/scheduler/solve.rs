@@ -145,8 +145,8 @@ impl Asked<'_> {
         if left.is_empty() {
             return best;
         }
-        let (shared, unsure) = self.beside(&best.plan, &best.plan, &left, Offer::Rest(&left));
-        if unsure.is_empty() && missed(&shared) < missed(&best) {
+        let (shared, unsure) = self.beside((&best.plan, &best), &left, Offer::Rest(&left));
+        if unsure.is_empty() && self.is_better(&shared, &best) {
             return shared;
         }
         if places(&shared) == places(&best) {
@@ -170,8 +170,8 @@ impl Asked<'_> {
         left.sort_by(|a, b| promised(b).cmp(&promised(a)).then(a.empty_s.total_cmp(&b.empty_s)));
         for robot in left.into_iter().take(spares) {
             let asked = BTreeSet::from([robot.robot.clone()]);
-            let (shared, unsure) = self.beside(&best.plan, &best.plan, &asked, Offer::Spares(&asked));
-            if unsure.is_empty() && missed(&shared) < missed(&best) {
+            let (shared, unsure) = self.beside((&best.plan, &best), &asked, Offer::Spares(&asked));
+            if unsure.is_empty() && self.is_better(&shared, &best) {
                 best = shared;
             }
         }
@@ -195,9 +195,14 @@ impl Asked<'_> {
         };
         let rejected = self.view.robots.iter().filter(|robot| !is_promised(robot)).map(without).collect();
         let promised = Plan { planned: self.before.planned.clone(), rejected, ..Plan::default() };
-        let (kept, unsure) = self.beside(&promised, &best.plan, &spares, Offer::Spares(&spares));
-        // Promises come first: a service hours ahead that nobody was promised is no reason to break one.
-        (unsure.is_empty() && (self.broken(&kept), missed(&kept)) < (self.broken(best), missed(best))).then_some(kept)
+        let (kept, unsure) = self.beside((&promised, best), &spares, Offer::Spares(&spares));
+        (unsure.is_empty() && self.is_better(&kept, best)).then_some(kept)
+    }
+
+    /// Whether a plan breaks fewer promises than another, or as many and misses less. Promises come first: a service hours ahead that
+    /// nobody was promised is no reason to break one.
+    fn is_better(&self, one: &Solved, than: &Solved) -> bool {
+        (self.broken(one), missed(one)) < (self.broken(than), missed(than))
     }
 
     /// How many of those who were promised a service have none.
@@ -215,27 +220,29 @@ impl Asked<'_> {
     }
 
     /// The plan in which these of those who are left are offered this, or keep what they were promised, all others who have services in
-    /// `kept` keep them, and nobody else is asked about whom that rejects; and who of all is less sure in it than must be.
-    fn beside(&self, kept: &Plan, counted: &Plan, asked: &BTreeSet<RobotId>, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
+    /// `kept` keep them, and nobody else is asked about whom that rejects, with the energy that another plan counted on; and who of all is
+    /// less sure in it than must be.
+    fn beside(&self, (kept, counted): (&Plan, &Solved), asked: &BTreeSet<RobotId>, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
         let rejected = kept.rejected.iter().filter(|left| !asked.contains(&left.robot)).cloned().collect();
         let is_kept = |robot: &RobotId| kept.planned.iter().any(|planned| planned.robot == *robot);
         let promised = self.before.planned.iter().filter(|promised| asked.contains(&promised.robot) && !is_kept(&promised.robot));
         let planned = kept.planned.iter().chain(promised).cloned().collect();
         let before = Plan { planned, rejected, ..Plan::default() };
         let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
-        let mut view = self.view.clone();
+        let mut view = counted.task.view.clone();
         view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
         // Only who is asked about gets a place: a plan is mended for that.
         let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, offer);
         shared.plan.moved = shared.plan.moved_from(self.before);
-        let unsure = unsure(&shared.plan, counted, &before.with_newer(self.before), self.settings.confidence);
+        let unsure = unsure(&shared.plan, &counted.plan, &before.with_newer(self.before), self.settings.confidence);
         (shared, unsure)
     }
 
     /// The better of a plan and the one with something else on offer.
     fn other(&self, best: Solved, offer: Offer<'_>) -> Solved {
         let other = self.attempt(offer);
-        if other.plan.quality.stranded < best.plan.quality.stranded { other } else { best }
+        let strands_fewer = other.plan.quality.stranded < best.plan.quality.stranded;
+        if strands_fewer && self.broken(&other) <= self.broken(&best) { other } else { best }
     }
 
     /// Plans with what is on offer.
@@ -251,7 +258,7 @@ impl Asked<'_> {
         // Where it promised too much, nothing more is counted the second time.
         for _ in 0..2 {
             let other = self.planned(with_the_uncounted(solved, &but)?, offer);
-            if missed(&other) >= missed(solved) {
+            if !self.is_better(&other, solved) {
                 return None;
             }
             let unsure = unsure(&other.plan, &solved.plan, self.before, self.settings.confidence);
