@@ -148,8 +148,8 @@ pub struct Begun {
     pub bay: Option<BayId>,
     /// When it takes the lift or the place for exchanges, s; 0 when it has.
     pub from_s: f64,
-    /// Whether the lift has still to bring the robot in.
-    pub to_load: bool,
+    /// How long the lift still takes to bring the robot in, s; 0 when it has.
+    pub load_s: f64,
     /// When the place is free again, s.
     pub until_s: f64,
 }

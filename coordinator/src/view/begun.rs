@@ -1,6 +1,7 @@
 //! Services that have begun: when they end, what they hold, and what they still take.
 
-use energy::{Model, Need};
+use energy::units::S_PER_H;
+use energy::{Estimate, Model, Need};
 use proto::{RobotPhase, StationId};
 
 use super::Basis;
@@ -67,8 +68,20 @@ impl Basis<'_> {
 
     pub(super) fn begun(&self, run: &ServiceRun, until_s: f64) -> Begun {
         let bay = if let How::Recharge { bay, .. } = &run.how { Some(bay.clone()) } else { None };
-        let from_s = if run.under_way() { (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0) } else { 0.0 };
-        Begun { bay, from_s, to_load: run.under_way() || run.stage == Stage::Loading, until_s }
+        let from_s = if run.under_way() { self.begins_s(run) } else { 0.0 };
+        let load_s = self.models.stations.get(&run.station).map_or(0.0, |models| models.handling.load_s);
+        let load_s = match run.stage {
+            _ if run.under_way() => load_s,
+            // It takes some while yet, however late it is.
+            Stage::Loading => (load_s - self.now.seconds_since(run.start)).max(1.0),
+            _ => 0.0,
+        };
+        Begun { bay, from_s, load_s, until_s }
+    }
+
+    /// When a service begins whose robot is under way, s.
+    fn begins_s(&self, run: &ServiceRun) -> f64 {
+        (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0)
     }
 
     /// What a service that has begun and ends then still takes: the charge that the robot still lacks, or the exchange alone. What the
@@ -83,7 +96,11 @@ impl Basis<'_> {
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
         let factor = self.watch.wider(&Subject::Station(run.station.clone()));
         let table = self.table(&run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
-        let need = table.need_to(from_wire(gauge.soc), to_soc, factor);
+        // Until it is in its bay it lives on its own pack, and that is charged as well.
+        let drain_w = if run.under_way() { state.drain_w.value.max(0.0) } else { 0.0 };
+        let drained = drain_w * self.begins_s(run) / S_PER_H / battery.battery().stored_wh();
+        let soc = from_wire(gauge.soc);
+        let need = table.need_to(Estimate::new((soc.value - drained).max(0.0), soc.sigma), to_soc, factor);
         if run.stage == Stage::Unloading { need.scaled(left(handling.load_s + handling.unload_s)) } else { need }
     }
 }

@@ -40,14 +40,15 @@ pub(super) fn station(
         }
         let bay = bay.flatten();
         let (from, until) = (if begun.from_s > 0.0 { tick(begun.from_s) } else { 0 }, tick(begun.until_s));
-        let lift = |ticks: Tick, at: bool| if at && bay.is_some() { ticks } else { 0 };
+        let lift = |ticks: Tick| if bay.is_some() { ticks } else { 0 };
+        let load_ticks = if begun.load_s > 0.0 && from == 0 { tick(begun.load_s) } else { grid.up(begun.load_s) };
         Some(Ongoing {
             bay,
             from: from.min(until),
             until,
             draw: 0,
-            load_ticks: lift(load_ticks, begun.to_load),
-            unload_ticks: lift(unload_ticks, true),
+            load_ticks: lift(load_ticks),
+            unload_ticks: lift(unload_ticks),
         })
     });
     let out = station.out_of_order.is_some();
