@@ -248,7 +248,8 @@ impl Basis<'_> {
     /// Packs that hold something, in the order in which they are drained: the active one, then
     /// the fullest last, so that full packs stay full. Those that are still to come, last.
     fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
-        let draw = self.working_draw(models, state);
+        let bays = if state.bays.is_empty() { 0 } else { self.side_by_side(id) };
+        let draw = self.working_draw(models, bays);
         let packs = state.packs.iter().filter_map(|pack| {
             let gauge = station.packs.get(&pack.pack);
             let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
@@ -258,7 +259,7 @@ impl Basis<'_> {
             };
             let model = models.packs.get(&pack.pack)?;
             let usable_wh = self.tables.usable.wh(model, from_wire(soc), temperature_degc, draw.power_w);
-            let gain_wh = self.tables.gain_wh(models, state.bays.len(), model, temperature_degc, &draw);
+            let gain_wh = self.tables.gain_wh(models, bays, model, temperature_degc, &draw);
             let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
             let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
             let state = Some(PackState { model: Arc::clone(model), soc: wider(from_wire(soc), factor), temperature_degc });
@@ -267,13 +268,11 @@ impl Basis<'_> {
         packs::in_order(packs.collect(), state.active_pack.as_ref(), draw.power_w)
     }
 
-    /// Power out of the active pack while every bay charges, and how it falls at the end of that: usable
-    /// energy is counted for this load.
-    #[must_use]
-    pub fn working_draw(&self, models: &StationModels, state: &StationState) -> Draw {
+    /// Power out of the active pack while as many charge side by side as can come, and how it falls at the end of that: usable energy is
+    /// counted for this load.
+    fn working_draw(&self, models: &StationModels, bays: usize) -> Draw {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return Draw::steady(overhead_w) };
-        let bays = state.bays.len();
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
         let table = self.tables.of(models, bays, battery, [energy::units::REFERENCE_DEGC; 2], levels);
         let service = table.at(self.settings.serve_below_soc);

@@ -58,7 +58,9 @@ impl Load<'_> {
             high = 1.0;
         }
         if low == 1.0 && lasts(high) {
-            return (high - 1.0) * energy_wh;
+            let scaled_wh = (high - 1.0) * energy_wh;
+            // One scaled up further would be another load: what is left after this one says how much more there is.
+            return if reach > high - 1.0 { scaled_wh.max(self.given_wh(packs) - energy_wh) } else { scaled_wh };
         }
         if high == 1.0 && !lasts(low) {
             return (low - 1.0) * energy_wh;

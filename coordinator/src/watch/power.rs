@@ -26,6 +26,8 @@ const STALE_W: f64 = 0.05;
 const UNEVEN_SHARE: f64 = 0.25;
 /// A way on which nothing was heard for this long is not judged, s.
 const SILENT_S: f64 = 5.0;
+/// Neither is one that takes no longer than this, s: where it begins and ends is known to a message a second.
+const SHORT_S: f64 = 30.0;
 /// What integrating a message a second leaves open of a way's energy, as a share of it (guess).
 const WAY_SHARE: f64 = 0.02;
 
@@ -182,7 +184,7 @@ impl RobotWatch {
         {
             self.back_until = state.at.plus_s(state.travel.get(station).map_or(0.0, |travel| travel.time_s));
         }
-        let judged = self.way.take().filter(|way| way.silent_s < SILENT_S).and_then(|way| {
+        let judged = self.way.take().filter(|way| way.silent_s < SILENT_S && way.time_s > SHORT_S).and_then(|way| {
             // Of a robot that stopped on its way its share of the time is known, and of the energy that
             // share about as well as ways are even.
             let arrived = state.phase == RobotPhase::Waiting;
