@@ -121,6 +121,8 @@ impl Basis<'_> {
             soc,
             empty_s,
             lasts_s,
+            surely_s: pessimistic_s,
+            handled_s: 0.0,
             wanted_s: ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0),
             drain_soc_per_s,
             drain_hi_soc_per_s: per_s(drain_hi_w),
@@ -131,7 +133,6 @@ impl Basis<'_> {
             unfit: Vec::new(),
             closed: Vec::new(),
         };
-        let mut handled_s: f64 = 0.0;
         // Ways are in order of station, as stations are.
         for (station, travel) in &state.travel {
             let Some((index, station, kinds)) = around.stations.get(station) else { continue };
@@ -143,17 +144,18 @@ impl Basis<'_> {
             let kind = (index, Arc::as_ptr(battery).addr(), view.charge_degc as i32);
             let made = || self.table(&station.station, &self.models.stations[&station.station], battery, view.charge_degc);
             let table = Arc::clone(around.tables.entry(kind).or_insert_with(made));
-            handled_s = handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
+            view.handled_s = view.handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
             view.travel.push((index, travel.time_s, table));
             let unfit = kinds.iter().enumerate().filter(|(_, kind)| !kind.fits(&state.battery, battery));
             view.unfit.extend(unfit.map(|(kind, _)| (index, kind)));
         }
         // It lives on its own pack until it is in the bay, or has the other pack.
-        view.empty_s = (empty_s - handled_s).max(0.0);
-        view.lasts_s.value = (lasts_s.value - handled_s).max(0.0);
+        view.empty_s = (empty_s - view.handled_s).max(0.0);
+        view.surely_s = (pessimistic_s - view.handled_s).max(0.0);
+        view.lasts_s.value = (lasts_s.value - view.handled_s).max(0.0);
         // A heavy load may empty a pack soon after it reaches the level at which a service is
         // wanted, or before: it comes while there is time left for a queue.
-        view.wanted_s = view.wanted_s.min(QUEUE_SHARE * (pessimistic_s - handled_s).max(0.0));
+        view.wanted_s = view.wanted_s.min(QUEUE_SHARE * (pessimistic_s - view.handled_s).max(0.0));
         view
     }
 

@@ -60,7 +60,7 @@ impl Load<'_> {
         if low == 1.0 && lasts(high) {
             let scaled_wh = (high - 1.0) * energy_wh;
             // One scaled up further would be another load: what is left after this one says how much more there is.
-            return if reach > high - 1.0 { scaled_wh.max(self.given_wh(packs) - energy_wh) } else { scaled_wh };
+            return if reach > SCALE_MAX - 1.0 { scaled_wh.max(self.given_wh(packs) - energy_wh) } else { scaled_wh };
         }
         if high == 1.0 && !lasts(low) {
             return (low - 1.0) * energy_wh;
@@ -196,6 +196,17 @@ mod tests {
     use super::*;
     use crate::forecast::Handling;
     use crate::scheduler::PackView;
+
+    #[test]
+    fn a_pack_that_is_little_known_holds_no_less_for_it() {
+        // 84 Wh, of which an hour at 30 W takes 30: it is over 40 Wh more, however little is known of them.
+        let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
+        let pack = PackState { model, soc: Estimate::exact(1.0), temperature_degc: 25.0 };
+        let load = Load { parts: &[(0.0, 3600.0, 25.0)], overhead_w: 5.0, until_s: 3600.0 };
+        let spare_wh = [1.0, 2.0, 17.0].map(|sigma_wh| load.spare_wh(&[(0.0, &pack)], sigma_wh));
+        assert!((spare_wh[0] - 6.0).abs() < 1e-9, "no further than six deviations: {spare_wh:?}");
+        assert!(spare_wh[1] > 40.0 && (spare_wh[1] - spare_wh[2]).abs() < 1e-9, "{spare_wh:?}");
+    }
 
     #[test]
     fn packs_stand_after_what_has_begun_as_they_do_when_they_are_drained_by_it() {

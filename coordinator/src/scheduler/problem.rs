@@ -41,6 +41,10 @@ pub struct RobotView {
     pub empty_s: f64,
     /// The same as it is expected, with its standard deviation, s.
     pub lasts_s: Estimate,
+    /// The same as `empty_s` with all the caution of a new promise, s: who was promised a service is judged with less.
+    pub surely_s: f64,
+    /// What is taken off them for the time that it takes to be brought into a bay or to be given another pack, s.
+    pub handled_s: f64,
     /// Time from which a service is wanted, s: until then it has charge enough.
     pub wanted_s: f64,
     /// Charge that it loses while it works, SoC per s.
@@ -63,10 +67,10 @@ pub struct RobotView {
 
 impl RobotView {
     /// Time that a plan counts on, s, when no service can begin before `nearest_s`. Who may be empty before that,
-    /// but is not expected to be, is sent all the same: by waiting nothing gets better.
+    /// but is not expected to be, is sent all the same: by waiting nothing gets better. What is promised so holds as long as that is so.
     #[must_use]
     pub fn endures_s(&self, nearest_s: f64) -> f64 {
-        if self.empty_s < nearest_s { self.empty_s.max(self.lasts_s.value) } else { self.empty_s }
+        if self.surely_s < nearest_s { self.empty_s.max(self.lasts_s.value) } else { self.empty_s }
     }
 
     /// Whether a spare of this kind at a station goes into it.

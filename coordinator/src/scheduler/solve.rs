@@ -173,6 +173,9 @@ impl Asked<'_> {
             let (shared, unsure) = self.beside((&best.plan, &best), &asked, Offer::Spares(&asked));
             if unsure.is_empty() && self.is_better(&shared, &best) {
                 best = shared;
+            } else if let Some(why) = shared.plan.rejected.into_iter().find(|left| left.robot == robot.robot) {
+                // What it lacks even where nothing has to be charged for it.
+                best.plan.rejected.iter_mut().filter(|left| left.robot == why.robot).for_each(|left| left.reasons.clone_from(&why.reasons));
             }
         }
         best

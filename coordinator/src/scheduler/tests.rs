@@ -87,6 +87,8 @@ fn robot(name: &str, soc: f64, stations: &[(usize, f64)]) -> RobotView {
         soc: Estimate::new(soc, 0.01),
         empty_s: (soc - 0.02) / drain_soc_per_s,
         lasts_s: Estimate::new(soc / drain_soc_per_s, 0.02 / 1.645 / drain_soc_per_s),
+        surely_s: (soc - 0.02) / drain_soc_per_s,
+        handled_s: 0.0,
         wanted_s: ((soc - 0.1) / drain_soc_per_s).max(0.0),
         drain_soc_per_s,
         drain_hi_soc_per_s: drain_soc_per_s,

@@ -94,7 +94,8 @@ impl Grounds {
         let without = if arrives < 1.0 {
             Without::Lasts((arrives * 100.0).round() as i64)
         } else {
-            Without::EmptyAt(task.grid.time(empty).unix_ms().div_euclid(60_000))
+            let handled_s = task.view.robots[session.robot].handled_s;
+            Without::EmptyAt(task.grid.time(empty).plus_s(handled_s).unix_ms().div_euclid(60_000))
         };
         let to_soc = task.to_soc(session.mode);
         let only_to =
@@ -186,12 +187,15 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
     let minutes = |ticks: f64| ticks * f64::from(task.grid.tick_s) / 60.0;
     match why {
         Why::TooFar { away, endurance } => {
-            format!("it is {:.0} min away, and the robot may be empty in {:.0} min", minutes(f64::from(away)), minutes(endurance as f64))
+            let handled = task.view.robots[robot].handled_s / 60.0;
+            let taken_in = if handled >= 1.0 { format!(", where it takes {handled:.0} min until it is served") } else { String::new() };
+            let (away, empty) = (minutes(f64::from(away)), minutes(endurance as f64) + handled);
+            format!("it is {away:.0} min away{taken_in}, and the robot may be empty in {empty:.0} min")
         }
         Why::NotThere { opens, endurance } => format!(
             "it is on its way and takes robots in from {}, and the robot may be empty in {:.0} min",
             clock(task.grid.time(opens)),
-            minutes(endurance as f64)
+            minutes(endurance as f64) + task.view.robots[robot].handled_s / 60.0
         ),
         Why::NoPlace => "no bay works, and no charged spare is left".to_owned(),
         Why::NoFit => "no bay works, and none of the spares fits".to_owned(),

@@ -359,6 +359,21 @@ mod tests {
     }
 
     #[test]
+    fn a_way_of_a_moment_says_nothing() {
+        let mut watch = RobotWatch::default();
+        let beside = |second: u32, phase: RobotPhase| {
+            let nothing = Travel { time_s: 0.0, energy_wh: Estimate::new(0.0, 0.0) };
+            RobotState { travel: [("mds-1".parse().unwrap(), nothing)].into(), ..state(second, phase) }
+        };
+        watch.state(&beside(0, RobotPhase::Working));
+        watch.state(&beside(10, RobotPhase::Travelling));
+        for second in 10..=12 {
+            watch.gauge(&super::super::battery::tests::gauge(second, 0.5, 0.5, 10.0));
+        }
+        assert!(watch.state(&beside(12, RobotPhase::Waiting)).is_none());
+    }
+
+    #[test]
     fn work_that_takes_more_than_it_says_is_news_in_every_block() {
         let mut watch = RobotWatch::default();
         watch.state(&state(0, RobotPhase::Working));

@@ -6,6 +6,7 @@ mod faults;
 mod fuzz;
 mod import;
 mod scenarios;
+mod settings;
 mod stories;
 mod telemetry;
 mod watch;

@@ -42,14 +42,7 @@ pub(super) fn station(
         let (from, until) = (if begun.from_s > 0.0 { tick(begun.from_s) } else { 0 }, tick(begun.until_s));
         let lift = |ticks: Tick| if bay.is_some() { ticks } else { 0 };
         let load_ticks = if begun.load_s > 0.0 && from == 0 { tick(begun.load_s) } else { grid.up(begun.load_s) };
-        Some(Ongoing {
-            bay,
-            from: from.min(until),
-            until,
-            draw: 0,
-            load_ticks: lift(load_ticks),
-            unload_ticks: lift(unload_ticks),
-        })
+        Some(Ongoing { bay, from: from.min(until), until, draw: 0, load_ticks: lift(load_ticks), unload_ticks: lift(unload_ticks) })
     });
     let out = station.out_of_order.is_some();
     let lifting = i64::from(load_ticks + unload_ticks).max(1);

@@ -1,0 +1,76 @@
+//! Settings that no shipped scenario has: long ways, slow lifts, more bays than robots, little known gauges. Each of them broke promises
+//! or statements once.
+
+use std::path::PathBuf;
+
+use coordinator::scenario::Scenario;
+use coordinator::sim::Outcome;
+
+use super::run;
+
+/// Explorers at a station with these keys of its own and packs of these charges; all come over `travel_s`.
+fn world(station: &str, packs: &[f64], soc: &[f64], travel_s: u32) -> Scenario {
+    let pack = |(n, soc): (usize, &f64)| format!("{{ id = \"pack-{n}\", battery = \"mds-3s4p-7600mah\", soc = {soc} }}");
+    let packs: Vec<String> = packs.iter().enumerate().map(pack).collect();
+    let text = format!(
+        "schema = 1\nname = \"s\"\nduration_s = 9000\n[policy]\nserve_below_soc = 0.1\ncharge_to_soc = 0.98\n\
+         [[station]]\nid = \"mds-1\"\nload = \"mds-station\"\n{station}\npacks = [{}]\n\
+         [[robot]]\nid = \"r\"\ncount = {}\nbattery = \"explorer-3s1p-1320mah\"\nload = \"explorer-robot\"\nsoc = {soc:?}\n\
+         travel_s = {{ mds-1 = {travel_s} }}\nmission = {{ inputs = {{ speed_mps = 0.1 }} }}\n",
+        packs.join(", "),
+        soc.len(),
+    );
+    Scenario::parse(&PathBuf::from("s.toml"), &text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn outcome(scenario: &Scenario, seed: u64) -> Outcome {
+    run(scenario, &scenario.runs()[0], seed, false)
+}
+
+fn lines<'t>(trace: &'t str, what: &str) -> Vec<&'t str> {
+    trace.lines().filter(|line| line.contains(what)).collect()
+}
+
+/// What is left when the packs do not last for all goes to whoever strands, and not at the cost of a promise that counts on it.
+#[test]
+fn a_promise_is_not_traded_for_charges_of_robots_that_were_just_serviced() {
+    let scenario = world("bays = 4\nload_s = 30\nunload_s = 30", &[1.0, 0.3], &[0.12, 0.32, 0.52, 0.62], 60);
+    for seed in [1, 3, 5] {
+        let outcome = outcome(&scenario, seed);
+        let (measured, trace) = (&outcome.measured.metrics, outcome.trace());
+        assert_eq!(measured["promises_broken"], 0.0, "seed {seed}: {:?}", lines(&trace, "promise_broken"));
+        assert_eq!((measured["robots_served"], measured["robots_stranded"]), (4.0, 0.0), "seed {seed}");
+    }
+}
+
+/// Whoever is under way for 18 min is charged from what it has then.
+#[test]
+fn robots_on_long_ways_are_counted_by_what_they_come_with() {
+    let scenario = world("bays = 3\nload_s = 30\nunload_s = 30", &[1.0], &[0.12, 0.14, 0.16], 1100);
+    for seed in 1..=4 {
+        let measured = outcome(&scenario, seed).measured.metrics;
+        assert_eq!((measured["promises_broken"], measured["services_done"]), (0.0, 3.0), "seed {seed}");
+    }
+}
+
+/// What the station could draw with as many robots as it has bays for, nobody draws who does not exist.
+#[test]
+fn more_bays_than_robots_take_nothing_from_a_pack() {
+    let promised = [3, 25, 100].map(|bays| {
+        let scenario = world(&format!("bays = {bays}\nload_s = 30\nunload_s = 30"), &[1.0], &[0.12, 0.14, 0.16], 60);
+        let measured = outcome(&scenario, 1).measured.metrics;
+        (measured["services_promised"], measured["robots_promised"], measured["services_done"])
+    });
+    assert_eq!(promised, [(3.0, 3.0, 3.0); 3]);
+}
+
+/// Of ten minutes in a lift the ones that are over do not come again.
+#[test]
+fn a_lift_in_motion_is_free_when_it_is_said_to_be() {
+    let scenario = world("bays = 2\nload_s = 600\nunload_s = 600", &[1.0], &[0.12, 0.14, 0.16], 60);
+    for seed in [1, 3, 4, 5] {
+        let trace = outcome(&scenario, seed).trace();
+        let broken = lines(&trace, "promise_broken");
+        assert!(!trace.is_empty() && broken.iter().all(|line| !line.contains("the lift is taken")), "seed {seed}: {broken:?}");
+    }
+}
