@@ -12,9 +12,10 @@ pub use self::capacity::capacity;
 pub use self::explain::{Explainer, changes};
 use crate::forecast;
 use crate::models::from_wire;
+use crate::scheduler::HANDOVER_S;
 use crate::scheduler::{Plan, Planned};
 use crate::service_run::{How, ServiceRun};
-use crate::view::{Basis, HANDOVER_S};
+use crate::view::Basis;
 
 /// The plan made at `basis.now`, and the services that have begun.
 #[must_use]

@@ -38,7 +38,7 @@ mod words;
 pub use carry::packs_after_begun;
 pub use charging::Tables;
 pub use plan::{Plan, Planned, Rejected};
-pub use problem::{Begun, PackState, PackView, RobotView, SpareView, StationView, View};
+pub use problem::{Begun, HANDOVER_S, PackState, PackView, RobotView, SpareView, StationView, View};
 pub use racks::Racks;
 pub use recharging::Recharging;
 pub use solve::{Effort, Solved, WHOLE_FLEET_MAX, solve};

@@ -28,8 +28,6 @@ use crate::watch::{Subject, Watch};
 const QUEUE_SHARE: f64 = 0.9;
 /// Share of the usual caution with which a robot's time is judged that was promised a service.
 const HELD_CAUTION: f64 = 0.5;
-/// A station is handed over when its active pack lasts no longer than this at the present power, s.
-pub const HANDOVER_S: f64 = 60.0;
 /// A pack that should have been brought, and a station that should have arrived by now, are counted on after this time, s.
 const COMES_LATE_S: f64 = 60.0;
 

@@ -5,7 +5,7 @@ use energy::pack::Battery as _;
 use energy::units::S_PER_H;
 use energy::{Channel, Estimate, Pack, Start};
 
-use super::problem::{PackState, StationView};
+use super::problem::{HANDOVER_S, PackState, StationView};
 
 /// Margins of more standard deviations than this are as good as certain, whatever the load looks like.
 pub(super) const SIGMAS_MAX: f64 = 6.0;
@@ -180,9 +180,20 @@ impl Bank {
             } else {
                 pack.restore();
                 (self.active, longest_s) = (self.active + 1, STEP_MAX_S);
+                self.hand_over(power_w);
             }
         }
         true
+    }
+
+    /// The pack before was left a little earlier than it gave out, where the next one is there: that one has carried the load since then.
+    fn hand_over(&mut self, power_w: f64) {
+        let at_s = self.at_s;
+        if let Some((_, next)) = self.packs.get_mut(self.active).filter(|(from_s, _)| *from_s <= at_s)
+            && next.step_power(power_w, HANDOVER_S).is_err()
+        {
+            next.restore();
+        }
     }
 }
 
@@ -243,7 +254,8 @@ mod tests {
             seconds += 1;
         }
         assert!((600..3000).contains(&seconds), "{seconds}");
-        for _ in seconds..3600 {
+        // It is handed over a minute before.
+        for _ in seconds - 60..3600 {
             second.step_power(24.0, 1.0).unwrap();
         }
         let after = packs_after_begun(&station).unwrap();

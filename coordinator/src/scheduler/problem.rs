@@ -145,6 +145,9 @@ impl StationView {
     }
 }
 
+/// A station is handed over when its active pack lasts no longer than this at the present power, s.
+pub const HANDOVER_S: f64 = 60.0;
+
 /// A service that has begun.
 #[derive(Debug, Clone)]
 pub struct Begun {

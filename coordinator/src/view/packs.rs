@@ -3,8 +3,7 @@
 use energy::units::S_PER_H;
 use proto::PackId;
 
-use super::HANDOVER_S;
-use crate::scheduler::PackView;
+use crate::scheduler::{HANDOVER_S, PackView};
 
 /// Packs in the order in which they are drained at this power: the active one first, the fullest last, those that are still to come
 /// after all. Only the last one sees the end of the last charge. The others are left a little before they give out, and none that
