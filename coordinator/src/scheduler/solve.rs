@@ -106,7 +106,11 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
         }
         best = asked.other(best, offer);
     }
-    if best.plan.quality.stranded == 0 || !asked.is_small() {
+    if !asked.is_small() {
+        return best;
+    }
+    best = asked.as_promised(&best).unwrap_or(best);
+    if best.plan.quality.stranded == 0 {
         return best;
     }
     // Else it is energy that is short: for a charge, or for that of a pack that would be left for a spare.
@@ -145,7 +149,7 @@ impl Asked<'_> {
         if left.is_empty() {
             return best;
         }
-        let (shared, unsure) = self.beside((&best.plan, &best), &left, Offer::Rest(&left));
+        let (shared, unsure) = self.beside(&best.plan, (best.task.view.clone(), &best.plan), &left, Offer::Rest(&left));
         if unsure.is_empty() && self.is_better(&shared, &best) {
             return shared;
         }
@@ -160,17 +164,13 @@ impl Asked<'_> {
     fn with_spares(&self, mut best: Solved) -> Solved {
         let has_spares = |station: &StationView| station.charges_spares && !station.spares.is_empty();
         let spares: usize = self.view.stations.iter().filter(|station| has_spares(station)).map(|station| station.spares.len()).sum();
-        let mut left = self.left(&best, has_spares);
-        if let Some(kept) = self.as_promised(&best, &left) {
-            best = kept;
-            left = self.left(&best, has_spares);
-        }
+        let left = self.left(&best, has_spares);
         let promised = |robot: &RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
         let mut left: Vec<&RobotView> = self.view.robots.iter().filter(|robot| left.contains(&robot.robot)).collect();
         left.sort_by(|a, b| promised(b).cmp(&promised(a)).then(a.empty_s.total_cmp(&b.empty_s)));
         for robot in left.into_iter().take(spares) {
             let asked = BTreeSet::from([robot.robot.clone()]);
-            let (shared, unsure) = self.beside((&best.plan, &best), &asked, Offer::Spares(&asked));
+            let (shared, unsure) = self.beside(&best.plan, (best.task.view.clone(), &best.plan), &asked, Offer::Spares(&asked));
             if unsure.is_empty() && self.is_better(&shared, &best) {
                 best = shared;
             } else if let Some(why) = shared.plan.rejected.into_iter().find(|left| left.robot == robot.robot) {
@@ -181,14 +181,15 @@ impl Asked<'_> {
         best
     }
 
-    /// All that was promised, as it was, if that is better: who was promised a spare for which the energy is short need not lose it to a
-    /// plan that did not look for such. None if nobody of these was.
-    fn as_promised(&self, best: &Solved, left: &BTreeSet<RobotId>) -> Option<Solved> {
-        let spares = self.before.planned.iter().filter(|promised| promised.mode == Mode::Swap).map(|promised| promised.robot.clone());
-        let spares: BTreeSet<RobotId> = spares.collect();
-        if spares.is_disjoint(left) {
+    /// All that was promised, as it was, if that is better than a plan that breaks some of it: what the packs give to just that load may be
+    /// more than any plan counts on, and who was promised a spare for which the energy is short need not lose it to a plan that did not
+    /// look for such.
+    fn as_promised(&self, best: &Solved) -> Option<Solved> {
+        if self.broken(best) == 0 {
             return None;
         }
+        let spares = self.before.planned.iter().filter(|promised| promised.mode == Mode::Swap).map(|promised| promised.robot.clone());
+        let spares: BTreeSet<RobotId> = spares.collect();
         // Nobody else is given anything for it.
         let is_promised = |robot: &&RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
         let without = |robot: &RobotView| {
@@ -198,7 +199,18 @@ impl Asked<'_> {
         };
         let rejected = self.view.robots.iter().filter(|robot| !is_promised(robot)).map(without).collect();
         let promised = Plan { planned: self.before.planned.clone(), rejected, ..Plan::default() };
-        let (kept, unsure) = self.beside((&promised, best), &spares, Offer::Spares(&spares));
+        // Whether there is enough is not counted: the packs are stepped.
+        let mut view = self.view.clone();
+        for station in &mut view.stations {
+            let here = self.before.planned.iter().filter(|planned| planned.station == station.station);
+            let needed_wh: f64 = here.map(|planned| planned.need.mean_wh).sum();
+            if let Some(last) = station.packs.iter_mut().rfind(|pack| pack.available_s <= 0.0).filter(|_| needed_wh > 0.0) {
+                last.usable_wh.value += needed_wh;
+                last.uncounted_wh = needed_wh;
+            }
+        }
+        let offer = if spares.is_empty() { Offer::Usual } else { Offer::Spares(&spares) };
+        let (kept, unsure) = self.beside(&promised, (view, &Plan::default()), &spares, offer);
         (unsure.is_empty() && self.is_better(&kept, best)).then_some(kept)
     }
 
@@ -223,21 +235,26 @@ impl Asked<'_> {
     }
 
     /// The plan in which these of those who are left are offered this, or keep what they were promised, all others who have services in
-    /// `kept` keep them, and nobody else is asked about whom that rejects, with the energy that another plan counted on; and who of all is
-    /// less sure in it than must be.
-    fn beside(&self, (kept, counted): (&Plan, &Solved), asked: &BTreeSet<RobotId>, offer: Offer<'_>) -> (Solved, BTreeSet<RobotId>) {
+    /// `kept` keep them, and nobody else is asked about whom that rejects, with the energy that a view counts on; and who of all is less
+    /// sure in it than must be, also beside a plan that counted on it.
+    fn beside(
+        &self,
+        kept: &Plan,
+        (mut view, counted): (View, &Plan),
+        asked: &BTreeSet<RobotId>,
+        offer: Offer<'_>,
+    ) -> (Solved, BTreeSet<RobotId>) {
         let rejected = kept.rejected.iter().filter(|left| !asked.contains(&left.robot)).cloned().collect();
         let is_kept = |robot: &RobotId| kept.planned.iter().any(|planned| planned.robot == *robot);
         let promised = self.before.planned.iter().filter(|promised| asked.contains(&promised.robot) && !is_kept(&promised.robot));
         let planned = kept.planned.iter().chain(promised).cloned().collect();
         let before = Plan { planned, rejected, ..Plan::default() };
         let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
-        let mut view = counted.task.view.clone();
         view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
         // Only who is asked about gets a place: a plan is mended for that.
         let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, offer);
         shared.plan.moved = shared.plan.moved_from(self.before);
-        let unsure = unsure(&shared.plan, &counted.plan, &before.with_newer(self.before), self.settings.confidence);
+        let unsure = unsure(&shared.plan, counted, &before.with_newer(self.before), self.settings.confidence);
         (shared, unsure)
     }
 
