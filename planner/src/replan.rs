@@ -24,7 +24,7 @@ use crate::way::{Commitment, Way, Ways};
 /// Neighbours whose promises may come into question.
 const NEIGHBOURS_MAX: usize = 16;
 /// Ticks by which a promised service may slip when it no longer fits.
-const SLIP_MAX: u32 = 6;
+const SLIP_MAX: u32 = 18;
 /// Moves between two looks at the budget.
 const MOVES_AT_ONCE: u64 = 25;
 /// Parts of the budget between which a small fleet is searched for a plan that keeps promises which moves have not. After 20 good plans
