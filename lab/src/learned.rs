@@ -111,7 +111,8 @@ const APART: f64 = 1.2;
 
 /// New numbers of the free parameters. A file holds a deviation for each number and not how they go
 /// together: of numbers that the logs know only in combination it gets the deviation within what
-/// they do know, so that what follows from all of them is no less certain than it is.
+/// they do know, so that what follows from all of them is no less certain than it is. One that was given with a deviation, and of which
+/// they say nothing, stays as it stands.
 fn fitted(state: &State, origin: &str) -> Vec<Change> {
     let covariance = state.covariance();
     let deviations = deviations(state);
@@ -119,8 +120,12 @@ fn fitted(state: &State, origin: &str) -> Vec<Change> {
         let parameter = &state.frame.model.parameters()[index];
         let open = range_sigma(&state.frame, index);
         let by_itself = state.normal[(place, place)].max(0.0).sqrt().recip();
+        let given = state.frame.evidence.given.iter().find(|given| given.effect == parameter.effect && given.name == parameter.name);
+        if by_itself >= open && given.is_some_and(|given| given.sigma > 0.0 && given.value == state.x[place]) {
+            return None;
+        }
         let sigma = if by_itself < open { covariance[(place, place)].max(0.0).sqrt().max(by_itself).min(open) } else { open };
-        Change {
+        Some(Change {
             effect: parameter.effect.to_owned(),
             parameter: parameter.name.to_owned(),
             value: state.x[place],
@@ -134,9 +139,9 @@ fn fitted(state: &State, origin: &str) -> Vec<Change> {
                 None => format!("left open by the logs: {origin}"),
             },
             free: true,
-        }
+        })
     };
-    state.frame.free.iter().enumerate().map(of).collect()
+    state.frame.free.iter().enumerate().filter_map(of).collect()
 }
 
 /// A rough number's shift and the deviation that is left of it; none when it hardly moved.

@@ -6,7 +6,7 @@
 //! there, within its range. A table that was not there goes on as it is at the nearest place that the logs reach: a resistance over
 //! charge does not end where they do.
 
-use energy::{Parameter, System, find};
+use energy::{Parameter, ParameterSpec, find};
 use nalgebra::{DMatrix, DVector};
 
 use super::frame::Frame;
@@ -15,6 +15,12 @@ use crate::fit::uniform_sigma;
 
 /// Share of the information in the clearest direction below which a direction is open.
 const OPEN: f64 = 1e-12;
+/// Steps towards what was known before, at most.
+const NEARER: usize = 8;
+/// Parts of such a step that are tried.
+const PARTS: [f64; 3] = [1.0, 0.5, 0.2];
+/// Deviations of what was known before that are no step.
+const NEAR: f64 = 0.05;
 
 /// The directions of the unknowns, each unknown in units of what the rows say of it alone.
 struct Directions {
@@ -62,7 +68,7 @@ impl State {
             match self.frame.evidence.given.iter().find(same) {
                 Some(given) if given.sigma > 0.0 => (given.value, given.sigma.min(range)),
                 Some(given) => (given.value, range),
-                None => (self.beside(place).unwrap_or_else(|| null(self.frame.model.system, parameter)), range),
+                None => self.beside(place).map_or_else(|| unknown(&self.frame, index, self.is_open(place)), |value| (value, range)),
             }
         });
         own.chain(self.frame.known.iter().map(|known| (0.0, known.sigma))).collect()
@@ -73,11 +79,15 @@ impl State {
     fn beside(&self, place: usize) -> Option<f64> {
         let free = &self.frame.free;
         let parameter = |place: usize| &self.frame.model.parameters()[free[place]];
-        let is_open = |place: usize| self.normal[(place, place)].max(0.0).sqrt().recip() >= range_sigma(&self.frame, free[place]);
         let table = |place: usize| (parameter(place).effect, table_of(parameter(place).name));
         let (effect, own) = table(place);
-        let alike = (0..free.len()).filter(|&other| own.is_some() && table(other) == (effect, own) && !is_open(other));
-        if is_open(place) { alike.min_by_key(|other| other.abs_diff(place)).map(|other| self.x[other]) } else { None }
+        let alike = (0..free.len()).filter(|&other| own.is_some() && table(other) == (effect, own) && !self.is_open(other));
+        if self.is_open(place) { alike.min_by_key(|other| other.abs_diff(place)).map(|other| self.x[other]) } else { None }
+    }
+
+    /// Whether the rows say nothing of a free parameter, even with all others as they are.
+    fn is_open(&self, place: usize) -> bool {
+        self.normal[(place, place)].max(0.0).sqrt().recip() >= range_sigma(&self.frame, self.frame.free[place])
     }
 
     /// The open directions in the unknowns' own units, and the covariance along them.
@@ -109,9 +119,22 @@ impl State {
     /// The same fit with what the logs leave open as it was known before, as far as bounds allow.
     #[must_use]
     pub(super) fn with_what_is_open_as_before(self) -> State {
-        let Some((along, covariance)) = self.left_open() else { return self };
-        let pull =
-            DVector::from_iterator(self.x.len(), self.before().iter().zip(&self.x).map(|((value, sigma), x)| (value - x) / sigma.powi(2)));
+        let mut state = self;
+        for _ in 0..NEARER {
+            match state.nearer_to_before() {
+                Some(nearer) => state = nearer,
+                None => break,
+            }
+        }
+        state
+    }
+
+    /// A state that explains the rows as well, and is nearer to what was known before; none where that is no nearer to speak of. What is
+    /// open may bend: then it is followed a part of the way.
+    fn nearer_to_before(&self) -> Option<State> {
+        let (along, covariance) = self.left_open()?;
+        let before = self.before();
+        let pull = DVector::from_iterator(self.x.len(), before.iter().zip(&self.x).map(|((value, sigma), x)| (value - x) / sigma.powi(2)));
         let step = &along * (covariance * along.tr_mul(&pull));
         // As far as every number stays in its range.
         let room = |((x, step), (min, max)): ((&f64, &f64), (f64, f64))| match *step {
@@ -121,9 +144,16 @@ impl State {
         };
         let bounds = self.frame.bounds();
         let share = self.x.iter().zip(step.iter()).zip(bounds.iter().copied()).map(room).fold(1.0_f64, f64::min).max(0.0);
-        let moved = self.x.iter().zip(step.iter()).zip(bounds).map(|((x, step), (min, max))| (x + share * step).clamp(min, max));
-        let x = moved.collect();
-        self.moved_to(x)
+        let length = step.iter().zip(&before).map(|(step, (_, sigma))| (share * step / sigma).powi(2)).sum::<f64>().sqrt();
+        if length < NEAR {
+            return None;
+        }
+        let moved = |part: f64| {
+            let to = self.x.iter().zip(step.iter()).zip(&bounds).map(|((x, step), (min, max))| (x + part * share * step).clamp(*min, *max));
+            self.moved_to(to.collect())
+        };
+        let far = |state: &State| state.x.iter().zip(&before).map(|(x, (value, sigma))| ((x - value) / sigma).powi(2)).sum::<f64>();
+        PARTS.into_iter().find_map(moved).filter(|nearer| far(nearer) < far(self) - NEAR * NEAR)
     }
 }
 
@@ -134,11 +164,20 @@ fn table_of(name: &str) -> Option<(&str, &str)> {
     Some((&name[..first], &name[first + 3..]))
 }
 
-/// The number at which an effect is not there, or its own where it only shapes the effect.
-fn null(system: System, parameter: &Parameter) -> f64 {
-    let spec = find(system, parameter.effect).map(|(_, effect)| effect.spec());
+/// What a number of an effect that was not there is taken for, and how surely: that at which it does nothing where the rows say nothing of it, and
+/// the usual one where they know it together with others of the effect. It may then be anywhere in its range, which may lie all on one side.
+fn unknown(frame: &Frame, index: usize, is_open: bool) -> (f64, f64) {
+    let parameter = &frame.model.parameters()[index];
+    let spec = find(frame.model.system, parameter.effect).map(|(_, effect)| effect.spec());
     let own = spec.and_then(|spec| spec.parameters.iter().find(|one| one.name == parameter.name));
-    own.and_then(|one| one.null).unwrap_or(parameter.value)
+    match own {
+        Some(ParameterSpec { null: Some(null), .. }) if is_open => (*null, range_sigma(frame, index)),
+        own => {
+            let value = own.map_or(parameter.value, |own| own.default);
+            let (below, above) = (value - parameter.min, parameter.max - value);
+            (value, ((below.powi(3) + above.powi(3)) / (3.0 * (below + above))).sqrt())
+        }
+    }
 }
 
 /// Standard deviation of a parameter of which nothing but its range is known.

@@ -74,7 +74,7 @@ pub struct Evidence {
     /// The same with a step for every row.
     pub(super) fine: Vec<Course>,
     /// The parameters of the model that the logs are held against, as they were given.
-    pub(super) given: Vec<Parameter>,
+    pub(crate) given: Vec<Parameter>,
     /// The same evidence row by row, where `segments` hold means of rows.
     pub whole: Option<Arc<Evidence>>,
     /// The same evidence in fewer means, walked in fewer steps: to find the way, not to judge.

@@ -86,7 +86,8 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
     if !court.whatever_size && (unseen || !relieves && hardly_moves(base, &trial.state)) {
         all.push(Refusal::TooSmall);
     }
-    if trial.is_beyond_its_range() {
+    // As large as it can be it may just be enough.
+    if trial.is_beyond_its_range() && !at_floor(evidence, &trial.state.told().rms()) {
         all.push(Refusal::Range);
     }
     if !all.is_empty() {

@@ -213,11 +213,11 @@ impl State {
         }
     }
 
-    /// The state at other unknowns that explain the rows as well; itself where they do not.
-    pub(super) fn moved_to(self, x: Vec<f64>) -> State {
+    /// The state at other unknowns that explain the rows as well; none where they do not.
+    pub(super) fn moved_to(&self, x: Vec<f64>) -> Option<State> {
         let place = Place::at(&self.frame, x, self.noise.clone(), &all(&self.frame), Derived::Here);
         let moved = State::of(Arc::clone(&self.frame), place);
-        if moved.cost <= self.cost + AS_GOOD { moved } else { self }
+        (moved.cost <= self.cost + AS_GOOD).then_some(moved)
     }
 
     /// Where a search stands that has come here.

@@ -9,7 +9,7 @@ use super::facts::misspelt;
 use super::mapping::Source;
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
-use super::values::{missing, spikes, within_range, without_given, without_sentinels};
+use super::values::{explaining_step, missing, spikes, within_range, without_given, without_sentinels};
 use super::{LogError, LogFacts, Table};
 
 /// The column that every log begins with, in seconds.
@@ -169,8 +169,9 @@ impl Reader<'_> {
 
     fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>) {
         let input = channels.get(&Channel::CurrentA).or(channels.get(&Channel::PackCurrentA));
+        let explains = input.map(|input| (input, explaining_step(input)));
         for (&channel, values) in channels {
-            let moves = |row: usize| input.is_some_and(|input| input[row] != input[row - 1]);
+            let moves = |row: usize| explains.is_some_and(|(input, least)| (input[row] - input[row - 1]).abs() > least);
             self.notes.extend(spikes(channel, values, moves, &self.places, self.table.places));
         }
         for pair in [(Channel::CurrentA, Channel::VoltageV), (Channel::PackCurrentA, Channel::PackVoltageV)] {

@@ -117,6 +117,17 @@ pub(super) fn missing(name: &str, values: &[f64], lines: &[u64], places: &str) -
     some.then(|| format!("`{name}`: {} of {} values are missing ({})", rows.len(), values.len(), at(&rows, lines, places)))
 }
 
+/// The step of an input above which it may explain that a state jumps: where it moves in every row, by noise or else, a state moves
+/// with it, and half as many usual steps of the one explain no spike of the other.
+pub(super) fn explaining_step(input: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = input.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| step.is_finite()).collect();
+    if steps.is_empty() {
+        return 0.0;
+    }
+    let middle = steps.len() / 2;
+    SPIKE_DIFFERENCES / 2.0 * *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
 /// What is to be said about single values that leave both neighbours. Only of states: an input
 /// may well last one row. `moves` tells rows at which an input changed, which explains a jump.
 pub(super) fn spikes(channel: Channel, values: &[f64], moves: impl Fn(usize) -> bool, lines: &[u64], places: &str) -> Option<String> {
@@ -213,5 +224,8 @@ mod tests {
         assert!(spikes(Channel::VoltageV, &values, |_| false, &LINES, "lines").unwrap().contains("such as 2.9 after 3.701"));
         assert_eq!(spikes(Channel::VoltageV, &values, |row| row == 2, &LINES, "lines"), None);
         assert_eq!(spikes(Channel::CurrentA, &values, |_| false, &LINES, "lines"), None);
+        // Noise of a current explains nothing, a step of it does, and one in a current that else holds still as well.
+        assert_eq!(explaining_step(&[0.0, 0.001, 0.0, 2.0, 2.001]), 0.01);
+        assert_eq!(explaining_step(&[0.0, 0.0, 0.0, 0.001]), 0.0);
     }
 }

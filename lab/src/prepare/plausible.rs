@@ -76,6 +76,12 @@ pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
     let passed = |row: usize| current_a[row] * (prepared.time_s[row] - prepared.time_s[row - 1]) / 3600.0 / facts.capacity_ah;
     let soc = prepared.start.soc - (1..=first).map(passed).sum::<f64>();
     let (shown, open) = (target.observed[first] / cells, facts.ocv.voltage_v(soc));
+    if facts.series > 1 && (target.observed[first] - open).abs() <= FIRST_V {
+        return Some(format!(
+            "{}: its first voltages are {:.2} V, as those of one cell: voltage_v must be that of all {} in series, as --column voltage_v=SOURCE*{} makes it",
+            log.file, target.observed[first], facts.series, facts.series
+        ));
+    }
     if (shown - open).abs() > FIRST_V {
         return Some(format!(
             "{}: its first voltages are {shown:.2} V per cell, and a cell that is {:.0} % full has {open:.2} V at rest: does the log begin elsewhere than soc_initial says, or in the middle?",
@@ -142,6 +148,20 @@ mod tests {
         assert_eq!(voltage(0, 1.0), None);
         assert!(voltage(1800, 1.0).unwrap().contains("in the middle?"), "{:?}", voltage(1800, 1.0));
         assert!(voltage(0, 1.0 / 60.0).unwrap().contains("while 1.6 % of the charge passes: time_s must be in s"));
+    }
+
+    #[test]
+    fn a_voltage_of_one_cell_of_several_is_told() {
+        let model = load_model("explorer-3s1p-1320mah").unwrap().model;
+        let Facts::Battery(facts) = &model.facts else { panic!("a battery") };
+        let told = |cells: f64| {
+            let row = |second: u32| format!("{second},0.1,{}\n", cells * facts.ocv.voltage_v(0.8 - f64::from(second) / 60_000.0));
+            let text = (0..600).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+            let facts = LogFacts { soc_initial: Some(0.8), ambient_degc: Some(25.0), ..LogFacts::default() };
+            odd_voltage(&model, &read_log("log.csv", text.as_bytes(), facts).unwrap())
+        };
+        assert_eq!(told(3.0), None);
+        assert!(told(1.0).unwrap().contains("that of all 3 in series, as --column voltage_v=SOURCE*3 makes it"), "{:?}", told(1.0));
     }
 
     #[test]
