@@ -19,6 +19,8 @@ const OPEN: f64 = 1e-12;
 const NEARER: usize = 8;
 /// Parts of such a step that are tried.
 const PARTS: [f64; 3] = [1.0, 0.5, 0.2];
+/// Deviations from which on a number is far from what was stated of it.
+const STRAYED: f64 = 2.0;
 /// Deviations of what was known before that are no step.
 const NEAR: f64 = 0.05;
 
@@ -130,7 +132,8 @@ impl State {
     }
 
     /// A state that explains the rows as well, and is nearer to what was known before; none where that is no nearer to speak of. What is
-    /// open may bend: then it is followed a part of the way.
+    /// open may bend: then it is followed a part of the way, and where a number has left what was stated of it, all else is fitted again
+    /// from there.
     fn nearer_to_before(&self) -> Option<State> {
         let (along, covariance) = self.left_open()?;
         let before = self.before();
@@ -144,16 +147,32 @@ impl State {
         };
         let bounds = self.frame.bounds();
         let share = self.x.iter().zip(step.iter()).zip(bounds.iter().copied()).map(room).fold(1.0_f64, f64::min).max(0.0);
+        let strayed = self.strayed();
         let length = step.iter().zip(&before).map(|(step, (_, sigma))| (share * step / sigma).powi(2)).sum::<f64>().sqrt();
         if length < NEAR {
             return None;
         }
         let moved = |part: f64| {
             let to = self.x.iter().zip(step.iter()).zip(&bounds).map(|((x, step), (min, max))| (x + part * share * step).clamp(*min, *max));
-            self.moved_to(to.collect())
+            let to: Vec<f64> = to.collect();
+            self.moved_to(&to).or_else(|| if strayed { self.refitted_from(&to) } else { None })
         };
         let far = |state: &State| state.x.iter().zip(&before).map(|(x, (value, sigma))| ((x - value) / sigma).powi(2)).sum::<f64>();
         PARTS.into_iter().find_map(moved).filter(|nearer| far(nearer) < far(self) - NEAR * NEAR)
+    }
+}
+
+impl State {
+    /// Whether a number that was given with a deviation is far from where it was given.
+    fn strayed(&self) -> bool {
+        let given = |index: usize| {
+            let parameter = &self.frame.model.parameters()[index];
+            self.frame.evidence.given.iter().find(|known| known.effect == parameter.effect && known.name == parameter.name)
+        };
+        let far = |(&index, x): (&usize, &f64)| {
+            given(index).is_some_and(|given| given.sigma > 0.0 && (x - given.value).abs() > STRAYED * given.sigma)
+        };
+        self.frame.free.iter().zip(&self.x).any(far)
     }
 }
 

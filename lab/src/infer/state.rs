@@ -214,10 +214,15 @@ impl State {
     }
 
     /// The state at other unknowns that explain the rows as well; none where they do not.
-    pub(super) fn moved_to(&self, x: Vec<f64>) -> Option<State> {
-        let place = Place::at(&self.frame, x, self.noise.clone(), &all(&self.frame), Derived::Here);
+    pub(super) fn moved_to(&self, x: &[f64]) -> Option<State> {
+        let place = Place::at(&self.frame, x.to_vec(), self.noise.clone(), &all(&self.frame), Derived::Here);
         let moved = State::of(Arc::clone(&self.frame), place);
         (moved.cost <= self.cost + AS_GOOD).then_some(moved)
+    }
+
+    /// The same fitted again from there.
+    pub(super) fn refitted_from(&self, x: &[f64]) -> Option<State> {
+        Some(State::fit(Arc::clone(&self.frame), x, &self.noise)).filter(|again| again.cost <= self.cost + AS_GOOD)
     }
 
     /// Where a search stands that has come here.

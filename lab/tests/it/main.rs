@@ -5,6 +5,7 @@ mod cli;
 mod commands;
 mod discovery;
 mod inputs;
+mod known_together;
 mod made_up;
 mod measured;
 mod noisy_current;

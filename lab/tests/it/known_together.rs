@@ -1,0 +1,106 @@
+//! Numbers that logs know only together with others, or only at the end of their range.
+
+use std::sync::Arc;
+
+use energy::{Channel, Model};
+use lab::infer::answer::{Discovery, Value, Verdict};
+use lab::infer::discover::search;
+use lab::infer::evidence::Evidence;
+use lab::measurement::{Log, LogFacts, read_log};
+use lab::predict::predict;
+use lab::prepare::prepare;
+use rand_distr::{Distribution as _, Normal};
+use rand_pcg::Pcg64;
+
+use crate::made_up;
+
+/// What the lab finds in logs of the truth, of which these channels were measured with this much noise.
+fn found(base: &Arc<Model>, truth: &Arc<Model>, log: &Log, measured: &[(Channel, f64)]) -> Discovery {
+    let seen = predict(truth, &prepare(truth, log).unwrap(), &truth.values());
+    let noisy = |seed: u128| {
+        let (mut log, mut random) = (log.clone(), Pcg64::new(seed, 0));
+        for &(channel, sigma) in measured {
+            let noise = Normal::new(0.0, sigma).unwrap();
+            let values = seen.of(channel).unwrap().iter().map(|value| value + noise.sample(&mut random)).collect();
+            log.channels.insert(channel, values);
+        }
+        prepare(base, &log).unwrap()
+    };
+    Discovery::of(&search(Arc::clone(base), Arc::new(Evidence::new(base, vec![noisy(1), noisy(2)])), None))
+}
+
+fn within(found: &Discovery, effect: &str, number: &str, truth: f64) {
+    let Value { value, sigma, .. } = found.parameters[effect][number];
+    let sigma = sigma.unwrap_or(0.01 * truth);
+    assert!((value - truth).abs() <= 3.0 * sigma && (value / truth - 1.0).abs() < 0.1, "{effect}.{number}: {value} +- {sigma}");
+}
+
+/// Of conductance, heat capacity and the share of losses that warms the cell a thermometer knows two ratios: the share is what it usually is.
+#[test]
+fn a_scale_that_no_log_knows_is_the_usual_one() {
+    let sensors = "[sensor.voltage_v]\nsigma = 1e-3\n[sensor.temperature_degc]\nsigma = 0.05\n";
+    let ohmic = "[[effect]]\nid = \"ohmic\"\nresistance_ohm = { value = 0.05, source = \"t\", sigma = 0.005, free = true }\n";
+    let base = made_up::model(&format!("{sensors}{ohmic}"));
+    let truth = Arc::new(base.with("thermal").unwrap());
+    let rows: String = (0..3600).map(|row| format!("{row},{},25,3.9,25\n", [1.5, 0.0, 0.5][row / 400 % 3])).collect();
+    let facts = LogFacts { soc_initial: Some(0.95), ..LogFacts::default() };
+    let text = format!("time_s,current_a,ambient_degc,voltage_v,temperature_degc\n{rows}");
+    let log = read_log("blocks.csv", text.as_bytes(), facts).unwrap();
+    let found = found(&base, &truth, &log, &[(Channel::VoltageV, 1e-3), (Channel::TemperatureDegc, 0.05)]);
+    assert_eq!((found.verdict, &found.selected[..]), (Verdict::Missing, &["thermal"][..]));
+    for (number, truth) in [("conductance_w_per_k", 0.05), ("heat_share", 1.0), ("heat_capacity_j_per_k", 45.0)] {
+        within(&found, "thermal", number, truth);
+    }
+}
+
+const ROBOT: &str = "schema = 1\nsystem = \"robot\"\nname = \"r\"\n[robot]\nnominal_v = 11.1\n[sensor.power_w]\nsigma = 0.02\n";
+const MOTION: &str = "[[effect]]\nid = \"motion\"\nrolling_coefficient = { value = 0.03, source = \"t\" }\n\
+                      mass_kg = { value = 1.5, source = \"t\" }\ndrive_efficiency = { value = 0.7, source = \"t\" }\n";
+
+fn robot(effects: &str) -> Arc<Model> {
+    Arc::new(Model::parse("r.toml", &format!("{ROBOT}{effects}"), &|_| Err("no table".to_owned())).unwrap())
+}
+
+/// Twenty minutes up and down a slope, a camera on now and then.
+fn drive() -> Log {
+    let row = |second: u32| {
+        let (phase, camera) = (second % 40, u32::from(second / 150 % 2 == 0));
+        let (speed, accel) = match phase {
+            0..5 => (0.1 * f64::from(phase), 0.1),
+            5..20 => (0.5, 0.0),
+            20..25 => (0.1 * f64::from(25 - phase), -0.1),
+            _ => (0.0, 0.0),
+        };
+        let pitch = if second / 40 % 2 == 0 { 0.08 } else { -0.08 };
+        format!("{second},11.1,{speed},{accel},{pitch},0,{camera},1\n")
+    };
+    let rows: String = (0..1200).map(row).collect();
+    let text = format!("time_s,voltage_v,speed_mps,accel_mps2,pitch_rad,payload_kg,camera_on,power_w\n{rows}");
+    read_log("drive.csv", text.as_bytes(), LogFacts::default()).unwrap()
+}
+
+/// What was stated with a deviation is where the fit goes back to once the effect is found without which it had walked away.
+#[test]
+fn numbers_that_are_known_together_keep_what_was_stated() {
+    let stated = "[[effect]]\nid = \"idle\"\nidle_w = { value = 3.0, source = \"t\", sigma = 0.15, free = true }\n[[effect]]\nid = \"converter\"\n\
+                  efficiency = { value = 0.9, source = \"t\", sigma = 0.045, free = true }\n\
+                  quiescent_w = { value = 0.1, source = \"t\", sigma = 0.01, free = true }\n";
+    let base = robot(stated);
+    let camera = "[[effect]]\nid = \"camera\"\ncamera_w = { value = 10.0, source = \"t\" }\n";
+    let found = found(&base, &robot(&format!("{stated}{camera}")), &drive(), &[(Channel::PowerW, 0.02)]);
+    assert_eq!(found.selected, ["camera"], "{:?}", found.verdict);
+    for (effect, number, truth) in [("camera", "camera_w", 10.0), ("idle", "idle_w", 3.0), ("converter", "efficiency", 0.9)] {
+        within(&found, effect, number, truth);
+    }
+}
+
+/// All that braking gives comes back: no more is possible, and it is enough.
+#[test]
+fn an_effect_as_large_as_it_can_be_is_found() {
+    let idle = "[[effect]]\nid = \"idle\"\nidle_w = { value = 3.0, source = \"t\", sigma = 0.1, free = true }\n";
+    let base = robot(&format!("{idle}{MOTION}"));
+    let all = "[[effect]]\nid = \"regeneration\"\nshare = { value = 1.0, source = \"t\" }\n";
+    let found = found(&base, &robot(&format!("{idle}{MOTION}{all}")), &drive(), &[(Channel::PowerW, 0.02)]);
+    assert_eq!((found.verdict, &found.selected[..]), (Verdict::Missing, &["regeneration"][..]), "{:?}", found.ranking[0]);
+    within(&found, "regeneration", "share", 1.0);
+}
