@@ -64,14 +64,14 @@ fn robot(effects: &str) -> Arc<Model> {
 /// Twenty minutes up and down a slope, a camera on now and then.
 fn drive() -> Log {
     let row = |second: u32| {
-        let (phase, camera) = (second % 40, u32::from(second / 150 % 2 == 0));
+        let (phase, camera) = (second % 40, u32::from((second / 150).is_multiple_of(2)));
         let (speed, accel) = match phase {
             0..5 => (0.1 * f64::from(phase), 0.1),
             5..20 => (0.5, 0.0),
             20..25 => (0.1 * f64::from(25 - phase), -0.1),
             _ => (0.0, 0.0),
         };
-        let pitch = if second / 40 % 2 == 0 { 0.08 } else { -0.08 };
+        let pitch = if (second / 40).is_multiple_of(2) { 0.08 } else { -0.08 };
         format!("{second},11.1,{speed},{accel},{pitch},0,{camera},1\n")
     };
     let rows: String = (0..1200).map(row).collect();
