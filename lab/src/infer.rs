@@ -17,6 +17,7 @@
 //!   state      the best unknowns and noise for one list of effects, and the evidence for it
 //!     |          descent    the way there
 //!     |          starts     where a log may have begun
+//!     |          other_starts  and whether that alone explains them all
 //!     |          certainty  how well the numbers are known
 //!     |          told       the numbers that are told and written
 //!     |
@@ -60,6 +61,7 @@ mod handover;
 pub mod judge;
 mod lens;
 pub mod noise;
+pub mod other_starts;
 pub mod propose;
 mod prune;
 pub mod rough;

@@ -16,6 +16,7 @@ use lab::infer::candidate::held_at_defaults;
 use lab::infer::evidence::Evidence;
 use lab::infer::floors::fitted;
 use lab::infer::frame::Frame;
+use lab::infer::other_starts::other_starts;
 use lab::infer::state::State;
 use lab::learned;
 use lab::measurement::Log;
@@ -124,7 +125,8 @@ impl<'a> Case<'a> {
             holdout_unexplained = Unexplained::of(&discovery, &found);
         }
         let (decision, left_out) = (self.decisions(written), learned::left_out(last));
-        DiscoveryReport { discovery, decision, left_out, file_rms, files, holdout_unexplained, reach, output }
+        let other_starts = if discovery.selected.is_empty() { Vec::new() } else { other_starts(given, &self.evidence.logs) };
+        DiscoveryReport { discovery, decision, left_out, file_rms, files, holdout_unexplained, other_starts, reach, output }
     }
 
     /// What it changes to plan with that model instead of the given one.

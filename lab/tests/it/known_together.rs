@@ -6,6 +6,7 @@ use energy::{Channel, Model};
 use lab::infer::answer::{Discovery, Value, Verdict};
 use lab::infer::discover::search;
 use lab::infer::evidence::Evidence;
+use lab::infer::other_starts::other_starts;
 use lab::measurement::{Log, LogFacts, read_log};
 use lab::predict::predict;
 use lab::prepare::prepare;
@@ -51,6 +52,29 @@ fn a_scale_that_no_log_knows_is_the_usual_one() {
     for (number, truth) in [("conductance_w_per_k", 0.05), ("heat_share", 1.0), ("heat_capacity_j_per_k", 45.0)] {
         within(&found, "thermal", number, truth);
     }
+}
+
+/// A start that is wrong by more than is stated looks like an effect of the battery: it is told that it would do as well.
+#[test]
+fn a_wrong_start_is_told_beside_what_stands_in_for_it() {
+    let sensors = "[sensor.voltage_v]\nsigma = 1e-3\n[uncertainty]\nsoc_initial_sigma = 5e-3\n";
+    let base = made_up::model(&format!("{sensors}[[effect]]\nid = \"ohmic\"\nresistance_ohm = {{ value = 0.05, source = \"t\" }}\n"));
+    let rows: String = (0..3600).map(|row| format!("{row},{},3.9\n", [1.5, 0.0, 0.5][row / 400 % 3])).collect();
+    let log = |soc: f64| {
+        let facts = LogFacts { soc_initial: Some(soc), ..LogFacts::default() };
+        read_log("blocks.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), facts).unwrap()
+    };
+    let (mut said, truth) = (log(0.95), log(0.90));
+    let seen = predict(&base, &prepare(&base, &truth).unwrap(), &base.values());
+    let (noise, mut random) = (Normal::new(0.0, 1e-3).unwrap(), Pcg64::new(1, 0));
+    let volts: Vec<f64> = seen.of(Channel::VoltageV).unwrap().iter().map(|volts| volts + noise.sample(&mut random)).collect();
+    said.channels.insert(Channel::VoltageV, volts.clone());
+    let [told] = &other_starts(&base, &[prepare(&base, &said).unwrap()])[..] else { panic!("nothing is told") };
+    assert!(told.stated == 0.95 && (told.found - 0.90).abs() < 0.002, "{told:?}");
+    // Where the start is right there is nothing to be told.
+    let mut right = truth.clone();
+    right.channels.insert(Channel::VoltageV, volts);
+    assert_eq!(other_starts(&base, &[prepare(&base, &right).unwrap()]), []);
 }
 
 const ROBOT: &str = "schema = 1\nsystem = \"robot\"\nname = \"r\"\n[robot]\nnominal_v = 11.1\n[sensor.power_w]\nsigma = 0.02\n";

@@ -3,9 +3,20 @@
 use crate::infer::answer::{Discovery, Rung, Verdict};
 use crate::infer::candidate::Untested;
 use crate::infer::judge::Refusal;
+use crate::infer::other_starts::OtherStart;
 use crate::report::quantity::{digits, quantity, unit_of};
 
 use super::Reach;
+
+/// That other starts of the logs would explain them as well; nothing where they would not.
+#[must_use]
+pub fn other_starts(starts: &[OtherStart]) -> Option<String> {
+    let one = |start: &OtherStart| format!("{:.3} in place of {:.3} in {}", start.found, start.stated, start.log);
+    let all: Vec<String> = starts.iter().map(one).collect();
+    (!all.is_empty()).then(|| {
+        format!("Without any effect, another charge at the start explains these logs as well ({}): is soc_initial right?", all.join(", "))
+    })
+}
 
 /// The verdict in a sentence.
 #[must_use]
