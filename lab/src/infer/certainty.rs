@@ -6,7 +6,7 @@
 //! there, within its range. A table that was not there goes on as it is at the nearest place that the logs reach: a resistance over
 //! charge does not end where they do.
 
-use energy::{Parameter, ParameterSpec, find};
+use energy::{ParameterSpec, find};
 use nalgebra::{DMatrix, DVector};
 
 use super::frame::Frame;
@@ -66,8 +66,7 @@ impl State {
     fn before(&self) -> Vec<(f64, f64)> {
         let own = self.frame.free.iter().enumerate().map(|(place, &index)| {
             let (parameter, range) = (&self.frame.model.parameters()[index], range_sigma(&self.frame, index));
-            let same = |known: &&Parameter| known.effect == parameter.effect && known.name == parameter.name;
-            match self.frame.evidence.given.iter().find(same) {
+            match self.frame.evidence.given(parameter) {
                 Some(given) if given.sigma > 0.0 => (given.value, given.sigma.min(range)),
                 Some(given) => (given.value, range),
                 None => self.beside(place).map_or_else(|| unknown(&self.frame, index, self.is_open(place)), |value| (value, range)),
@@ -160,15 +159,10 @@ impl State {
         let far = |state: &State| state.x.iter().zip(&before).map(|(x, (value, sigma))| ((x - value) / sigma).powi(2)).sum::<f64>();
         PARTS.into_iter().find_map(moved).filter(|nearer| far(nearer) < far(self) - NEAR * NEAR)
     }
-}
 
-impl State {
     /// Whether a number that was given with a deviation is far from where it was given.
     fn strayed(&self) -> bool {
-        let given = |index: usize| {
-            let parameter = &self.frame.model.parameters()[index];
-            self.frame.evidence.given.iter().find(|known| known.effect == parameter.effect && known.name == parameter.name)
-        };
+        let given = |index: usize| self.frame.evidence.given(&self.frame.model.parameters()[index]);
         let far = |(&index, x): (&usize, &f64)| {
             given(index).is_some_and(|given| given.sigma > 0.0 && (x - given.value).abs() > STRAYED * given.sigma)
         };

@@ -74,7 +74,7 @@ pub struct Evidence {
     /// The same with a step for every row.
     pub(super) fine: Vec<Course>,
     /// The parameters of the model that the logs are held against, as they were given.
-    pub(crate) given: Vec<Parameter>,
+    given: Vec<Parameter>,
     /// The same evidence row by row, where `segments` hold means of rows.
     pub whole: Option<Arc<Evidence>>,
     /// The same evidence in fewer means, walked in fewer steps: to find the way, not to judge.
@@ -221,6 +221,11 @@ impl Evidence {
         let fine = logs().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (whole, coarse, shows_the_way) = (None, None, false);
         Evidence { segments, courses, fine, whole, coarse, shows_the_way, ..of.clone() }
+    }
+
+    /// A parameter of a model as it was given; none where it was not there.
+    pub(crate) fn given(&self, parameter: &Parameter) -> Option<&Parameter> {
+        self.given.iter().find(|known| known.effect == parameter.effect && known.name == parameter.name)
     }
 
     /// Judged rows.

@@ -171,7 +171,9 @@ impl Reader<'_> {
         let input = channels.get(&Channel::CurrentA).or(channels.get(&Channel::PackCurrentA));
         let explains = input.map(|input| (input, explaining_step(input)));
         for (&channel, values) in channels {
-            let moves = |row: usize| explains.is_some_and(|(input, least)| (input[row] - input[row - 1]).abs() > least);
+            // An input that is missing may have done anything.
+            let step = |input: &[f64], row: usize| (input[row] - input[row - 1]).abs();
+            let moves = |row: usize| explains.is_some_and(|(input, least)| step(input, row).is_nan() || step(input, row) > least);
             self.notes.extend(spikes(channel, values, moves, &self.places, self.table.places));
         }
         for pair in [(Channel::CurrentA, Channel::VoltageV), (Channel::PackCurrentA, Channel::PackVoltageV)] {
