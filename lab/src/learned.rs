@@ -13,6 +13,7 @@ use crate::infer::answer::deviations;
 use crate::infer::certainty::range_sigma;
 use crate::infer::rough::{Known, Rough, straight};
 use crate::infer::state::State;
+use crate::measurement::{Unmeasured, short};
 use crate::model_edit::{Change, EditError, append, edit, ocv_of_file, set_number, set_ocv};
 use crate::report::quantity::{digits, quantity, unit_of};
 
@@ -76,7 +77,8 @@ pub fn left_out(state: &State) -> Vec<LeftOut> {
     let of = |known: &Known| {
         let what = known.what;
         let (words, unit) = match what {
-            Rough::Capacity | Rough::Ocv(_) => return None,
+            // Gaps are told as wholes, below.
+            Rough::Capacity | Rough::Ocv(_) | Rough::Unmeasured { .. } => return None,
             Rough::SocInitial(own) => (format!("state of charge at the start of {}", log(own)), ""),
             Rough::TemperatureInitial(own) => (format!("temperature at the start of {}", log(own)), "K"),
             Rough::Clock(own) => (format!("time_s of formulas at the start of {}", log(own)), "s"),
@@ -91,7 +93,39 @@ pub fn left_out(state: &State) -> Vec<LeftOut> {
         };
         Some(LeftOut { what: words, shift, sigma, stated_sigma: known.sigma, unit, fact })
     };
-    state.frame.known.iter().filter_map(of).collect()
+    state.frame.known.iter().filter_map(of).chain(through_gaps(state)).collect()
+}
+
+/// The charge that flowed in gaps of the logs, where it was another than the row after the gap says.
+fn through_gaps(state: &State) -> Vec<LeftOut> {
+    let frame = &state.frame;
+    let of_gap = |(log, gap): (usize, usize)| {
+        let logged = &frame.evidence.logs[log];
+        let place = |what| frame.known.iter().position(|known| known.what == what);
+        let pieces: Vec<(&Unmeasured, usize)> = (logged.unmeasured.iter().enumerate())
+            .filter(|(_, piece)| piece.gap == gap)
+            .filter_map(|(number, piece)| Some((piece, place(Rough::Unmeasured { log, piece: number })?)))
+            .collect();
+        let hours = |piece: &Unmeasured| (piece.to_s - piece.from_s) / 3600.0;
+        let (first, last) = (pieces.first()?.0, pieces.last()?.0);
+        let shift: f64 = pieces.iter().map(|(piece, place)| hours(piece) * state.x[frame.free.len() + place]).sum();
+        let stated_sigma = pieces.iter().map(|(piece, _)| (hours(piece) * piece.current_sigma_a).powi(2)).sum::<f64>().sqrt();
+        let covariance = state.covariance();
+        let terms = pieces.iter().flat_map(|one| pieces.iter().map(move |other| (one, other)));
+        let variance: f64 =
+            terms.map(|((a, at), (b, to))| hours(a) * hours(b) * covariance[(frame.free.len() + at, frame.free.len() + to)]).sum();
+        let what = format!(
+            "charge from {} to {} s of {}, of which no current was logged, beyond that of the row after",
+            short(first.from_s),
+            short(last.to_s),
+            logged.name
+        );
+        let sigma = variance.max(0.0).sqrt().min(stated_sigma);
+        (shift.abs() > WORTH_TELLING * stated_sigma).then(|| LeftOut { what, shift, sigma, stated_sigma, unit: "Ah", fact: String::new() })
+    };
+    let logs = frame.evidence.logs.iter().enumerate();
+    let gaps = logs.flat_map(|(log, logged)| (0..logged.unmeasured.last().map_or(0, |piece| piece.gap + 1)).map(move |gap| (log, gap)));
+    gaps.filter_map(of_gap).collect()
 }
 
 /// A difference of temperatures is in K.

@@ -16,6 +16,7 @@ mod table;
 mod thin;
 mod times;
 mod unfollowed;
+mod unmeasured;
 mod values;
 
 use std::io::BufRead;
@@ -30,6 +31,8 @@ pub use mapping::Mapping;
 pub use store::{StoreQuery, Subject, instant, read_store};
 pub use table::{Cells, GaugeStart, Table};
 pub use thin::{LONG, Thinning, thin, uneven_sampling};
+pub(crate) use times::short;
+pub use unmeasured::Unmeasured;
 
 /// A source format.
 pub struct Format {

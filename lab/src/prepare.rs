@@ -7,7 +7,7 @@ pub use plausible::{odd_current, odd_voltage};
 use energy::document::hint;
 use energy::{Channel, Facts, Model, Start, System};
 
-use crate::measurement::{History, Log};
+use crate::measurement::{History, Log, Unmeasured};
 
 /// What a model predicts and a log has measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +34,8 @@ pub struct Prepared {
     /// Inputs; the value at row k holds over (t\[k-1\], t\[k\]]. A missing value is the next known
     /// one, since that holds since the last known one.
     pub inputs: Vec<(Channel, Vec<f64>)>,
+    /// Pieces of the gaps of a battery's current, in order: what [`Self::inputs`] says there is a guess.
+    pub unmeasured: Vec<Unmeasured>,
     /// Where the log starts.
     pub start: Start,
     /// Standard deviation of the state of charge there, when the log states one.
@@ -184,6 +186,7 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
         time_s: log.time_s.clone(),
         readings: log.readings.clone(),
         inputs,
+        unmeasured: if model.system == System::Battery { log.unmeasured.clone() } else { Vec::new() },
         start,
         soc_initial_sigma: log.facts.soc_initial_sigma,
         targets,

@@ -260,6 +260,10 @@ fn place(segments: &mut [Segment]) {
 /// Rows at which an input jumps: by a share of its range, and by more than its sensor's noise.
 fn jumps(log: &Prepared, model: &Model) -> Vec<bool> {
     let mut jumps = vec![false; log.time_s.len()];
+    // What happened in a gap ends with it.
+    for piece in &log.unmeasured {
+        jumps[log.time_s.partition_point(|&time_s| time_s <= piece.to_s).min(log.time_s.len() - 1)] = true;
+    }
     for (channel, values) in &log.inputs {
         let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
         let least = (JUMP * (high - low)).max(HOLDS * model.sensor(*channel).floor());

@@ -11,7 +11,8 @@ use energy::{Channel, Channels, Facts, Model, Start, System};
 use super::course::Course;
 use super::evidence::Evidence;
 use super::rough::{Known, Rough, knots, rough, straight, weights};
-use super::walk::{drives, walk};
+use super::walk::{Unread, drives, walk};
+use crate::measurement::Unmeasured;
 use crate::prepare::predicted_channels;
 
 /// A model on its evidence.
@@ -192,7 +193,7 @@ impl Frame {
         match self.what(unknown) {
             None => true,
             Some(Rough::Offset(channel) | Rough::Gain(channel)) => self.drives_model(channel, log),
-            Some(Rough::SocInitial(own)) => own == log,
+            Some(Rough::SocInitial(own) | Rough::Unmeasured { log: own, .. }) => own == log,
             // Of the model, but dear in every lane: taken by differences.
             Some(Rough::Capacity | Rough::TemperatureInitial(_) | Rough::Clock(_)) => false,
             Some(Rough::Lag(_) | Rough::Ocv(_)) => false,
@@ -254,7 +255,11 @@ impl Frame {
             Steps::Rows => (&prepared.time_s, &prepared.inputs),
             Steps::Course => (&course.time_s, &course.inputs),
         };
-        walk(model, parameters, start, time_s, &drives(model, inputs, shift), at);
+        let of_piece = |(piece, of): (usize, &Unmeasured)| {
+            Some(Unread { from_s: of.from_s, to_s: of.to_s, beyond_a: lifted(Rough::Unmeasured { log, piece })? })
+        };
+        let unread: Vec<Unread<S>> = prepared.unmeasured.iter().enumerate().filter_map(of_piece).collect();
+        walk(model, parameters, start, time_s, &drives(model, inputs, shift), &unread, at);
     }
 
     /// How the model walks a log to show what is judged.

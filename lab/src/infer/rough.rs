@@ -22,6 +22,13 @@ pub enum Rough {
     SocInitial(usize),
     /// The temperature at the first row of a log, beyond what its sensor showed, K.
     TemperatureInitial(usize),
+    /// The mean current over a piece of a log's gaps, beyond what the row after the gap says, A.
+    Unmeasured {
+        /// The log.
+        log: usize,
+        /// Which of its pieces.
+        piece: usize,
+    },
     /// What the clock of formulas shows at the first row of a log, s.
     Clock(usize),
 }
@@ -40,7 +47,7 @@ impl Known {
     #[must_use]
     pub fn log(&self) -> Option<usize> {
         match self.what {
-            Rough::SocInitial(log) | Rough::TemperatureInitial(log) | Rough::Clock(log) => Some(log),
+            Rough::SocInitial(log) | Rough::TemperatureInitial(log) | Rough::Unmeasured { log, .. } | Rough::Clock(log) => Some(log),
             _ => None,
         }
     }
@@ -76,6 +83,9 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
                 know(Rough::TemperatureInitial(index), sensor.floor().hypot(sensor.offset_sigma));
             }
             know(Rough::SocInitial(index), log.soc_initial_sigma.unwrap_or(model.uncertainty.soc_initial_sigma));
+            for (piece, unmeasured) in log.unmeasured.iter().enumerate() {
+                know(Rough::Unmeasured { log: index, piece }, unmeasured.current_sigma_a);
+            }
         }
     } else {
         // A square has twice the relative error of its root.

@@ -34,13 +34,22 @@ pub(super) fn drives<'a, S: Lane>(
     inputs.map(drive).collect()
 }
 
-/// Steps the model along the log and shows the channels of every row.
+/// A time over which the current was not measured.
+pub(super) struct Unread<S> {
+    pub(super) from_s: f64,
+    pub(super) to_s: f64,
+    /// What flowed beyond what the log says, A.
+    pub(super) beyond_a: S,
+}
+
+/// Steps the model along the log and shows the channels of every row. `unread` lies in order.
 pub(super) fn walk<S: Lane>(
     model: &Arc<Model>,
     parameters: Vec<S>,
     start: Start<S>,
     time_s: &[f64],
     drives: &[Drive<'_, S>],
+    mut unread: &[Unread<S>],
     mut at: impl FnMut(usize, &Channels<S>),
 ) {
     let mut run = Run::with_parameters(Arc::clone(model), parameters, start);
@@ -54,8 +63,35 @@ pub(super) fn walk<S: Lane>(
             };
         }
         if row > 0 {
-            run.step(time_s[row] - time_s[row - 1]);
+            let begin_s = through(&mut run, &mut unread, time_s[row - 1], time_s[row]);
+            run.step(time_s[row] - begin_s);
         }
         at(row, &run.channels);
     }
+}
+
+/// Steps through the part of a row over which its current was not measured, and takes off what lies behind. Returns where the
+/// rest of the row begins, s: the reading at its end is one of the current that was measured.
+fn through<S: Lane>(run: &mut Run<S>, unread: &mut &[Unread<S>], mut now_s: f64, end_s: f64) -> f64 {
+    while let Some((piece, rest)) = unread.split_first()
+        && piece.from_s < end_s
+    {
+        let measured_a = run.channels[Channel::CurrentA];
+        if piece.from_s > now_s {
+            run.step(piece.from_s - now_s);
+            now_s = piece.from_s;
+        }
+        let until_s = piece.to_s.min(end_s);
+        if until_s > now_s {
+            run.channels[Channel::CurrentA] = measured_a + piece.beyond_a;
+            run.step(until_s - now_s);
+            run.channels[Channel::CurrentA] = measured_a;
+            now_s = until_s;
+        }
+        if piece.to_s > end_s {
+            break;
+        }
+        *unread = rest;
+    }
+    now_s
 }

@@ -9,6 +9,7 @@ use super::facts::misspelt;
 use super::mapping::Source;
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
+use super::unmeasured::{Unmeasured, asked_for, unmeasured};
 use super::values::{explaining_step, missing, spikes, within_range, without_given, without_sentinels};
 use super::{LogError, LogFacts, Table};
 
@@ -40,6 +41,8 @@ pub struct Log {
     pub readings: Vec<f64>,
     /// Canonical channels, NaN where missing.
     pub channels: BTreeMap<Channel, Vec<f64>>,
+    /// Pieces of the gaps of a battery's current, in order.
+    pub unmeasured: Vec<Unmeasured>,
     /// Further columns.
     pub extra: BTreeMap<String, Column>,
     /// What is known beside the rows.
@@ -92,6 +95,8 @@ impl Log {
             }
         }
         reader.tell_spikes(&channels);
+        let unmeasured = channels.get(&Channel::CurrentA).map_or_else(Vec::new, |current_a| unmeasured(&time_s, current_a));
+        reader.notes.extend(asked_for(&unmeasured));
         let mut notes = [table.notes.clone(), reader.notes].concat();
         if let (Some(start), None, None) =
             (table.start.filter(|start| (0.0..=1.0).contains(&start.soc)), facts.soc_initial, facts.rest_voltage_v)
@@ -102,7 +107,7 @@ impl Log {
         }
         let notes = notes.into_iter().map(|note| format!("{file}: {note}")).collect();
         let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        Ok(Log { file: file.to_owned(), name: stem, time_s, readings: Vec::new(), channels, extra, facts, notes })
+        Ok(Log { file: file.to_owned(), name: stem, time_s, readings: Vec::new(), channels, unmeasured, extra, facts, notes })
     }
 }
 

@@ -4,7 +4,7 @@
 use super::some_places;
 
 /// A step longer than this many usual ones is a gap.
-const GAP: f64 = 10.0;
+pub(super) const GAP: f64 = 10.0;
 /// More gaps than this share of all steps are the logger's way, not accidents.
 const UNEVEN: f64 = 0.01;
 /// A share of repeated times above this is a clock coarser than the logger, not an accident.
@@ -96,14 +96,29 @@ pub(super) fn usual_step_s(time_s: &[f64]) -> f64 {
     *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
+/// Rows that follow a gap.
+fn after_gaps(time_s: &[f64]) -> Vec<usize> {
+    let usual_s = usual_step_s(time_s);
+    (1..time_s.len()).filter(|&row| time_s[row] - time_s[row - 1] > GAP * usual_s).collect()
+}
+
+/// Whether so many gaps are the way in which a log of so many rows was made.
+fn come_unevenly(gaps: usize, rows: usize) -> bool {
+    gaps as f64 > UNEVEN * rows as f64 && gaps > 1
+}
+
+/// Rows that follow a gap which is no habit of the logger.
+pub(super) fn accidents(time_s: &[f64]) -> Vec<usize> {
+    let rows = after_gaps(time_s);
+    if come_unevenly(rows.len(), time_s.len()) { Vec::new() } else { rows }
+}
+
 /// What is to be said about rows that are missing.
 pub(super) fn gaps(time_s: &[f64], lines: &[u64], names: &str) -> Option<String> {
-    let usual_s = usual_step_s(time_s);
-    let gap = |row: &usize| time_s[*row] - time_s[*row - 1] > GAP * usual_s;
-    let rows: Vec<usize> = (1..time_s.len()).filter(gap).collect();
+    let (usual_s, rows) = (usual_step_s(time_s), after_gaps(time_s));
     let length = |row: usize| time_s[row] - time_s[row - 1];
     let longest = rows.iter().copied().max_by(|&a, &b| length(a).total_cmp(&length(b)))?;
-    if rows.len() as f64 > UNEVEN * time_s.len() as f64 && rows.len() > 1 {
+    if come_unevenly(rows.len(), time_s.len()) {
         let (usual_s, longest_s) = (short(usual_s), short(length(longest)));
         return Some(format!(
             "rows come unevenly: mostly {usual_s} s apart, but up to {longest_s} s; the inputs of a row stand for all of the step before it"
@@ -122,7 +137,7 @@ pub(super) fn gaps(time_s: &[f64], lines: &[u64], names: &str) -> Option<String>
 }
 
 /// A number for people: three digits are enough to see what is meant.
-pub(super) fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let digits = if value.abs() >= 100.0 || value == 0.0 { 0 } else { (2.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize };
     let text = format!("{value:.digits$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }

@@ -4,6 +4,7 @@
 mod cli;
 mod commands;
 mod discovery;
+mod gaps;
 mod inputs;
 mod known_together;
 mod made_up;

@@ -1,0 +1,109 @@
+//! Logs of which a part was not recorded.
+
+use std::sync::Arc;
+
+use energy::{Channel, Model};
+use lab::infer::answer::{Discovery, Verdict};
+use lab::infer::discover::search;
+use lab::infer::evidence::Evidence;
+use lab::infer::frame::Frame;
+use lab::learned::left_out;
+use lab::measurement::{Log, LogFacts, read_log};
+use lab::predict::predict;
+use lab::prepare::prepare;
+use rand_distr::{Distribution as _, Normal};
+use rand_pcg::Pcg64;
+
+use crate::made_up;
+
+const SENSORS: &str = "[sensor.voltage_v]\nsigma = 1e-3\n[sensor.current_a]\nsigma = 1e-3\n[uncertainty]\nsoc_initial_sigma = 5e-3\n";
+const OHMIC: &str = "[[effect]]\nid = \"ohmic\"\nresistance_ohm = { value = 0.05, source = \"t\", free = true }\n";
+const PAIR: &str =
+    "[[effect]]\nid = \"rc1\"\nresistance_ohm = { value = 0.02, source = \"t\" }\ntau_s = { value = 60.0, source = \"t\" }\n";
+
+/// An hour of stretches of load, rest and charge, as a battery of this model shows it.
+fn seen(truth: &Arc<Model>, seed: u128) -> Log {
+    let (noise, mut random) = (Normal::new(0.0, 1e-3).unwrap(), Pcg64::new(seed, 0));
+    let current = |row: usize| [1.5, 0.0, 0.6, -0.8, 2.0, 0.2, 1.1][(row / 90 + seed as usize) % 7];
+    let rows: String = (0..3600).map(|row| format!("{row},{},3.9\n", current(row))).collect();
+    let facts = LogFacts { soc_initial: Some(0.9), ..LogFacts::default() };
+    let mut log = read_log("run.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), facts).unwrap();
+    let volts = predict(truth, &prepare(truth, &log).unwrap(), &truth.values()).of(Channel::VoltageV).unwrap().to_vec();
+    for (channel, values) in [(Channel::VoltageV, volts), (Channel::CurrentA, log.channels[&Channel::CurrentA].clone())] {
+        log.channels.insert(channel, values.iter().map(|value| value + noise.sample(&mut random)).collect());
+    }
+    log
+}
+
+/// The log as a file would hold it without the rows, or without the currents, of a time.
+fn without(log: &Log, lost_s: std::ops::Range<f64>, row_too: bool) -> Log {
+    let (current_a, voltage_v) = (&log.channels[&Channel::CurrentA], &log.channels[&Channel::VoltageV]);
+    let row = |row: usize| match lost_s.contains(&log.time_s[row]) {
+        true if row_too => String::new(),
+        true => format!("{},,{}\n", log.time_s[row], voltage_v[row]),
+        false => format!("{},{},{}\n", log.time_s[row], current_a[row], voltage_v[row]),
+    };
+    let rows: String = (0..log.rows()).map(row).collect();
+    read_log(&log.file, format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), log.facts.clone()).unwrap()
+}
+
+fn found(base: &Arc<Model>, log: &Log) -> Discovery {
+    Discovery::of(&search(Arc::clone(base), Arc::new(Evidence::new(base, vec![prepare(base, log).unwrap()])), None))
+}
+
+/// Before the current of a gap was asked for, seven of ten right models were "unknown" after five minutes of it.
+#[test]
+fn what_flowed_in_a_gap_is_no_missing_effect() {
+    let base = made_up::model(&format!("{SENSORS}{OHMIC}"));
+    let truth = made_up::model(&format!("{SENSORS}{OHMIC}{PAIR}"));
+    for seed in 0..3 {
+        for (lost_s, row_too) in [(1500.0..1800.0, true), (1500.0..1800.0, false), (700.0..1900.0, true)] {
+            let right = found(&base, &without(&seen(&base, seed), lost_s.clone(), row_too));
+            assert_eq!((right.verdict, &right.selected[..]), (Verdict::Complete, &[][..]), "{seed} {lost_s:?}");
+            let lacking = found(&base, &without(&seen(&truth, seed), lost_s.clone(), row_too));
+            assert_eq!((lacking.verdict, &lacking.selected[..]), (Verdict::Missing, &["rc1"][..]), "{seed} {lost_s:?}");
+        }
+    }
+}
+
+/// The charge that is told to have flowed in a gap is that which did, as surely as is said.
+#[test]
+fn the_charge_of_a_gap_is_told() {
+    let base = made_up::model(&format!("{SENSORS}{OHMIC}"));
+    let mut deviations = Vec::new();
+    for seed in 0..20 {
+        let whole = seen(&base, seed);
+        let log = without(&whole, 1500.0..1800.0, true);
+        let state = search(Arc::clone(&base), Arc::new(Evidence::new(&base, vec![prepare(&base, &log).unwrap()])), None).last;
+        let after_a = log.channels[&Channel::CurrentA][1500];
+        let truth_ah: f64 = whole.channels[&Channel::CurrentA][1500..1800].iter().map(|current_a| (current_a - after_a) / 3600.0).sum();
+        let told = left_out(&state).into_iter().find(|one| one.what.starts_with("charge from 1499 to 1799 s of run"));
+        let told = told.unwrap_or_else(|| panic!("seed {seed}: {:?}", left_out(&state)));
+        assert!(told.sigma < 0.2 * told.stated_sigma, "{told:?}");
+        deviations.push((told.shift - truth_ah) / told.sigma);
+    }
+    let rms = (deviations.iter().map(|z| z * z).sum::<f64>() / deviations.len() as f64).sqrt();
+    assert!((0.5..1.5).contains(&rms), "{rms}: {deviations:.1?}");
+}
+
+/// A derivative by the current of a piece against a difference.
+#[test]
+fn derivatives_by_what_flowed_in_a_gap_agree_with_differences() {
+    let model = made_up::model(&format!("{SENSORS}{OHMIC}{PAIR}"));
+    let log = without(&seen(&model, 1), 1500.0..1800.0, true);
+    let frame = Frame::new(Arc::clone(&model), Arc::new(Evidence::new(&model, vec![prepare(&model, &log).unwrap()])));
+    let unknowns: Vec<usize> = (0..frame.unknowns()).collect();
+    let x: Vec<f64> = frame.start().iter().map(|value| value + 1e-3).collect();
+    let (_, slopes) = frame.linearise(&x, &unknowns);
+    let pieces: Vec<usize> = unknowns.iter().copied().filter(|&unknown| unknown + 6 >= frame.unknowns()).collect();
+    for unknown in pieces {
+        let at = |shift: f64| {
+            let mut x = x.clone();
+            x[unknown] += shift;
+            frame.predict(&x)
+        };
+        let (above, below) = (at(1e-4), at(-1e-4));
+        let differs = (0..above.len()).map(|row| ((above[row] - below[row]) / 2e-4 - slopes[(unknown, row)]).abs()).fold(0.0, f64::max);
+        assert!(differs < 1e-6 && slopes.row(unknown).amax() > 1e-6, "{unknown}: {differs}");
+    }
+}
