@@ -154,8 +154,7 @@ fn fitted(state: &State, origin: &str) -> Vec<Change> {
         let parameter = &state.frame.model.parameters()[index];
         let open = range_sigma(&state.frame, index);
         let by_itself = state.normal[(place, place)].max(0.0).sqrt().recip();
-        let given = state.frame.evidence.given(parameter);
-        if by_itself >= open && given.is_some_and(|given| given.sigma > 0.0 && given.value == state.x[place]) {
+        if state.better_as_stated(place).is_some() {
             return None;
         }
         let sigma = if by_itself < open { covariance[(place, place)].max(0.0).sqrt().max(by_itself).min(open) } else { open };

@@ -103,8 +103,10 @@ pub struct Ranked {
     pub holdout_before: ByChannel,
     /// RMS on held-out logs after the refit.
     pub holdout_after: ByChannel,
-    /// Why it was not accepted; empty when it was, or was not refitted.
+    /// Why it was not accepted; empty when it was, was passed over, or was not refitted.
     pub refused: Vec<Refusal>,
+    /// Whether it gains as much as the one that was taken first, which does about as well with fewer numbers.
+    pub passed_over: bool,
 }
 
 /// One model on the way.
@@ -251,6 +253,7 @@ fn ranking(step: &Step) -> Vec<Ranked> {
                 holdout_before: holdout_before.clone(),
                 holdout_after: refit.map(|trial| by_channel(&trial.holdout)).unwrap_or_default(),
                 refused: place.map(|place| step.refusals[place].clone()).unwrap_or_default(),
+                passed_over: place.is_some_and(|place| step.passes_over(place)),
             }
         })
         .collect();
@@ -276,11 +279,14 @@ fn own_parameters(trial: &Trial) -> Vec<(&'static str, f64, Option<f64>)> {
 }
 
 /// Index, value and deviation of every free parameter by itself. One of which the logs say hardly more
-/// than its range has none.
+/// than its range has none, one that was stated better than they know it is as it was stated.
 #[must_use]
 pub fn deviations(state: &State) -> Vec<(usize, f64, Option<f64>)> {
     let sigmas = state.sigmas();
     let of = |(place, &index): (usize, &usize)| {
+        if let Some((value, sigma)) = state.better_as_stated(place) {
+            return (index, value, Some(sigma));
+        }
         let known = sigmas[place] < OPEN * range_sigma(&state.frame, index);
         (index, state.x[place], known.then_some(sigmas[place]))
     };

@@ -91,6 +91,18 @@ impl State {
         self.normal[(place, place)].max(0.0).sqrt().recip() >= range_sigma(&self.frame, self.frame.free[place])
     }
 
+    /// The number of a free parameter as it was stated, with its deviation: where the rows know it less well, even with all others as
+    /// they are, and do not speak against it. A log without load has no say about a resistance that was measured elsewhere.
+    #[must_use]
+    pub(crate) fn better_as_stated(&self, place: usize) -> Option<(f64, f64)> {
+        let parameter = &self.frame.model.parameters()[self.frame.free[place]];
+        let given = self.frame.evidence.given(parameter).filter(|given| given.sigma > 0.0)?;
+        let of_rows = self.normal[(place, place)].max(0.0).sqrt().recip();
+        let apart = (self.x[place] - given.value).abs();
+        let stated = given.sigma.min(range_sigma(&self.frame, self.frame.free[place]));
+        (of_rows >= stated && apart <= STRAYED * of_rows.hypot(stated)).then_some((given.value, stated))
+    }
+
     /// The open directions in the unknowns' own units, and the covariance along them.
     fn left_open(&self) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
         let Directions { scale, open, .. } = self.directions();

@@ -73,6 +73,14 @@ impl Step {
         step.better_base().map_or(step, from).or_what_is_small(explained, holdout)
     }
 
+    /// Whether a trial gains as much as the first, and was neither taken nor is among those that the logs cannot tell from it: it has more
+    /// numbers than it needs.
+    #[must_use]
+    pub fn passes_over(&self, place: usize) -> bool {
+        let Outcome::Missing(alike) = &self.outcome else { return false };
+        place > 0 && !alike.contains(&place) && self.refusals[place].is_empty() && self.trials[place].delta_bic >= self.trials[0].delta_bic
+    }
+
     /// The base refitted from where an effect ended that is next to nothing and yet explains what the base does not, where
     /// that is clearly better: the base rested in a valley of its own.
     fn better_base(&self) -> Option<State> {

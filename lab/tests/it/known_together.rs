@@ -77,6 +77,38 @@ fn a_wrong_start_is_told_beside_what_stands_in_for_it() {
     assert_eq!(other_starts(&base, &[prepare(&base, &right).unwrap()]), []);
 }
 
+/// Of a log without load, a resistance that was measured elsewhere stays what it was: a milliampere of noise says nothing of it.
+#[test]
+fn what_was_stated_better_than_logs_know_it_stays() {
+    let sensors = "[sensor.voltage_v]\nsigma = 1e-3\n[sensor.current_a]\nsigma = 1e-3\n";
+    let model = |ohm: f64, sigma: &str| {
+        made_up::model(&format!(
+            "{sensors}[[effect]]\nid = \"ohmic\"\nresistance_ohm = {{ value = {ohm}, source = \"t\", {sigma}free = true }}\n"
+        ))
+    };
+    let rows = |load_a: f64| -> String {
+        let mut random = Pcg64::new(4, 0);
+        let mut current_a = |row: u32| load_a * f64::from(row / 100 % 2) + Normal::new(0.0, 1e-3).unwrap().sample(&mut random);
+        (0..1500).map(|row| format!("{row},{},3.9\n", current_a(row))).collect()
+    };
+    let log = |load_a: f64| {
+        let facts = LogFacts { soc_initial: Some(0.6), ..LogFacts::default() };
+        read_log("rest.csv", format!("time_s,current_a,voltage_v\n{}", rows(load_a)).as_bytes(), facts).unwrap()
+    };
+    let truth = model(0.05, "");
+    let of = |base: &Arc<Model>, load_a: f64| {
+        let found = found(base, &truth, &log(load_a), &[(Channel::VoltageV, 1e-3)]);
+        assert_eq!(found.verdict, Verdict::Complete);
+        found.parameters["ohmic"]["resistance_ohm"].clone()
+    };
+    let kept = of(&model(0.05, "sigma = 0.005, "), 0.0);
+    assert_eq!((kept.value, kept.sigma), (0.05, Some(0.005)));
+    // Under load the logs know better, and what was not stated with a deviation is theirs alone.
+    let better = of(&model(0.052, "sigma = 0.005, "), 1.0);
+    assert!((better.value - 0.05).abs() < 3.0 * better.sigma.unwrap() && better.sigma.unwrap() < 1e-3, "{better:?}");
+    assert!(of(&model(0.05, ""), 0.0).sigma.is_none_or(|sigma| sigma > 0.01));
+}
+
 const ROBOT: &str = "schema = 1\nsystem = \"robot\"\nname = \"r\"\n[robot]\nnominal_v = 11.1\n[sensor.power_w]\nsigma = 0.02\n";
 const MOTION: &str = "[[effect]]\nid = \"motion\"\nrolling_coefficient = { value = 0.03, source = \"t\" }\n\
                       mass_kg = { value = 1.5, source = \"t\" }\ndrive_efficiency = { value = 0.7, source = \"t\" }\n";

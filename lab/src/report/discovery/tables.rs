@@ -56,15 +56,6 @@ pub fn floor_name(rung: &Rung, channel: &str) -> &'static str {
     if rung.floor_from_rows.contains(&channel) { "noise from row to row" } else { "sensor floor" }
 }
 
-/// Whether an effect gains as much as the one that was taken first, and is neither that one nor among those that cannot be told from
-/// it.
-fn needlessly_rich(found: &Discovery, effect: &str, delta_bic: f64) -> bool {
-    let taken = |ranked: &&Ranked| found.selected.first() == Some(&ranked.effect);
-    let first = found.ranking.iter().find(taken).and_then(|ranked| ranked.delta_bic);
-    let passed_over = !found.selected.contains(&effect) && !found.equivalent.contains(&effect);
-    passed_over && first.is_some_and(|first| delta_bic >= first)
-}
-
 /// What speaks for every effect, most promising first.
 pub(super) fn ranking(found: &Discovery, printed: usize) -> Table {
     let holdout = found.ranking.iter().any(|ranked| !ranked.holdout_before.is_empty());
@@ -94,7 +85,7 @@ pub(super) fn ranking(found: &Discovery, printed: usize) -> Table {
         row.push(match ranked.delta_bic {
             None => "not worth a refit".to_owned(),
             Some(_) if refused.is_empty() && rises(ranked) => "accepted: falls beside slow noise".to_owned(),
-            Some(gain) if refused.is_empty() && needlessly_rich(found, ranked.effect, gain) => "more numbers than it needs".to_owned(),
+            Some(_) if ranked.passed_over && !found.selected.contains(&ranked.effect) => "more numbers than it needs".to_owned(),
             Some(_) => refused.join("\n"),
         });
         rows.add_row(row);
