@@ -99,7 +99,7 @@ fn what_was_stated_better_than_logs_know_it_stays() {
     let of = |base: &Arc<Model>, load_a: f64| {
         let found = found(base, &truth, &log(load_a), &[(Channel::VoltageV, 1e-3)]);
         assert_eq!(found.verdict, Verdict::Complete);
-        found.parameters["ohmic"]["resistance_ohm"].clone()
+        found.parameters["ohmic"]["resistance_ohm"]
     };
     let kept = of(&model(0.05, "sigma = 0.005, "), 0.0);
     assert_eq!((kept.value, kept.sigma), (0.05, Some(0.005)));
