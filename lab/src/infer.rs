@@ -20,6 +20,7 @@
 //!     |          other_starts  and whether that alone explains them all
 //!     |          certainty  how well the numbers are known
 //!     |          told       the numbers that are told and written
+//!     |          dilution   without what the noise of inputs does to them
 //!     |
 //!   candidate  absent effects, the shapes that their equations can take, what keeps one from a test
 //!     |
@@ -52,6 +53,7 @@ pub mod candidate;
 pub(crate) mod certainty;
 mod course;
 mod descent;
+mod dilution;
 pub mod discover;
 pub mod evidence;
 mod exchange;

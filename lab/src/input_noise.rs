@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Model};
 
+use crate::measurement::usual_step_s;
 use crate::predict::predict;
 use crate::prepare::Prepared;
 
@@ -79,6 +80,29 @@ fn moved(model: &Model, log: &Prepared) -> Option<(Prepared, Vec<bool>)> {
         }
     }
     any.then_some((moved, counts))
+}
+
+/// The log with every reading of its inputs moved by its sensor's deviation, whichever way a sequence of this number says or, where
+/// `mirrored`, the other way.
+#[must_use]
+pub(crate) fn with_more_noise(model: &Model, log: &Prepared, sequence: usize, mirrored: bool) -> Prepared {
+    let mut moved = log.clone();
+    let lasts_s = |row: usize| log.time_s[row] - log.time_s[row - 1];
+    let usual_s = usual_step_s(&log.time_s);
+    for (place, (channel, values)) in moved.inputs.iter_mut().enumerate() {
+        let sensor = model.sensor(*channel);
+        let (sigma, measured) = (if mirrored { -sensor.floor() } else { sensor.floor() }, &log.inputs[place].1);
+        let mut signs = Signs::of(sequence * log.inputs.len() + place);
+        for row in 1..values.len() {
+            let silent = sensor.dead_band > 0.0 && measured[row] == 0.0;
+            let sign = signs.next();
+            // A reading that stays the same errs by the same, and after a pause one reading does not stand for all of it.
+            if measured[row] != measured[row - 1] && lasts_s(row) <= ALIKE * usual_s && !silent {
+                values[row] += sign * sigma / log.readings.get(row).copied().unwrap_or(1.0).sqrt();
+            }
+        }
+    }
+    moved
 }
 
 /// A pseudo-random binary sequence: the highest bits of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).

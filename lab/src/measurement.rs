@@ -31,7 +31,7 @@ pub use mapping::Mapping;
 pub use store::{StoreQuery, Subject, instant, read_store};
 pub use table::{Cells, GaugeStart, Table};
 pub use thin::{LONG, Thinning, thin, uneven_sampling};
-pub(crate) use times::short;
+pub(crate) use times::{short, usual_step_s};
 pub use unmeasured::Unmeasured;
 
 /// A source format.

@@ -46,6 +46,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     // Only this one was tried, and its name is not the logs' choice but the user's.
     let whatever_size = !explained(&base) && explained(&trial.state);
     let refused = refusals(&base, &trial, &before, Court { holdout: case.held.as_ref(), tried: 1, explained: 0.0, whatever_size });
+    let trial = Trial { state: trial.state.undiluted(), ..trial };
     let refitted = case.learned(base.told(), None, args.save.date())?;
     let extended = case.learned(trial.state.told(), args.save.output(), args.save.date())?;
     if let Some(path) = args.save.output() {

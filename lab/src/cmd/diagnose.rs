@@ -30,7 +30,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         Outcome::Missing(alike) if alike.is_empty() => (Verdict::Missing, step.trials[0].state.clone()),
         Outcome::Missing(_) => (Verdict::Ambiguous, step.trials[0].state.clone()),
     };
-    let search = Search { steps: vec![step], last };
+    let search = Search { steps: vec![step], last: last.undiluted() };
     let found = case.learned(search.last.told(), None, None)?;
     let report = case.report(Discovery { verdict, ..Discovery::of(&search) }, search.last.told(), &found, Reach::OneLook, None);
     print(format, &report, || report.human())?;

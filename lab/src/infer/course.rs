@@ -6,6 +6,8 @@
 //! straight line, since means are short beside the time since an input jumped; but for the open-circuit
 //! voltage, which bends where its table does.
 
+use std::ops::RangeInclusive;
+
 use energy::Channel;
 
 use super::evidence::Segment;
@@ -59,13 +61,7 @@ impl Course {
     /// Steps that end at these rows of the log; `alone` weighs what a step shows that no other one shows with it.
     fn of(index: usize, log: &Prepared, segments: &[Segment], ends: &[End], alone: fn(usize) -> [f64; 3]) -> Course {
         let begins = |step: usize| if step == 0 { 0 } else { ends[step - 1].row + 1 };
-        let mean = |values: &[f64], step: usize| {
-            // By how long each row lasts, so that the charge that passes is kept.
-            let lasts = |row: usize| if row == 0 { 0.0 } else { log.time_s[row] - log.time_s[row - 1] };
-            let (begin, end) = (begins(step), ends[step].row);
-            let sum: f64 = (begin + 1..=end).map(|row| (values[row] - values[begin]) * lasts(row)).sum();
-            values[begin] + sum / (begin..=end).map(lasts).sum::<f64>().max(f64::MIN_POSITIVE)
-        };
+        let mean = |values: &[f64], step: usize| mean(&log.time_s, values, begins(step)..=ends[step].row);
         let inputs = log.inputs.iter().map(|(channel, values)| (*channel, (0..ends.len()).map(|step| mean(values, step)).collect()));
         let own: Vec<(usize, Vec<Option<usize>>)> = segments
             .iter()
@@ -94,11 +90,28 @@ impl Course {
         Course { time_s: ends.iter().map(|end| log.time_s[end.row]).collect(), inputs: inputs.collect(), shows, first }
     }
 
+    /// The same steps with the inputs of another log of the same rows.
+    pub(super) fn with_inputs_of(&self, log: &Prepared) -> Course {
+        let ends: Vec<usize> = self.time_s.iter().map(|end_s| log.time_s.partition_point(|time_s| time_s < end_s)).collect();
+        let begins = |step: usize| if step == 0 { 0 } else { ends[step - 1] + 1 };
+        let mean = |values: &[f64], step: usize| mean(&log.time_s, values, begins(step)..=ends[step]);
+        let inputs = log.inputs.iter().map(|(channel, values)| (*channel, (0..ends.len()).map(|step| mean(values, step)).collect()));
+        Course { inputs: inputs.collect(), ..self.clone() }
+    }
+
     /// What a step shows.
     #[inline]
     pub(super) fn shows(&self, step: usize) -> &[Show] {
         &self.shows[self.first[step]..self.first[step + 1]]
     }
+}
+
+/// Mean of an input over rows, by how long each row lasts, so that the charge that passes is kept.
+fn mean(time_s: &[f64], values: &[f64], rows: RangeInclusive<usize>) -> f64 {
+    let lasts = |row: usize| if row == 0 { 0.0 } else { time_s[row] - time_s[row - 1] };
+    let (begin, end) = rows.into_inner();
+    let sum: f64 = (begin + 1..=end).map(|row| (values[row] - values[begin]) * lasts(row)).sum();
+    values[begin] + sum / (begin..=end).map(lasts).sum::<f64>().max(f64::MIN_POSITIVE)
 }
 
 /// Where a step ends.

@@ -296,8 +296,11 @@ const EFFECTS_MAX: usize = 8;
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
     let (base, held) = fitted(&model, evidence, holdout);
     let found = climb(base, held.as_ref());
-    let Some((evidence, held)) = resettled(&found.last, held.as_ref()) else { return found };
-    climb(State::of_model(model, evidence), held.as_ref())
+    let found = match resettled(&found.last, held.as_ref()) {
+        Some((evidence, held)) => climb(State::of_model(model, evidence), held.as_ref()),
+        None => found,
+    };
+    Search { last: found.last.undiluted(), ..found }
 }
 
 /// Adds effect after effect to a fitted model.

@@ -170,6 +170,14 @@ impl Evidence {
         Evidence { floors: floors.to_vec(), whole: with(&self.whole), coarse: with(&self.coarse), ..self.clone() }
     }
 
+    /// The same rows, walked with other inputs: those of the same logs otherwise disturbed.
+    #[must_use]
+    pub(super) fn with_inputs_of(&self, logs: Vec<Prepared>) -> Evidence {
+        let walked = |courses: &[Course]| courses.iter().zip(&logs).map(|(course, log)| course.with_inputs_of(log)).collect();
+        let (courses, fine) = (walked(&self.courses), walked(&self.fine));
+        Evidence { logs: Arc::new(logs), courses, fine, whole: None, coarse: None, ..self.clone() }
+    }
+
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
     /// when much happens, and of up to a dozen later; for a model that forgets at once of up to a dozen over which the inputs hold. A mean of measurements is compared with
     /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
@@ -240,6 +248,11 @@ impl Evidence {
         let length = |segment: &Segment| segment.time_s.last().zip(segment.time_s.first()).map_or(0.0, |(last, first)| last - first);
         let readings: f64 = segments().flat_map(|segment| &segment.counts).sum();
         segments().map(length).sum::<f64>() / readings.max(1.0)
+    }
+
+    /// Whether the noise of inputs counts in any floor.
+    pub(super) fn noise_of_inputs_counts(&self) -> bool {
+        self.floors.iter().zip(&self.own_floors).any(|((_, floor), (_, own))| floor > own)
     }
 
     /// White noise of a channel, in its unit.

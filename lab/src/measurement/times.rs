@@ -87,7 +87,7 @@ impl Rows {
 }
 
 /// The usual step between rows, s: the median.
-pub(super) fn usual_step_s(time_s: &[f64]) -> f64 {
+pub(crate) fn usual_step_s(time_s: &[f64]) -> f64 {
     let mut steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if steps.is_empty() {
         return f64::NAN;

@@ -70,7 +70,7 @@ fn discover(model: &Arc<Model>, seed: u64) -> Discovery {
 fn a_right_model_explains_them_and_its_deviations_hold() {
     let model = model(true);
     let (mut held, mut all) = (0, 0);
-    for seed in 0..60 {
+    for seed in 0..100 {
         let found = discover(&model, seed);
         assert_eq!((found.verdict, &found.selected[..]), (Verdict::Complete, &[][..]), "seed {seed}: {:?}", found.residual);
         // sqrt(0.5² + (40 mohm x 20 mA)²), of which the fit knows the resistance.
@@ -83,9 +83,9 @@ fn a_right_model_explains_them_and_its_deviations_hold() {
             held += i32::from((value.value - truth).abs() < 1.645 * value.sigma.unwrap());
         }
     }
-    // Intervals of 90 %. They hold 84 % of the time (300 seeds): the charge that noise is counted to and the noise in the regressor
-    // itself are not in the deviations.
-    assert!(10 * held >= 8 * all, "{held} of {all}");
+    // Intervals of 90 %. They held 84 % of the time while the noise in the regressor had drawn the numbers aside.
+    let share = f64::from(held) / f64::from(all);
+    assert!((0.86..=0.94).contains(&share), "{held} of {all}");
 }
 
 /// The floor hangs on a resistance that the base has wrong, and its fit without the pair as well.
