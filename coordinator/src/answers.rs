@@ -29,15 +29,20 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         runs_empty: rejected.stranded,
         reasons: rejected.reasons.clone(),
     });
+    let stuck: Vec<Unserved> = stuck(basis, plan).collect();
+    let mut quality = quality(plan);
+    // They strand whatever is planned.
+    let count = u32::try_from(stuck.len()).unwrap_or(u32::MAX);
+    (quality.stranded, quality.stranded_bound) = (quality.stranded + count, quality.stranded_bound + count);
     Schedule {
         at: basis.now,
         plan: number,
         policy: basis.settings.policy.name().to_owned(),
         trigger,
         services,
-        unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck(basis, plan)).collect(),
+        unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck).collect(),
         doubts: basis.watch.doubts(basis.fleet, basis.models),
-        quality: Some(quality(plan)),
+        quality: Some(quality),
     }
 }
 

@@ -122,6 +122,7 @@ impl Basis<'_> {
             surely_s: pessimistic_s,
             handled_s: 0.0,
             wanted_s: ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0),
+            is_hurried: false,
             drain_soc_per_s,
             drain_hi_soc_per_s: per_s(drain_hi_w),
             weight: state.mission.weight,
@@ -153,7 +154,9 @@ impl Basis<'_> {
         view.lasts_s.value = (lasts_s.value - view.handled_s).max(0.0);
         // A heavy load may empty a pack soon after it reaches the level at which a service is
         // wanted, or before: it comes while there is time left for a queue.
-        view.wanted_s = view.wanted_s.min(QUEUE_SHARE * (pessimistic_s - view.handled_s).max(0.0));
+        let with_a_queue_s = QUEUE_SHARE * (pessimistic_s - view.handled_s).max(0.0);
+        view.is_hurried = with_a_queue_s < view.wanted_s;
+        view.wanted_s = view.wanted_s.min(with_a_queue_s);
         view
     }
 

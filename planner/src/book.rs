@@ -183,27 +183,10 @@ impl<'p> Book<'p> {
         usize::from(way.ready).min(self.horizon as usize)
     }
 
-    /// The first thing that a way asks for and is not there.
-    #[must_use]
-    pub fn clash(&self, choices: &Choices, way: &Way) -> Option<Clash> {
-        let (start, end) = (usize::from(way.start), usize::from(way.end));
-        let found = if let Mode::Charge(_) = way.mode {
-            let (load, unload) = (self.station.load_ticks as usize, self.station.unload_ticks as usize);
-            let lift = || self.lift.none().first(start, start + load).or_else(|| self.lift.none().first(end - unload, end));
-            let bay = self.bays.none().first(start, end).map(|tick| Clash::Bay(tick as Tick));
-            bay.or_else(|| lift().map(|tick| Clash::Lift(tick as Tick)))
-        } else {
-            let slot = self.slot.none().first(start, end).map(|tick| Clash::Slot(tick as Tick));
-            let spare = || self.spares.none(way.spares).first(start, self.spare_back(way));
-            slot.or_else(|| spare().map(|tick| Clash::Spare(tick as Tick, way.spares)))
-        };
-        found.or_else(|| self.draw_clash(choices, way))
-    }
-
     /// Whether power and energy are there for a way, wherever it may take place.
     #[must_use]
     pub fn feeds(&self, choices: &Choices, way: &Way) -> bool {
-        self.may_feed(way) && self.lack(choices, way).is_none()
+        self.may_feed(way) && self.draw_clash(choices, way).is_none()
     }
 
     /// Whether all packs together still hold what a way takes: where they do not, nothing else needs a look.
@@ -211,54 +194,10 @@ impl<'p> Book<'p> {
         self.energy.last().is_none_or(|limit| way.energy <= limit.energy)
     }
 
-    /// The first lack of power or energy, whether there is a place or not.
-    #[must_use]
-    pub fn lack(&self, choices: &Choices, way: &Way) -> Option<Clash> {
-        self.draw_clash(choices, way)
-    }
-
-    /// The first lack of power or energy.
-    fn draw_clash(&self, choices: &Choices, way: &Way) -> Option<Clash> {
-        let mut clash = None;
-        choices.draws(way, self.station, self.horizon, |from, to, draw| {
-            if clash.is_none() {
-                let short = self.headroom[from..to].iter().position(|&room| room < draw);
-                clash = short.map(|tick| Clash::Power((from + tick) as Tick, draw - self.headroom[from + tick]));
-            }
-        });
-        if clash.is_some() {
-            return clash;
-        }
-        let short = self.energy.iter().map(|limit| (limit.before, self.drawn(choices, way, limit.before) - limit.energy));
-        let certain = short.into_iter().find(|&(_, short)| short > 0).map(|(before, short)| Clash::Energy(before, short));
-        certain.or_else(|| {
-            let (before, short) = self.odds_clash(choices, way);
-            (short > 0).then_some(Clash::Energy(before, short))
-        })
-    }
-
     /// What is missing for as much certainty as is asked for; 0 or less when there is enough.
     #[inline]
     fn odds_short(&self, choices: &Choices, way: &Way) -> i64 {
         self.odds_clash(choices, way).1
-    }
-
-    /// Whether a robot's way is among what causes a clash.
-    #[must_use]
-    pub fn takes_part(&self, clash: Clash, way: &Way) -> bool {
-        let (start, end) = (Tick::from(way.start), Tick::from(way.end));
-        let charge = matches!(way.mode, Mode::Charge(_));
-        match clash {
-            Clash::Bay(tick) => charge && (start..end).contains(&tick),
-            Clash::Lift(tick) => {
-                let (load, unload) = (self.station.load_ticks, self.station.unload_ticks);
-                charge && ((start..start + load).contains(&tick) || (end - unload..end).contains(&tick))
-            }
-            Clash::Slot(tick) => !charge && (start..end).contains(&tick),
-            Clash::Spare(tick, kind) => !charge && way.spares == kind && (start..Tick::from(way.ready)).contains(&tick),
-            Clash::Power(tick, _) => (start..if way.ready == NEVER { end } else { Tick::from(way.ready) }).contains(&tick),
-            Clash::Energy(before, _) => start < before,
-        }
     }
 
     /// Enters a robot's way; it must fit.

@@ -1,12 +1,14 @@
 //! Why a robot is serviced as it is: what else there was at which cost, and what stands in the way of
 //! anything earlier, while everybody else keeps what was planned.
 
+use std::ops::Range;
+
 use crate::book::Clash;
 use crate::draft::{Draft, NONE};
 use crate::plan::Session;
 use crate::problem::{Problem, Tick};
 use crate::replan::commitments;
-use crate::way::{Mode, Way, Ways};
+use crate::way::{Choices, Mode, Way, Ways};
 
 /// What can be said of a robot's place in a plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,9 +20,11 @@ pub struct Explained {
     /// At each station and by each kind of service the best way that is free, the least cost first, and
     /// then those that are not.
     pub others: Vec<Other>,
-    /// What stands in the way of the earliest service of the kind that is planned, at its station; none
-    /// when nothing earlier is to be had by the rules.
+    /// Where the service comes after it is wanted: the last way before it, of its kind and at its station, with what stands in the way; none
+    /// when it comes in time, or nothing earlier is to be had by the rules.
     pub earlier: Option<Other>,
+    /// Where it comes before it is wanted: the same of the way that is nearest to when it is.
+    pub later: Option<Other>,
 }
 
 /// Another way to service the robot.
@@ -38,8 +42,8 @@ pub struct Other {
     pub cost: i64,
     /// Energy from the station's packs.
     pub energy: i64,
-    /// What is missing for it; none when it is free.
-    pub clash: Option<Clash>,
+    /// What is missing for it; nothing when it is free.
+    pub lacks: Vec<Clash>,
     /// Robots that would have to give way.
     pub blockers: Vec<usize>,
 }
@@ -95,30 +99,37 @@ impl<'w, 'p> Explainer<'w, 'p> {
                 }
             }
         }
-        others.sort_by_key(|other| (other.clash.is_some(), other.cost, other.energy, other.start));
-        let earlier = planned.and_then(|planned| {
-            let kind = std::mem::discriminant(&planned.mode);
-            let alike =
-                |way: &&Way| way.station == planned.station && way.start < planned.start && std::mem::discriminant(&way.mode) == kind;
-            choices.ways.iter().filter(alike).min_by_key(|way| (way.start, way.cost)).map(|way| described(draft, robot, way))
+        others.sort_by_key(|other| (!other.lacks.is_empty(), other.cost, other.energy, other.start));
+        let (earlier, later) = planned.map_or((None, None), |planned| {
+            let (start, wanted) = (Tick::from(planned.start), problem.robots[robot].in_time(usize::from(planned.station)));
+            let last = |from: Tick, to: Tick| last_between(choices, &planned, from..to).map(|way| described(draft, robot, way));
+            (last(wanted, start), last(start + 1, wanted + 1))
         });
         draft.undo(0);
-        Explained { cost, unserved_cost: i64::from(choices.unserved_cost), others, earlier }
+        Explained { cost, unserved_cost: i64::from(choices.unserved_cost), others, earlier, later }
     }
+}
+
+/// The last of a robot's ways of the kind of one, at its station, that begins in these ticks; to the same level where there is such.
+fn last_between<'c>(choices: &'c Choices, like: &Way, ticks: Range<Tick>) -> Option<&'c Way> {
+    let kind = std::mem::discriminant(&like.mode);
+    let is_alike = |way: &&Way| way.station == like.station && std::mem::discriminant(&way.mode) == kind;
+    let alike = choices.ways.iter().filter(is_alike).filter(|way| ticks.contains(&Tick::from(way.start)));
+    alike.max_by_key(|way| (way.mode == like.mode, way.start, std::cmp::Reverse((way.cost, way.energy))))
 }
 
 fn described(draft: &Draft<'_, '_>, robot: usize, way: &Way) -> Other {
     let station = usize::from(way.station);
     let book = &draft.books[station];
     let choices = draft.ways.of(robot);
-    let clash = book.clash(choices, way).map(|clash| book.in_full(choices, way, clash));
+    let lacks = book.lacks(choices, way);
     let in_the_way = |other: &&u32| {
         let other = **other as usize;
         let theirs = &draft.ways.of(other).ways[draft.chosen[other] as usize];
-        clash.is_some_and(|clash| book.takes_part(clash, theirs))
+        lacks.iter().any(|&clash| book.takes_part(clash, theirs))
     };
     let mut blockers: Vec<usize> = book.robots.iter().filter(in_the_way).map(|&other| other as usize).collect();
     blockers.sort_unstable();
     let (start, end) = (Tick::from(way.start), Tick::from(way.end));
-    Other { station, mode: way.mode, start, end, cost: i64::from(way.cost), energy: way.energy, clash, blockers }
+    Other { station, mode: way.mode, start, end, cost: i64::from(way.cost), energy: way.energy, lacks, blockers }
 }

@@ -302,6 +302,13 @@ impl Robot {
         self.weight * (end - within(0, end)) + critical
     }
 
+    /// The first tick in which a service at a station is wanted and the robot can be there.
+    #[must_use]
+    pub fn in_time(&self, station: usize) -> Tick {
+        let away = self.travel.iter().find(|travel| travel.station == station).map_or(0, |travel| travel.ticks);
+        self.wanted.unwrap_or(0).max(away)
+    }
+
     /// Worth of the work that is missed without a service: all after the tick in which one is wanted, as if it
     /// were late for ever.
     #[must_use]

@@ -12,7 +12,7 @@ use crate::way::{Mode, Way};
 const LOOKED_AT: usize = 64;
 
 /// What stands in the way of servicing a robot at a station.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Obstacle {
     /// Index of the station.
     pub station: usize,
@@ -21,7 +21,7 @@ pub struct Obstacle {
 }
 
 /// What stands in the way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Why {
     /// The robot may be empty before it is there.
     TooFar {
@@ -67,8 +67,8 @@ pub enum Why {
         mode: Mode,
         /// How many ways were looked at.
         ways: usize,
-        /// What is missing for it.
-        clash: Clash,
+        /// All that is missing for it, at least one thing: with that, and all others as planned, it could have this service.
+        lacks: Vec<Clash>,
     },
 }
 
@@ -106,7 +106,6 @@ pub fn why_not(draft: &Draft<'_, '_>, robot: usize, obstacles: &[Obstacle]) -> V
 fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
     let (problem, choices) = (draft.problem(), draft.ways.of(robot));
     let book = &draft.books[travel.station];
-    // What most of its cheapest ways lack, and of these the way that comes closest: a lift that is taken now is free later.
     let mut looked_at: BTreeMap<Mode, usize> = BTreeMap::new();
     let ways = choices.ways.iter().filter(|way| {
         let is_here = usize::from(way.station) == travel.station;
@@ -115,24 +114,33 @@ fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
         is_here && *of_its_kind <= LOOKED_AT
     });
     let mut count = 0;
-    let mut lacking: BTreeMap<u8, (usize, Clash, &Way)> = BTreeMap::new();
+    // By the kinds of things that they lack: how many ways, and the one that comes closest.
+    let mut lacking: BTreeMap<Vec<u8>, (usize, Vec<Clash>, &Way)> = BTreeMap::new();
     for way in ways {
         count += 1;
-        // A place is no use to who cannot be paid for there.
-        match book.lack(choices, way).or_else(|| book.clash(choices, way)).map(|clash| book.in_full(choices, way, clash)) {
-            None => return Why::Free { start: Tick::from(way.start), cost: way.cost, unserved: choices.unserved_cost },
-            Some(clash) => {
-                let (ways, nearest, of) = lacking.entry(severity(clash).0).or_insert((0, clash, way));
-                *ways += 1;
-                if severity(clash) < severity(*nearest) {
-                    (*nearest, *of) = (clash, way);
-                }
-            }
+        let lacks = book.lacks(choices, way);
+        if lacks.is_empty() {
+            return Why::Free { start: Tick::from(way.start), cost: way.cost, unserved: choices.unserved_cost };
+        }
+        let kinds = lacks.iter().map(|&clash| severity(clash).0).collect();
+        let (ways, nearest, of) = lacking.entry(kinds).or_insert_with(|| (0, lacks.clone(), way));
+        *ways += 1;
+        if amount(&lacks) < amount(nearest) {
+            (*nearest, *of) = (lacks, way);
         }
     }
-    let most = lacking.iter().max_by_key(|(severity, (ways, ..))| (*ways, std::cmp::Reverse(**severity)));
-    let Some((_, &(_, clash, way))) = most else { return no_way(problem, robot, travel) };
-    Why::Taken { start: Tick::from(way.start), mode: way.mode, ways: count, clash }
+    // The fewest things that would do, of those what would do for most ways: a lift that is taken now is free later.
+    let fewest = lacking.into_iter().max_by_key(|(kinds, (ways, ..))| {
+        use std::cmp::Reverse;
+        (Reverse(kinds.len()), *ways, Reverse(kinds.clone()))
+    });
+    let Some((_, (_, lacks, way))) = fewest else { return no_way(problem, robot, travel) };
+    Why::Taken { start: Tick::from(way.start), mode: way.mode, ways: count, lacks }
+}
+
+/// Energy and power that are lacking, together.
+fn amount(lacks: &[Clash]) -> i64 {
+    lacks.iter().map(|&clash| severity(clash).1).sum()
 }
 
 fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
@@ -175,7 +183,10 @@ impl fmt::Display for Why {
             Why::TooLate { min_gain, horizon } => write!(f, "no service of at least {min_gain} mWh ends by tick {horizon}"),
             Why::Pointless => write!(f, "a service there would cost more work than it gives"),
             Why::Free { start, cost, unserved } => write!(f, "could be serviced from tick {start} at a cost of {cost} against {unserved}"),
-            Why::Taken { start, ways, clash, .. } => write!(f, "none of its {ways} best ways is free; from tick {start}, {clash}"),
+            Why::Taken { start, ways, lacks, .. } => {
+                let lacks: Vec<String> = lacks.iter().map(Clash::to_string).collect();
+                write!(f, "none of its {ways} best ways is free; from tick {start}, {}", lacks.join(", and "))
+            }
         }
     }
 }

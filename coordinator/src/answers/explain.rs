@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use proto::{Alternative, Doubt, Explanation, RobotId, Schedule, Service, ServiceStatus, Unserved};
+use proto::{Alternative, Doubt, Explanation, Mode, RobotId, Schedule, Service, ServiceStatus, Unserved};
 
 use crate::scheduler::Accounts;
 use crate::view::Basis;
@@ -69,6 +69,7 @@ impl<'a, 'w> Explainer<'a, 'w> {
         // What has begun is kept: there is nothing else to it.
         let begun = basis.running.contains_key(robot);
         let told = self.accounts.as_mut().filter(|_| !begun).map(|accounts| accounts.of(robot)).unwrap_or_default();
+        reasons.extend(told.when_wanted);
         let alternatives = told.others.into_iter().map(|other| Alternative {
             station: other.station,
             mode: other.mode.to_owned(),
@@ -98,20 +99,41 @@ fn services(schedule: &Schedule) -> BTreeMap<&RobotId, &Service> {
 pub fn changes(before: &Schedule, after: &Schedule) -> Vec<(RobotId, String)> {
     let told = |service: &Service| {
         let start: String = service.start.to_string().chars().skip(11).take(8).collect();
+        let how = match &service.mode {
+            Mode::Recharge { to_soc } => format!("to {:.0} %", to_soc * 100.0),
+            Mode::Swap { spare } => format!("for {spare}"),
+        };
         let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-        format!("{start} at {}{bay}", service.station)
+        format!("{start} at {}{bay}, {how}", service.station)
     };
     let because = format!("plan {}, because {}", after.plan, after.trigger);
     let (old, new) = (services(before), services(after));
-    let gained = new.iter().filter_map(|(robot, new)| match old.get(robot) {
-        None => Some((*robot, format!("{because}: it was given a service, {}", told(new)))),
-        Some(old) if new.status == ServiceStatus::Planned => {
-            let moved = old.station != new.station || old.start != new.start || old.mode != new.mode;
-            moved.then(|| (*robot, format!("{because}: it was moved from {} to {}", told(old), told(new))))
-        }
-        Some(_) => None,
-    });
-    let lost = old.iter().filter(|(robot, old)| !new.contains_key(*robot) && old.status == ServiceStatus::Planned);
-    let lost = lost.map(|(robot, old)| (*robot, format!("{because}: it lost its service, {}", told(old))));
-    gained.chain(lost).map(|(robot, what)| (robot.clone(), what)).collect()
+    let of_new = |(robot, new): (&&RobotId, &&Service)| {
+        let given = || Some(format!("{because}: it was given a service, {}", told(new)));
+        let what = match old.get(*robot) {
+            None => given(),
+            // The one before is over.
+            Some(old) if old.status != ServiceStatus::Planned && new.status == ServiceStatus::Planned => given(),
+            Some(old) if new.status == ServiceStatus::Planned => {
+                let moved = old.station != new.station || old.start != new.start || old.mode != new.mode;
+                moved.then(|| format!("{because}: it was moved from {} to {}", told(old), told(new)))
+            }
+            Some(_) => None,
+        }?;
+        Some((RobotId::clone(robot), what))
+    };
+    let lost = |robot: &RobotId| {
+        let old = old.get(robot).filter(|old| old.status == ServiceStatus::Planned && !new.contains_key(robot))?;
+        Some((robot.clone(), format!("{because}: it lost its service, {}", told(old))))
+    };
+    // Who had none and is to run empty now.
+    let runs_empty = |schedule: &Schedule, robot: &RobotId| schedule.unserved.iter().any(|left| left.robot == *robot && left.runs_empty);
+    let left_out = after
+        .unserved
+        .iter()
+        .filter(|left| left.runs_empty)
+        .map(|left| &left.robot)
+        .filter(|robot| !runs_empty(before, robot) && old.get(robot).is_none_or(|old| old.status != ServiceStatus::Planned));
+    let left_out = left_out.map(|robot| (robot.clone(), format!("{because}: it is left without a service, and runs empty")));
+    new.iter().filter_map(of_new).chain(old.keys().filter_map(|robot| lost(robot))).chain(left_out).collect()
 }

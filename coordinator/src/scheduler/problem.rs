@@ -47,6 +47,8 @@ pub struct RobotView {
     pub handled_s: f64,
     /// Time from which a service is wanted, s: until then it has charge enough.
     pub wanted_s: f64,
+    /// Whether that is before its charge falls to where the settings have it: it may be empty soon after, or sooner.
+    pub is_hurried: bool,
     /// Charge that it loses while it works, SoC per s.
     pub drain_soc_per_s: f64,
     /// The same with the caution that promises need.

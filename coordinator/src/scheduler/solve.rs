@@ -21,6 +21,12 @@ const MOVES_MIN: u64 = 400;
 const MOVES_MAX: u64 = 10_000;
 /// Most moves of a search that mends a plan, some 10 us each: somebody waits for it.
 const MENDING_MOVES_MAX: u64 = 300;
+/// Deviations by which less is counted on, again and again, where what the packs were counted to hold is less sure once they are stepped: so small
+/// that a plan that is sure is not passed over, as often as it takes to be as sure as most are asked for.
+const LESS_SIGMAS: f64 = 0.1;
+const TIMES_LESS: usize = 16;
+/// So few robots are planned anew in no time.
+const FEW: usize = 16;
 /// The search's seed: the same beliefs and the same last plan give the same plan.
 const SEED: u64 = 1;
 
@@ -149,14 +155,39 @@ impl Asked<'_> {
         if left.is_empty() {
             return best;
         }
-        let (shared, unsure) = self.beside(&best.plan, (best.task.view.clone(), &best.plan), &left, Offer::Rest(&left));
-        if unsure.is_empty() && self.is_better(&shared, &best) {
+        let (shared, is_sure) = self.sharing(&best, &left, Effort::Mend);
+        let mended = Some(&shared).filter(|shared| is_sure && self.is_better(shared, &best));
+        // To mend is to find a place beside what others have. A few robots are planned anew in no time, as long as nobody rests on a promise.
+        if self.view.robots.len() <= FEW && self.before.planned.is_empty() && mended.is_none_or(|mended| mended.plan.quality.stranded > 0) {
+            let (anew, is_sure) = self.sharing(&best, &left, Effort::Whole);
+            if is_sure && self.is_better(&anew, mended.unwrap_or(&best)) {
+                return anew;
+            }
+        }
+        if mended.is_some() {
             return shared;
         }
         if places(&shared) == places(&best) {
             best.plan.rejected = shared.plan.rejected;
         }
         best
+    }
+
+    /// A plan in which those who are left share what the packs hold, and whether that is sure enough once they are stepped. Where it is somewhat
+    /// less sure than was counted, somewhat less is counted on.
+    fn sharing(&self, best: &Solved, left: &BTreeSet<RobotId>, effort: Effort) -> (Solved, bool) {
+        let mut view = best.task.view.clone();
+        let asked = Asked { effort, ..*self };
+        let beside = |view: &View| asked.beside(&best.plan, (view.clone(), &best.plan), left, Offer::Rest(left));
+        let (mut shared, mut unsure) = beside(&view);
+        for _ in 0..TIMES_LESS {
+            if unsure.is_empty() {
+                break;
+            }
+            count_less(&mut view, &shared.plan, &unsure);
+            (shared, unsure) = beside(&view);
+        }
+        (shared, unsure.is_empty())
     }
 
     /// The plan with spares for those who strand, as far as the packs last for exchanges though not for charging all that robots leave:
@@ -167,10 +198,11 @@ impl Asked<'_> {
         let left = self.left(&best, has_spares);
         let promised = |robot: &RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
         let mut left: Vec<&RobotView> = self.view.robots.iter().filter(|robot| left.contains(&robot.robot)).collect();
+        let mending = Asked { effort: Effort::Mend, ..*self };
         left.sort_by(|a, b| promised(b).cmp(&promised(a)).then(a.empty_s.total_cmp(&b.empty_s)));
         for robot in left.into_iter().take(spares) {
             let asked = BTreeSet::from([robot.robot.clone()]);
-            let (shared, unsure) = self.beside(&best.plan, (best.task.view.clone(), &best.plan), &asked, Offer::Spares(&asked));
+            let (shared, unsure) = mending.beside(&best.plan, (best.task.view.clone(), &best.plan), &asked, Offer::Spares(&asked));
             if unsure.is_empty() && self.is_better(&shared, &best) {
                 best = shared;
             } else if let Some(why) = shared.plan.rejected.into_iter().find(|left| left.robot == robot.robot) {
@@ -210,7 +242,7 @@ impl Asked<'_> {
             }
         }
         let offer = if spares.is_empty() { Offer::Usual } else { Offer::Spares(&spares) };
-        let (kept, unsure) = self.beside(&promised, (view, &Plan::default()), &spares, offer);
+        let (kept, unsure) = Asked { effort: Effort::Mend, ..*self }.beside(&promised, (view, &Plan::default()), &spares, offer);
         (unsure.is_empty() && self.is_better(&kept, best)).then_some(kept)
     }
 
@@ -236,7 +268,7 @@ impl Asked<'_> {
 
     /// The plan in which these of those who are left are offered this, or keep what they were promised, all others who have services in
     /// `kept` keep them, and nobody else is asked about whom that rejects, with the energy that a view counts on; and who of all is less
-    /// sure in it than must be, also beside a plan that counted on it.
+    /// sure in it than must be, also beside a plan that counted on it. Only who is asked about gets a place where the plan is mended for it.
     fn beside(
         &self,
         kept: &Plan,
@@ -251,8 +283,7 @@ impl Asked<'_> {
         let before = Plan { planned, rejected, ..Plan::default() };
         let served: BTreeSet<&RobotId> = before.planned.iter().map(|planned| &planned.robot).collect();
         view.robots.iter_mut().for_each(|robot| robot.held |= served.contains(&robot.robot));
-        // Only who is asked about gets a place: a plan is mended for that.
-        let mut shared = Asked { before: &before, effort: Effort::Mend, ..*self }.planned(view, offer);
+        let mut shared = Asked { before: &before, ..*self }.planned(view, offer);
         shared.plan.moved = shared.plan.moved_from(self.before);
         let unsure = unsure(&shared.plan, counted, &before.with_newer(self.before), self.settings.confidence);
         (shared, unsure)
@@ -312,6 +343,24 @@ impl Asked<'_> {
                 let kinds: Vec<usize> = view.stations[station].spares.iter().map(|spare| spare.kind).collect();
                 view.robots[robot].unfit.extend(kinds.into_iter().map(|kind| (station, kind)));
             }
+        }
+    }
+}
+
+/// Counts on less, by a part of the deviation of what is left in the end, at the stations of those who are unsure.
+fn count_less(view: &mut View, plan: &Plan, unsure: &BTreeSet<RobotId>) {
+    for station in &mut view.stations {
+        let here: Vec<&Planned> = plan.planned.iter().filter(|planned| planned.station == station.station).collect();
+        if !here.iter().any(|planned| unsure.contains(&planned.robot)) {
+            continue;
+        }
+        let need = here.iter().fold(station.committed.clone(), |sum, planned| sum.plus(&planned.need)).estimate();
+        let held = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum::<f64>().sqrt();
+        let mut less_wh = LESS_SIGMAS * need.sigma.hypot(held);
+        for pack in station.packs.iter_mut().rev() {
+            let of_pack = less_wh.min(pack.usable_wh.value.max(0.0));
+            pack.usable_wh.value -= of_pack;
+            less_wh -= of_pack;
         }
     }
 }

@@ -90,6 +90,7 @@ fn robot(name: &str, soc: f64, stations: &[(usize, f64)]) -> RobotView {
         surely_s: (soc - 0.02) / drain_soc_per_s,
         handled_s: 0.0,
         wanted_s: ((soc - 0.1) / drain_soc_per_s).max(0.0),
+        is_hurried: false,
         drain_soc_per_s,
         drain_hi_soc_per_s: drain_soc_per_s,
         weight: 1.0,

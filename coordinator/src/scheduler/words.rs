@@ -1,139 +1,20 @@
 //! Why a robot is serviced as it is, why not otherwise, and what would have to change.
 
-use std::collections::BTreeMap;
+mod accounts;
+mod grounds;
 
 use energy::Channel;
 use planner::book::Clash;
 use planner::problem::Tick;
 use planner::reasons::Why;
-use planner::{Explained, Explainer, Mode, Session, Unserved, Ways, explain::Other};
-use proto::{PackId, RobotId, StationId, Timestamp};
+use planner::{Mode, Session, Unserved};
+use proto::Timestamp;
 use statrs::distribution::{ContinuousCDF, Normal};
 
+pub use accounts::{Account, Accounts};
+pub use grounds::Grounds;
+
 use super::translate::{HORIZON_MAX_S, Task};
-
-/// What can be told of a robot's place in a plan.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Account {
-    /// Why not earlier.
-    pub earlier: Vec<String>,
-    /// What else there was, the best first.
-    pub others: Vec<Alternative>,
-}
-
-/// Another way to service a robot.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Alternative {
-    /// Where.
-    pub station: StationId,
-    /// `recharge` or `swap`.
-    pub mode: &'static str,
-    /// When it could begin; none when it cannot be had.
-    pub start: Option<Timestamp>,
-    /// Why it is worse, or what stands in its way.
-    pub why_not: Vec<String>,
-}
-
-/// Why a service is planned as it is, as far as it is told: figures as whole numbers of what is shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Grounds {
-    /// When it comes, against when it is wanted, min.
-    comes: Comes,
-    /// When the robot may be empty without it, or how likely it lasts until then, %.
-    without: Without,
-    /// Level at which a charge ends below the usual one, %.
-    only_to: Option<i64>,
-    /// Whether the packs may not last for charging what an exchange leaves.
-    leaves_uncharged: bool,
-    /// What it takes, tenths of a Wh.
-    need: i64,
-    /// How likely the packs hold that, tenths of a percent.
-    covered: i64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Comes {
-    Before(i64),
-    After(i64),
-    AtOnce,
-    #[default]
-    WhenWanted,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Without {
-    /// Minutes since 1970.
-    EmptyAt(i64),
-    Lasts(i64),
-}
-
-impl Default for Without {
-    fn default() -> Self {
-        Self::EmptyAt(0)
-    }
-}
-
-impl Grounds {
-    /// Those of a service. Its packs cover it and the robot arrives with these probabilities.
-    pub(super) fn new(task: &Task, session: &Session, need_wh: f64, covered: f64, arrives: f64) -> Self {
-        let robot = &task.problem.robots[session.robot];
-        let away = robot.travel.iter().find(|travel| travel.station == session.station).map_or(0, |travel| travel.ticks);
-        let wanted = robot.wanted.unwrap_or(0).max(away);
-        let minutes = |ticks: Tick| f64::from(ticks) * f64::from(task.grid.tick_s) / 60.0;
-        let (before, after) = (minutes(wanted.saturating_sub(session.start)), minutes(session.start.saturating_sub(wanted)));
-        let comes = if before >= 0.5 {
-            Comes::Before(before.round() as i64)
-        } else if after >= 0.5 {
-            Comes::After(after.round() as i64)
-        } else if robot.wanted.is_none_or(|wanted| away >= wanted) {
-            Comes::AtOnce
-        } else {
-            Comes::WhenWanted
-        };
-        let empty = Tick::try_from(task.problem.endurance(session.robot)).unwrap_or(Tick::MAX).min(task.problem.horizon);
-        let without = if arrives < 1.0 {
-            Without::Lasts((arrives * 100.0).round() as i64)
-        } else {
-            let handled_s = task.view.robots[session.robot].handled_s;
-            Without::EmptyAt(task.grid.time(empty).plus_s(handled_s).unix_ms().div_euclid(60_000))
-        };
-        let to_soc = task.to_soc(session.mode);
-        let only_to =
-            (session.mode != task.full_charge() && matches!(session.mode, Mode::Charge(_))).then(|| (to_soc * 100.0).round() as i64);
-        let leaves_uncharged = session.mode == Mode::Swap && task.charge_after(session).is_some();
-        Self {
-            comes,
-            without,
-            only_to,
-            leaves_uncharged,
-            need: (need_wh * 10.0).round() as i64,
-            covered: (covered * 1000.0).round() as i64,
-        }
-    }
-
-    /// Why this service: what it saves, when it comes, and who pays.
-    pub(super) fn words(&self, packs: &[PackId]) -> Vec<String> {
-        let comes = match self.comes {
-            Comes::Before(minutes) => format!("comes {minutes} min before it is wanted: later no place would be free in time"),
-            Comes::After(minutes) => format!("comes {minutes} min after it is wanted"),
-            Comes::AtOnce => "comes as soon as the robot can be there".to_owned(),
-            Comes::WhenWanted => "comes when it is wanted".to_owned(),
-        };
-        let without = match self.without {
-            Without::Lasts(percent) => format!("the robot may be empty before that, and lasts with probability {percent} %"),
-            Without::EmptyAt(minute) => format!("without it the robot may be empty at {}", clock(Timestamp::from_unix_ms(minute * 60_000))),
-        };
-        let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);
-        let from = list(packs.iter().map(AsRef::as_ref), "no pack");
-        let (need, covered) = (tenths(self.need), tenths(self.covered));
-        let only = self.only_to.map(|percent| {
-            format!("is charged to {percent} % only: a whole charge would take place or energy from others, or more than there is")
-        });
-        let left = self.leaves_uncharged.then(|| "the pack that it leaves is charged as far as the station's packs last".to_owned());
-        let takes = format!("takes {need} Wh from {from}; the packs hold it with probability {covered} %");
-        [format!("{comes}; {without}")].into_iter().chain(only).chain([takes]).chain(left).collect()
-    }
-}
 
 /// Why a robot has no service: one reason per station that it could reach.
 pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, confidence: f64) -> Vec<String> {
@@ -141,7 +22,7 @@ pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, co
     let closed = view.closed.iter().map(|(station, why)| format!("{station} takes no part: {why}"));
     let told = |obstacle: &planner::reasons::Obstacle| {
         let station = &task.view.stations[obstacle.station].station;
-        let why = match (obstacle.why, never_charged(task, unserved.robot, obstacle.station)) {
+        let why = match (&obstacle.why, never_charged(task, unserved.robot, obstacle.station)) {
             (Why::TooLate { .. } | Why::Pointless, Some(why)) => why,
             (why, cold) => {
                 let why = obstacle_in_words(task, plan, unserved.robot, obstacle.station, why, confidence);
@@ -150,7 +31,7 @@ pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, co
         };
         format!("{station}: {why}")
     };
-    if !unserved.stranded && unserved.obstacles.iter().all(|obstacle| obstacle.why == Why::Pointless) && view.closed.is_empty() {
+    if !unserved.stranded && unserved.obstacles.iter().all(|obstacle| matches!(obstacle.why, Why::Pointless)) && view.closed.is_empty() {
         return vec![if view.travel.is_empty() { "no station is in reach" } else { "it needs none as far as is planned" }.to_owned()];
     }
     let mut reasons: Vec<String> = closed.chain(unserved.obstacles.iter().map(told)).collect();
@@ -183,9 +64,9 @@ fn never_charged(task: &Task, robot: usize, station: usize) -> Option<String> {
     })
 }
 
-fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: usize, why: Why, confidence: f64) -> String {
+fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: usize, why: &Why, confidence: f64) -> String {
     let minutes = |ticks: f64| ticks * f64::from(task.grid.tick_s) / 60.0;
-    match why {
+    match *why {
         Why::TooFar { away, endurance } => {
             let handled = task.view.robots[robot].handled_s / 60.0;
             let taken_in = if handled >= 1.0 { format!(", where it takes {handled:.0} min until it is served") } else { String::new() };
@@ -207,12 +88,17 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
             task.work_s(i64::from(cost)) / 60.0,
             task.work_s(i64::from(unserved)) / 60.0
         ),
-        Why::Taken { start, mode, clash: Clash::Energy(_, short), .. } => {
-            let (odds, asked) = odds(task, &plan.sessions, robot, station, (start, mode), short, confidence);
-            let [odds, asked] = apart(odds * 100.0, asked * 100.0);
-            format!("{}: enough with probability {odds} %, asked for {asked} %", energy(task, station, short, (start, mode)))
+        Why::Taken { start, mode, ref lacks, .. } => {
+            let in_words = |clash: &Clash| match *clash {
+                Clash::Energy(_, short) => {
+                    let (odds, asked) = odds(task, &plan.sessions, robot, station, (start, mode), short, confidence);
+                    let [odds, asked] = apart(odds * 100.0, asked * 100.0);
+                    format!("{}: enough with probability {odds} %, asked for {asked} %", energy(task, station, short, (start, mode)))
+                }
+                clash => clash_in_words(task, station, (start, mode), clash),
+            };
+            lacks.iter().map(in_words).collect::<Vec<_>>().join(", and ")
         }
-        Why::Taken { start, mode, clash, .. } => clash_in_words(task, station, (start, mode), clash, &[]),
     }
 }
 
@@ -266,120 +152,21 @@ fn odds(
     (normal.cdf(quantile - short as f64 / sigma), asked)
 }
 
-fn clash_in_words(task: &Task, station: usize, service: (Tick, Mode), clash: Clash, blockers: &[usize]) -> String {
+fn clash_in_words(task: &Task, station: usize, service: (Tick, Mode), clash: Clash) -> String {
     let at = |tick: Tick| clock(task.grid.time(tick));
-    let by = || {
-        let names: Vec<&RobotId> = blockers.iter().map(|&robot| &task.view.robots[robot].robot).collect();
-        if names.is_empty() { String::new() } else { format!(", planned for {}", list(names.iter().map(|name| name.as_ref()), "")) }
-    };
     match clash {
-        Clash::Bay(tick) => format!("every bay is taken at {}{}", at(tick), by()),
-        Clash::Lift(tick) => format!("the lift is taken at {}{}", at(tick), by()),
-        Clash::Slot(tick) => format!("the place for exchanges is taken at {}{}", at(tick), by()),
-        Clash::Spare(tick, _) => format!("no charged spare{} is left at {}{}", that_fits(task, station), at(tick), by()),
-        Clash::Power(tick, short) => format!("the station may not draw {:.1} Wh more at {}{}", task.problem.wh(short), at(tick), by()),
-        Clash::Energy(_, short) => format!("{}{}", energy(task, station, short, service), by()),
+        Clash::Bay(tick) => format!("every bay is taken at {}", at(tick)),
+        Clash::Lift(tick) => format!("the lift is taken at {}", at(tick)),
+        Clash::Slot(tick) => format!("the place for exchanges is taken at {}", at(tick)),
+        Clash::Spare(tick, _) => format!("no charged spare{} is left at {}", that_fits(task, station), at(tick)),
+        Clash::Power(tick, short) => format!("the station may not draw {:.1} Wh more at {}", task.problem.wh(short), at(tick)),
+        Clash::Energy(_, short) => energy(task, station, short, service),
     }
 }
 
 /// Where spares are of several kinds, it is one that fits that is meant.
 fn that_fits(task: &Task, station: usize) -> &'static str {
     if task.problem.stations[station].kinds_of_spares() > 1 { " that fits it" } else { "" }
-}
-
-/// A plan of which one can ask for every robot what else there was, and why its service does not come
-/// earlier. Opening it takes as long as a few robots' answers: it serves for all of them.
-#[derive(Debug)]
-pub struct Accounts<'w, 'p> {
-    task: &'p Task,
-    ways: &'w Ways<'p>,
-    explainer: Explainer<'w, 'p>,
-    sessions: BTreeMap<usize, Session>,
-    robots: BTreeMap<&'p RobotId, usize>,
-}
-
-impl<'w, 'p> Accounts<'w, 'p> {
-    /// Opens the plan of these sessions; `ways` are those of the task's problem.
-    #[must_use]
-    pub fn new(task: &'p Task, ways: &'w Ways<'p>, sessions: &[Session]) -> Self {
-        Self {
-            task,
-            ways,
-            explainer: Explainer::new(ways, sessions),
-            sessions: sessions.iter().map(|session| (session.robot, *session)).collect(),
-            robots: task.view.robots.iter().enumerate().map(|(index, view)| (&view.robot, index)).collect(),
-        }
-    }
-
-    /// What can be told of a robot; nothing of one that the plan did not concern.
-    pub fn of(&mut self, robot: &RobotId) -> Account {
-        let Some(&index) = self.robots.get(robot) else { return Account::default() };
-        let Explained { cost, others, earlier, .. } = self.explainer.explain(index);
-        let others = others.iter().map(|other| alternative(self.task, other, cost));
-        let session = self.sessions.get(&index);
-        Account {
-            others: others.collect(),
-            earlier: session.map_or_else(Vec::new, |session| vec![self.why_not_earlier(session, earlier.as_ref())]),
-        }
-    }
-
-    /// What would have to change for a robot to be serviced earlier.
-    fn why_not_earlier(&self, session: &Session, earlier: Option<&Other>) -> String {
-        let task = self.task;
-        let robot = &task.problem.robots[session.robot];
-        match earlier {
-            Some(other) => match other.clash {
-                Some(clash) => format!(
-                    "to begin at {} instead: {}",
-                    clock(task.grid.time(other.start)),
-                    clash_in_words(task, other.station, (other.start, other.mode), clash, &other.blockers)
-                ),
-                None => {
-                    let more_s = task.work_s(other.cost - self.cost_of(session));
-                    let why = if more_s < 0.0 { NOT_MOVED } else { "a service is wanted later" };
-                    format!("it could begin at {}, and would miss {}: {why}", clock(task.grid.time(other.start)), missed(more_s))
-                }
-            },
-            None if robot.not_before >= session.start => {
-                format!(
-                    "no: it is wanted at {}, when its charge falls to where [policy] serve_below_soc has it",
-                    clock(task.grid.time(robot.wanted.unwrap_or(0)))
-                )
-            }
-            None => "no: the robot is on its way as soon as it can be".to_owned(),
-        }
-    }
-
-    fn cost_of(&self, session: &Session) -> i64 {
-        let choices = self.ways.of(session.robot);
-        let way = choices.find(session.station, session.start, session.mode);
-        way.map_or(i64::from(choices.unserved_cost), |way| i64::from(choices.ways[way].cost))
-    }
-}
-
-fn alternative(task: &Task, other: &Other, cost: i64) -> Alternative {
-    let mode = if matches!(other.mode, Mode::Charge(_)) { "recharge" } else { "swap" };
-    let beyond = match other.clash {
-        Some(clash) => clash_in_words(task, other.station, (other.start, other.mode), clash, &other.blockers),
-        None => {
-            let more_s = task.work_s(other.cost - cost);
-            let but = if more_s < 0.0 { format!(": {NOT_MOVED}") } else { String::new() };
-            format!("it would miss {} and takes {:.1} Wh{but}", missed(more_s), task.problem.wh(other.energy))
-        }
-    };
-    Alternative {
-        station: task.view.stations[other.station].station.clone(),
-        mode,
-        start: other.clash.is_none().then(|| task.grid.time(other.start)),
-        why_not: vec![beyond],
-    }
-}
-
-/// Why what is better by itself is not chosen: the planner weighs what it moves (`planner::replan`).
-const NOT_MOVED: &str = "too little to move a service for that was told already";
-
-fn missed(more_s: f64) -> String {
-    format!("{:.1} min {} of work", more_s.abs() / 60.0, if more_s < 0.0 { "less" } else { "more" })
 }
 
 /// The time of day, to the minute.

@@ -1,6 +1,6 @@
 //! Whether a station's packs hold what is promised with the probability that is asked for.
 
-use super::{Book, Clash};
+use super::Book;
 use crate::problem::{Chance, Station, Tick};
 use crate::supply::Limit;
 use crate::way::{Choices, Way};
@@ -127,14 +127,18 @@ impl Book<'_> {
         early.fold(whole, |worst, here| if here.1 > worst.1 { here } else { worst })
     }
 
-    /// A lack of energy as large as it is for as much certainty as is asked for; any other clash as it is.
-    #[must_use]
-    pub fn in_full(&self, choices: &Choices, way: &Way, clash: Clash) -> Clash {
-        let Clash::Energy(before, short) = clash else { return clash };
-        let certain = self.energy.iter().map(|limit| (limit.before, self.drawn(choices, way, limit.before) - limit.energy));
-        let all = certain.chain([self.odds_clash(choices, way)]);
-        let (before, short) = all.fold((before, short), |worst, here| if here.1 > worst.1 { here } else { worst });
-        Clash::Energy(before, short)
+    /// Before which tick the packs are most short of what a way takes, for as much certainty as is asked for, and of how much; none where they
+    /// are not.
+    pub(super) fn energy_short(&self, choices: &Choices, way: &Way) -> Option<(Tick, i64)> {
+        let worst =
+            self.certain_short(choices, way).fold(self.odds_clash(choices, way), |worst, here| if here.1 > worst.1 { here } else { worst });
+        (worst.1 > 0).then_some(worst)
+    }
+
+    /// What the packs are short of for a way before each tick that it draws before, certain as they are; 0 or less where they are not.
+    pub(super) fn certain_short<'a>(&'a self, choices: &'a Choices, way: &'a Way) -> impl Iterator<Item = (Tick, i64)> + 'a {
+        let concerned = self.energy.iter().filter(|limit| Tick::from(way.start) < limit.before);
+        concerned.map(|limit| (limit.before, self.drawn(choices, way, limit.before) - limit.energy))
     }
 
     /// What a way draws before a tick.

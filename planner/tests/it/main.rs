@@ -7,3 +7,4 @@ mod mending;
 mod promises;
 mod proofs;
 mod quality;
+mod reasons;
