@@ -7,6 +7,7 @@ use energy::charger::{Charger, Charging, PowerPath, Surroundings};
 use energy::gauge::Sample;
 use energy::load::CannotDeliver;
 use energy::power::RailCannotDeliver;
+use energy::protection::Trip;
 use energy::{Channel, Estimate, Model, Run, Start};
 use node::Age;
 use node::body::{PackBody, Task};
@@ -261,6 +262,13 @@ impl RobotBody {
         }
         self.journey.back_s = (self.journey.back_s - dt_s).max(0.0);
     }
+
+    /// What took the robot down, where it is not that its pack is empty.
+    fn why_down(&self) -> Option<String> {
+        let browned_out = self.browned_out.as_ref().map(|refused| format!("browned out: {refused}"));
+        let open = || self.pack.protection().allowed().discharge.err().filter(|trip| self.depleted && *trip != Trip::UnderVoltage);
+        browned_out.or_else(|| open().map(|trip| format!("the protection of its pack has opened: {trip}")))
+    }
 }
 
 impl Source for RobotBody {
@@ -321,7 +329,7 @@ impl Source for RobotBody {
             powered: self.powered(),
             exchanged: self.exchanged.take(),
             depleted: self.depleted,
-            why_down: self.browned_out.as_ref().map(|refused| format!("browned out: {refused}")),
+            why_down: self.why_down(),
         })
     }
 

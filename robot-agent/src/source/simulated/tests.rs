@@ -101,6 +101,19 @@ fn a_converter_that_needs_more_than_the_pack_gives_takes_the_robot_down_with_a_r
 }
 
 #[test]
+fn a_pack_that_is_too_cold_takes_the_robot_down_with_a_reason() {
+    let cold = |temperature_degc: f64| World { temperature_degc, ..world("explorer-3s1p-1320mah", model("explorer-robot"), 0.9) };
+    let mut body = RobotBody::new(cold(-30.0));
+    let down = (0..600).find_map(|_| body.advance(1.0).unwrap().why_down).expect("its protection opens");
+    assert_eq!(down, "the protection of its pack has opened: too cold to discharge");
+    assert!(body.stranded());
+    // An empty pack is no news.
+    let mut body = RobotBody::new(World { soc: 0.01, ..cold(25.0) });
+    let empty = (0..20_000).map(|_| body.advance(1.0).unwrap()).find(|seen| seen.depleted).expect("it runs empty");
+    assert_eq!(empty.why_down, None);
+}
+
+#[test]
 fn a_robot_that_comes_home_comes_into_reach() {
     let radio = Radio { frequency_hz: 2.4e9, robot_gain_db: 0.0, coordinator_gain_db: 0.0, loss_db: 30.0, sensitivity_dbm: -80.0 };
     // By hand: 10 dBm - 30 dB + 80 dB = 60 dB of free-space loss, 40.05 dB of them over the first metre: 9.95 m.
