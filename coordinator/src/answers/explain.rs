@@ -137,3 +137,76 @@ pub fn changes(before: &Schedule, after: &Schedule) -> Vec<(RobotId, String)> {
     let left_out = left_out.map(|robot| (robot.clone(), format!("{because}: it is left without a service, and runs empty")));
     new.iter().filter_map(of_new).chain(old.keys().filter_map(|robot| lost(robot))).chain(left_out).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use proto::{Estimate, Timestamp};
+
+    use super::*;
+
+    fn at(after_s: i64) -> Timestamp {
+        Timestamp::from_unix_ms(1_767_225_600_000 + after_s * 1000)
+    }
+
+    fn id<T: std::str::FromStr<Err = proto::IdError>>(text: &str) -> T {
+        text.parse().unwrap()
+    }
+
+    /// A service of robot r that begins then, for this spare.
+    fn service(start_s: i64, spare: &str, status: ServiceStatus) -> Service {
+        Service {
+            robot: id("r"),
+            station: id("s"),
+            mode: Mode::Swap { spare: id(spare) },
+            bay: None,
+            packs: Vec::new(),
+            leave: at(start_s - 60),
+            start: at(start_s),
+            end: at(start_s + 60),
+            pack_energy_wh: Estimate::new(0.2, 0.0),
+            probability: None,
+            status,
+            why: Vec::new().into(),
+        }
+    }
+
+    fn schedule(services: Vec<Service>, runs_empty: bool) -> Schedule {
+        let left = Unserved { robot: id("r"), runs_empty, reasons: Vec::new() };
+        Schedule {
+            at: at(0),
+            plan: 7,
+            policy: "optimise".to_owned(),
+            trigger: "q joined".to_owned(),
+            unserved: if services.is_empty() { vec![left] } else { Vec::new() },
+            services,
+            doubts: Vec::new(),
+            quality: None,
+        }
+    }
+
+    /// What is told of robot r, without the words that are always the same.
+    fn told(before: &Schedule, after: &Schedule) -> Option<String> {
+        let all = changes(before, after);
+        assert!(all.len() <= 1, "{all:?}");
+        let (_, what) = all.into_iter().next()?;
+        Some(what.strip_prefix("plan 7, because q joined: it ").unwrap().to_owned())
+    }
+
+    #[test]
+    fn what_is_different_is_told_once_and_as_what_it_is() {
+        use ServiceStatus::{Charging, Planned};
+        let with = |service: Service| schedule(vec![service], false);
+        let (planned, none, empty) = (with(service(3600, "spare-1", Planned)), schedule(vec![], false), schedule(vec![], true));
+        assert_eq!(told(&none, &planned).unwrap(), "was given a service, 01:00:00 at s, for spare-1");
+        assert_eq!(told(&planned, &planned), None);
+        let moved = with(service(3600, "spare-2", Planned));
+        assert_eq!(told(&planned, &moved).unwrap(), "was moved from 01:00:00 at s, for spare-1 to 01:00:00 at s, for spare-2");
+        // One that has begun is no move; the next one after it is a service of its own.
+        assert_eq!(told(&planned, &with(service(3605, "spare-1", Charging))), None);
+        let next = with(service(7200, "spare-1", Planned));
+        assert_eq!(told(&with(service(3600, "spare-1", Charging)), &next).unwrap(), "was given a service, 02:00:00 at s, for spare-1");
+        assert_eq!(told(&planned, &empty).unwrap(), "lost its service, 01:00:00 at s, for spare-1");
+        assert_eq!(told(&none, &empty).unwrap(), "is left without a service, and runs empty");
+        assert_eq!(told(&empty, &empty), None);
+    }
+}

@@ -313,6 +313,31 @@ fn an_account_names_who_is_in_the_way_and_what_else_would_cost() {
     assert!(!settled.earlier.is_empty(), "{settled:?}");
 }
 
+/// One bay for two who want it at once: the later one is told of the earlier one, in the last slot before its own.
+#[test]
+fn who_comes_late_is_told_who_stands_before_it_and_who_comes_early_what_it_lacks_later() {
+    let told = |solved: &Solved, robot: &RobotId| {
+        let ways = planner::Ways::new(&solved.task.problem);
+        Accounts::new(&solved.task, &ways, &solved.sessions).of(robot)
+    };
+    let crowd = solved(["a", "b"].map(|name| robot(name, 0.15, &[(0, 60.0)])).into(), vec![station("s", 1, &[90.0], &[])]);
+    let [first, second] = &crowd.plan.planned[..] else { panic!("both are served: {:?}", crowd.plan) };
+    let late = told(&crowd, &second.robot).earlier.concat();
+    assert!(late.contains("every bay is taken") && late.ends_with(&format!("planned for {}", first.robot)), "{late}");
+    // Whoever comes in time is told that.
+    let alone = solved(vec![robot("a", 0.4, &[(0, 60.0)])], vec![station("s", 1, &[90.0], &[])]);
+    let in_time = told(&alone, &alone.plan.planned[0].robot);
+    assert!(in_time.earlier[0].starts_with("no: it is wanted at") && in_time.when_wanted.is_none(), "{in_time:?}");
+    // One of two who would be wanted at the same time comes early, and later the other one has the bay.
+    let queue = solved(["a", "b"].map(|name| robot(name, 0.3, &[(0, 60.0)])).into(), vec![station("s", 1, &[90.0], &[])]);
+    let early = queue.plan.planned.iter().map(|planned| told(&queue, &planned.robot)).find_map(|told| told.when_wanted);
+    assert!(
+        early.as_ref().is_some_and(|why| why.contains("nearer to when it is wanted: every bay is taken")),
+        "{early:?} {:?}",
+        queue.plan
+    );
+}
+
 /// A plan a second, from a begin that lies anywhere in a tick: nobody is put off from plan to plan.
 #[test]
 fn who_is_wanted_leaves_within_a_tick_however_often_is_planned() {

@@ -74,3 +74,16 @@ fn a_lift_in_motion_is_free_when_it_is_said_to_be() {
         assert!(!trace.is_empty() && broken.iter().all(|line| !line.contains("the lift is taken")), "seed {seed}: {broken:?}");
     }
 }
+
+/// Where no pack holds a whole charge its energy is shared, and more of it never serves fewer. A promise of 94.96 % took all others with it, and
+/// what was mended found places for two where there are three.
+#[test]
+fn more_energy_serves_as_many_at_least() {
+    let promised = |soc: f64| {
+        let mut scenario = world("bays = 1\nload_s = 30\nunload_s = 30", &[soc], &[0.25, 0.4, 0.45], 60);
+        *scenario.duration_s.as_mut() = 5.0;
+        outcome(&scenario, 1).measured.metrics["services_promised"]
+    };
+    let found: Vec<f64> = (0..24).map(|step| promised(0.2 + 0.005 * f64::from(step))).collect();
+    assert!(found.is_sorted() && found[0] == 2.0 && found[23] == 3.0, "{found:?}");
+}
