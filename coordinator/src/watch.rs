@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   battery.rs   a battery's voltage against its model     ─┐
-//!   power.rs     power of a station, of work and of ways    ├─> innovations ── cusum.rs ──> doubts
+//!   station.rs   power of a station against its model      ├─> innovations ── cusum.rs ──> doubts
+//!   power.rs     power of a robot at work and on its ways  │
 //!     filter.rs    what is only roughly known, learnt      ─┘
 //! ```
 //!
@@ -15,6 +16,7 @@ mod battery;
 mod cusum;
 mod filter;
 mod power;
+mod station;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,7 +27,8 @@ use proto::{Doubt, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, St
 use self::battery::BatteryWatch;
 pub(crate) use self::cusum::Change;
 use self::cusum::{Cusum, Raised};
-use self::power::{Judged, RobotWatch, StationWatch};
+use self::power::{Judged, RobotWatch};
+use self::station::StationWatch;
 use crate::fleet::Fleet;
 use crate::models::{Models, StationModels};
 
@@ -104,7 +107,7 @@ impl Watch {
         if state.phase == RobotPhase::Swapping {
             // What comes in is another battery.
             self.batteries.remove(id);
-            self.cusums.remove(&Subject::RobotBattery(id.clone()));
+            self.forget(Subject::RobotBattery(id.clone()), &mut news);
         }
         if let Some(judged) = self.robots.entry(id.clone()).or_default().state(state) {
             self.judged(id, judged, &mut news);
@@ -130,13 +133,22 @@ impl Watch {
     }
 
     /// A station reported its state, different from the one before.
-    pub(crate) fn station_changed(&mut self, id: &StationId, before: &StationState, state: &StationState) {
+    pub(crate) fn station_changed(&mut self, id: &StationId, before: &StationState, state: &StationState) -> News {
+        let mut news = News::new();
         self.settled.insert(id.clone(), state.at.plus_s(SETTLE_S));
         for (was, is) in before.packs.iter().zip(&state.packs) {
             if was.connected != is.connected {
                 self.packs.remove(&(id.clone(), is.pack.clone()));
-                self.cusums.remove(&Subject::Pack(id.clone(), is.pack.clone()));
+                self.forget(Subject::Pack(id.clone(), is.pack.clone()), &mut news);
             }
+        }
+        news
+    }
+
+    /// What was watched is gone, and a doubt in it with it.
+    fn forget(&mut self, subject: Subject, news: &mut News) {
+        if self.cusums.remove(&subject).is_some_and(|cusum| cusum.raised().is_some()) {
+            news.push((subject, Change::Gone));
         }
     }
 
@@ -145,19 +157,23 @@ impl Watch {
         if state.active_pack.as_ref() != Some(pack) {
             return;
         }
-        let watch = self.stations.entry(id.clone()).or_insert_with(|| {
-            let gain_sigma = models.packs.get(pack).map_or(0.0, |model| model.sensor(Channel::CurrentA).gain_sigma);
-            StationWatch::new(&models.load, gain_sigma)
-        });
+        let gain_of = |model: Option<&Arc<Model>>| model.map_or(0.0, |model| model.sensor(Channel::CurrentA).gain_sigma);
+        let gain_sigma = || gain_of(models.packs.get(pack));
+        let watch = self.stations.entry(id.clone()).or_insert_with(|| StationWatch::new(&models.load, pack.clone(), gain_sigma()));
+        watch.read_by(pack, gain_sigma);
         let settled = self.settled.get(id).is_none_or(|settled| gauge.at >= *settled);
         // What driving takes is not its load's, and how fast packs on the shelf are charged is not told.
         let drives = state.arrives.is_some();
         let shelf = models.spare_battery.is_some() && models.recharge_w <= 0.0 && state.spares.iter().any(|spare| !spare.ready);
         let robot = |robot: &RobotId| fleet.robots.get(robot).and_then(|robot| robot.known()).map(|(gauge, state)| (gauge, state.phase));
-        let situation = power::situation(state, gauge.voltage_v, gauge.at, robot).filter(|_| settled && state.powered && !drives && !shelf);
+        let robots_gain = |robot: &RobotId| gain_of(self.batteries.get(robot).map(BatteryWatch::model));
+        let situation = station::situation(state, gauge.voltage_v, gauge.at, robot, robots_gain)
+            .filter(|_| settled && state.powered && !drives && !shelf);
         let Some(situation) = situation else { return watch.interrupt() };
-        if let Some((begin, z)) = watch.update(gauge.at, gauge.voltage_v * gauge.current_a, &situation) {
-            self.add(Subject::Station(id.clone()), begin, z, news);
+        if let Some(judged) = watch.update(gauge.at, gauge.voltage_v * gauge.current_a, &situation) {
+            let subject = Subject::Station(id.clone());
+            let change = self.cusums.entry(subject.clone()).or_default().add_at(judged.begin, judged.z, judged.power_w);
+            news.extend(change.map(|change| (subject, change)));
         }
     }
 

@@ -135,7 +135,8 @@ impl Core {
             (state.bays.clone(), state.lift_busy, [state.powered, state.arrives.is_some()], state.active_pack.clone(), state.packs.clone())
         };
         if told(&before) != told(&state) {
-            self.watch.station_changed(id, &before, &state);
+            let news = self.watch.station_changed(id, &before, &state);
+            self.doubted(now, news);
         }
         if before.powered && !state.powered {
             self.event(now, EventKind::StationDark, None, Some(id), None, format!("{id} has no power left"));
@@ -192,6 +193,9 @@ impl Core {
                     (EventKind::ModelDoubted, doubt.map_or_else(String::new, |doubt| doubt.text))
                 }
                 Change::Cleared => (EventKind::ModelTrusted, format!("{subject} explains its data again")),
+                Change::Gone => {
+                    (EventKind::ModelTrusted, format!("what {subject} was doubted of is gone: what came in its place is watched anew"))
+                }
             };
             self.event(now, kind, robot, station, pack, text);
             let word = if change == Change::Raised { "is doubted" } else { "is trusted again" };

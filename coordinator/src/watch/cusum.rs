@@ -44,21 +44,31 @@ pub(crate) enum Change {
     Raised,
     /// The doubt is over.
     Cleared,
+    /// What was doubted is no longer there.
+    Gone,
 }
+
+/// Share of the power of what raised a doubt from which on a block can speak against it: an empty station says nothing of its chargers.
+const ALIKE: f64 = 0.5;
 
 /// The sum to one side.
 #[derive(Debug, Clone, Copy, Default)]
 struct Side {
     sum: f64,
+    /// Highest level of a block that was evidence since it left 0.
+    level: f64,
     since: Timestamp,
     z_sum: f64,
     blocks: f64,
 }
 
 impl Side {
-    fn add(&mut self, begin: Timestamp, z: f64, z_max: f64) {
+    fn add(&mut self, begin: Timestamp, z: f64, z_max: f64, level: f64) {
         if self.sum == 0.0 {
-            (self.since, self.z_sum, self.blocks) = (begin, 0.0, 0.0);
+            (self.since, self.z_sum, self.blocks, self.level) = (begin, 0.0, 0.0, 0.0);
+        }
+        if z > K {
+            self.level = self.level.max(level);
         }
         self.sum = (self.sum + z.min(z_max) - K).clamp(0.0, 2.0 * H);
         self.z_sum += z;
@@ -78,20 +88,29 @@ pub(crate) struct Cusum {
 impl Cusum {
     /// Takes in the innovation of a block that began at `begin`.
     pub(crate) fn add(&mut self, begin: Timestamp, z: f64) -> Option<Change> {
-        self.add_up_to(begin, z, Z_MAX)
+        self.add_up_to(begin, z, Z_MAX, 1.0)
+    }
+
+    /// The same of a block at some level, such as the power in it: one that is far below that of a doubt does not end it.
+    pub(crate) fn add_at(&mut self, begin: Timestamp, z: f64, level: f64) -> Option<Change> {
+        self.add_up_to(begin, z, Z_MAX, level)
     }
 
     /// Takes in an innovation that is as good as many blocks: one of a whole way, say, may raise a
     /// doubt by itself.
     pub(crate) fn add_whole(&mut self, begin: Timestamp, z: f64) -> Option<Change> {
-        self.add_up_to(begin, z, f64::INFINITY)
+        self.add_up_to(begin, z, f64::INFINITY, 1.0)
     }
 
-    fn add_up_to(&mut self, begin: Timestamp, z: f64, z_max: f64) -> Option<Change> {
+    fn add_up_to(&mut self, begin: Timestamp, z: f64, z_max: f64, level: f64) -> Option<Change> {
         let z = z.clamp(-TOLD_MAX, TOLD_MAX);
         self.last_z = z;
-        self.above.add(begin, z, z_max);
-        self.below.add(begin, -z, z_max);
+        let doubted_at = self.above.level.max(self.below.level);
+        if self.raised && z.abs() <= K && level < ALIKE * doubted_at {
+            return None;
+        }
+        self.above.add(begin, z, z_max, level);
+        self.below.add(begin, -z, z_max, level);
         let (low, high) = (self.above.sum.min(self.below.sum), self.above.sum.max(self.below.sum));
         let change = match self.raised {
             false if high > H => Change::Raised,
@@ -160,6 +179,24 @@ mod tests {
         // Held at 14, and 1 less with every block of nothing.
         let cleared = (100..200).position(|block| cusum.add(at(block), 0.0) == Some(Change::Cleared));
         assert_eq!(cleared, Some(13));
+        assert_eq!(cusum.raised(), None);
+    }
+
+    #[test]
+    fn a_block_without_what_is_doubted_does_not_end_a_doubt() {
+        let mut cusum = Cusum::default();
+        for block in 0..20 {
+            cusum.add_at(at(block), 4.0, 30.0);
+        }
+        // Nobody in the bays for an hour.
+        assert!((20..80).all(|block| cusum.add_at(at(block), 0.0, 6.0).is_none()) && cusum.raised().is_some());
+        assert!((80..100).any(|block| cusum.add_at(at(block), 0.0, 25.0) == Some(Change::Cleared)));
+        // Before there is a doubt they count as all others do.
+        let mut cusum = Cusum::default();
+        for block in 0..100 {
+            let (z, level) = if block % 4 == 0 { (3.0, 30.0) } else { (0.0, 6.0) };
+            cusum.add_at(at(block), z, level);
+        }
         assert_eq!(cusum.raised(), None);
     }
 

@@ -40,6 +40,14 @@ impl Filter {
         self.x[index] = 0.0;
     }
 
+    /// The unknown is another one from now on, of which nothing was learnt.
+    pub(crate) fn forget(&mut self, index: usize, sigma: f64) {
+        self.x[index] = 0.0;
+        self.p[index].fill(0.0);
+        self.p.iter_mut().for_each(|row| row[index] = 0.0);
+        self.wander(index, sigma * sigma);
+    }
+
     /// Adds `share` of an unknown to another: an error of the current becomes one of the charge.
     pub(crate) fn carry(&mut self, from: usize, to: usize, share: f64) {
         self.x[to] += share * self.x[from];

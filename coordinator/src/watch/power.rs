@@ -1,27 +1,17 @@
-//! Power against what it should be: a station's by its model, a robot's by what the robot itself
-//! says of its work and of its ways.
-
-use std::sync::Arc;
-
-use energy::service::Situation;
+//! A robot's power against what the robot itself says of its work and of its ways.
 use energy::units::S_PER_H;
-use energy::{Channel, Model, Run, Start};
 use proto::{Gauge, RobotPhase, RobotState, Timestamp};
 
 use super::filter::Filter;
 
-/// Length of a station's block, s.
-const STATION_BLOCK_S: f64 = 60.0;
 /// Length of a block of a robot's work, s: longer than most legs of its work.
 const WORK_BLOCK_S: f64 = 300.0;
-/// Older than this, a docked robot's word says nothing of the station's power now, s.
-const STALE_S: f64 = 2.0;
 /// Blocks of work from which it is known how much work differs from block to block.
 const BLOCKS_MIN: f64 = 6.0;
 /// What messages of a second ago leave open of a power, as a share of it (guess).
-const STALE_SHARE: f64 = 0.003;
+pub(super) const STALE_SHARE: f64 = 0.003;
 /// The same, W: the last digits of current and voltage.
-const STALE_W: f64 = 0.05;
+pub(super) const STALE_W: f64 = 0.05;
 /// How uneven the energy of a way is over its time, as a share of it (guess: it may climb at its end).
 const UNEVEN_SHARE: f64 = 0.25;
 /// A way on which nothing was heard for this long is not judged, s.
@@ -30,99 +20,6 @@ const SILENT_S: f64 = 5.0;
 const SHORT_S: f64 = 30.0;
 /// What integrating a message a second leaves open of a way's energy, as a share of it (guess).
 const WAY_SHARE: f64 = 0.02;
-
-/// A station's power against its model, at what goes on in its bays.
-pub(super) struct StationWatch {
-    run: Run<f64>,
-    filter: Filter,
-    sigmas: Vec<f64>,
-    block: Option<StationBlock>,
-}
-
-struct StationBlock {
-    begin: Timestamp,
-    rows: f64,
-    observed_w: f64,
-    predicted_w: f64,
-    situation: Situation,
-}
-
-impl StationWatch {
-    /// Watches a station's load. `gain_sigma` is the doubt of the pack's current sensor as a share.
-    pub(super) fn new(model: &Arc<Model>, gain_sigma: f64) -> Self {
-        let sigmas: Vec<f64> = model.parameters().iter().map(|p| p.sigma).chain([gain_sigma]).collect();
-        Self { run: Run::new(Arc::clone(model), Start::at_soc(0.0)), filter: Filter::new(&sigmas), sigmas, block: None }
-    }
-
-    /// The model of the load.
-    pub(super) fn model(&self) -> &Arc<Model> {
-        self.run.model()
-    }
-
-    /// Something changed that messages tell at different times: what was begun does not count.
-    pub(super) fn interrupt(&mut self) {
-        self.block = None;
-    }
-
-    /// Takes in the power of the active pack while that goes on; at the end of a block its begin and
-    /// its innovation in sigma.
-    pub(super) fn update(&mut self, now: Timestamp, observed_w: f64, situation: &Situation) -> Option<(Timestamp, f64)> {
-        let predicted_w = power_w(&mut self.run, situation);
-        let empty = StationBlock { begin: now, rows: 0.0, observed_w: 0.0, predicted_w: 0.0, situation: Situation::default() };
-        let block = self.block.get_or_insert(empty);
-        block.rows += 1.0;
-        block.observed_w += observed_w;
-        block.predicted_w += predicted_w;
-        let sum = &mut block.situation;
-        for (sum, value) in [
-            (&mut sum.charge_w, situation.charge_w),
-            (&mut sum.docked, situation.docked),
-            (&mut sum.charging, situation.charging),
-            (&mut sum.squared_a2, situation.squared_a2),
-            (&mut sum.lift, situation.lift),
-            (&mut sum.pack_v, situation.pack_v),
-        ] {
-            *sum += value;
-        }
-        if now.seconds_since(block.begin) < STATION_BLOCK_S {
-            return None;
-        }
-        let block = self.block.take()?;
-        Some((block.begin, self.judge(&block)))
-    }
-
-    fn judge(&mut self, block: &StationBlock) -> f64 {
-        let (rows, sum) = (block.rows, block.situation);
-        let mean = Situation {
-            charge_w: sum.charge_w / rows,
-            docked: sum.docked / rows,
-            charging: sum.charging / rows,
-            squared_a2: sum.squared_a2 / rows,
-            lift: sum.lift / rows,
-            pack_v: sum.pack_v / rows,
-        };
-        let (observed_w, predicted_w) = (block.observed_w / rows, block.predicted_w / rows);
-        let mut slopes = vec![0.0; self.sigmas.len()];
-        let values = self.model().values();
-        for (index, slope) in slopes.iter_mut().enumerate().take(values.len()).filter(|(index, _)| self.sigmas[*index] > 0.0) {
-            let at = |sign: f64| {
-                let mut values = values.clone();
-                values[index] += sign * self.sigmas[index];
-                power_w(&mut Run::with_parameters(Arc::clone(self.run.model()), values, Start::at_soc(0.0)), &mean)
-            };
-            *slope = (at(1.0) - at(-1.0)) / (2.0 * self.sigmas[index]);
-        }
-        slopes[values.len()] = predicted_w;
-        let noise_w = STALE_W.hypot(STALE_SHARE * predicted_w);
-        self.filter.judge(&slopes, observed_w - predicted_w, noise_w * noise_w)
-    }
-}
-
-fn power_w(run: &mut Run<f64>, situation: &Situation) -> f64 {
-    situation.set(run);
-    run.step(1.0);
-    run.channels[Channel::PackPowerW]
-}
 
 /// A robot's power at work and the energy of its ways, against what it says they are.
 #[derive(Default)]
@@ -263,34 +160,6 @@ impl Work {
     }
 }
 
-/// What goes on in a station's bays, by its own state and its robots' gauges: none while that cannot be
-/// told.
-pub(super) fn situation<'a>(
-    state: &proto::StationState,
-    pack_v: f64,
-    now: Timestamp,
-    gauge_of: impl Fn(&proto::RobotId) -> Option<(&'a Gauge, RobotPhase)>,
-) -> Option<Situation> {
-    let mut situation =
-        Situation { lift: f64::from(u8::from(state.lift_busy || state.swapping.is_some())), pack_v, ..Situation::default() };
-    for bay in &state.bays {
-        let here = matches!(bay.phase, proto::BayPhase::Occupied | proto::BayPhase::Unloading);
-        let Some(robot) = bay.robot.as_ref().filter(|_| here) else { continue };
-        let (gauge, phase) = gauge_of(robot)?;
-        if now.seconds_since(gauge.at) > STALE_S {
-            return None;
-        }
-        situation.docked += 1.0;
-        if phase == RobotPhase::Charging {
-            let current_a = (-gauge.current_a).max(0.0);
-            situation.charging += 1.0;
-            situation.charge_w += current_a * gauge.voltage_v;
-            situation.squared_a2 += current_a * current_a;
-        }
-    }
-    Some(situation)
-}
-
 #[cfg(test)]
 mod tests {
     use proto::{Estimate, Mission, Travel};
@@ -299,17 +168,6 @@ mod tests {
 
     fn at(second: u32) -> Timestamp {
         Timestamp::from_unix_ms(1000 * i64::from(second))
-    }
-
-    #[test]
-    fn an_empty_stations_power_is_judged_by_what_is_known_of_its_hotel() {
-        let station = Arc::new(energy::load_model("mds-station", &|_| unreachable!("built in")).unwrap());
-        let mut watch = StationWatch::new(&station, 0.0);
-        let nothing = Situation { pack_v: 11.1, ..Situation::default() };
-        // 5.5 W of hotel and 0.2 W of converters, in truth 1 W more.
-        let z = (0..=60).find_map(|second| watch.update(at(second), 6.7, &nothing)).map(|(_, z)| z).unwrap();
-        // 0.2 W of hotel, 0.05 W of converters, 0.05 W and 0.3 % of 5.7 W of messages: 0.213 W.
-        assert!((z - 1.0 / 0.213).abs() < 0.02, "{z}");
     }
 
     fn state(second: u32, phase: RobotPhase) -> RobotState {
