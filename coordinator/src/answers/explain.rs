@@ -104,7 +104,7 @@ pub fn changes(before: &Schedule, after: &Schedule) -> Vec<(RobotId, String)> {
             Mode::Swap { spare } => format!("for {spare}"),
         };
         let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-        format!("{start} at {}{bay}, {how}", service.station)
+        format!("{start} at {}{bay} ({how})", service.station)
     };
     let because = format!("plan {}, because {}", after.plan, after.trigger);
     let (old, new) = (services(before), services(after));
@@ -197,15 +197,15 @@ mod tests {
         use ServiceStatus::{Charging, Planned};
         let with = |service: Service| schedule(vec![service], false);
         let (planned, none, empty) = (with(service(3600, "spare-1", Planned)), schedule(vec![], false), schedule(vec![], true));
-        assert_eq!(told(&none, &planned).unwrap(), "was given a service, 01:00:00 at s, for spare-1");
+        assert_eq!(told(&none, &planned).unwrap(), "was given a service, 01:00:00 at s (for spare-1)");
         assert_eq!(told(&planned, &planned), None);
         let moved = with(service(3600, "spare-2", Planned));
-        assert_eq!(told(&planned, &moved).unwrap(), "was moved from 01:00:00 at s, for spare-1 to 01:00:00 at s, for spare-2");
+        assert_eq!(told(&planned, &moved).unwrap(), "was moved from 01:00:00 at s (for spare-1) to 01:00:00 at s (for spare-2)");
         // One that has begun is no move; the next one after it is a service of its own.
         assert_eq!(told(&planned, &with(service(3605, "spare-1", Charging))), None);
         let next = with(service(7200, "spare-1", Planned));
-        assert_eq!(told(&with(service(3600, "spare-1", Charging)), &next).unwrap(), "was given a service, 02:00:00 at s, for spare-1");
-        assert_eq!(told(&planned, &empty).unwrap(), "lost its service, 01:00:00 at s, for spare-1");
+        assert_eq!(told(&with(service(3600, "spare-1", Charging)), &next).unwrap(), "was given a service, 02:00:00 at s (for spare-1)");
+        assert_eq!(told(&planned, &empty).unwrap(), "lost its service, 01:00:00 at s (for spare-1)");
         assert_eq!(told(&none, &empty).unwrap(), "is left without a service, and runs empty");
         assert_eq!(told(&empty, &empty), None);
     }

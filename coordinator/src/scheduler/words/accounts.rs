@@ -117,14 +117,12 @@ fn alternative(task: &Task, robot: usize, session: Option<&Session>, other: &Oth
         () => {
             let more_s = task.work_s(other.cost - cost);
             let but = if more_s < 0.0 { format!(": {}", not_taken(task, robot)) } else { String::new() };
-            let takes = match other.mode {
-                mode @ Mode::Charge(_) if mode != task.full_charge() => {
-                    format!("charges it to {:.0} % and takes", task.to_soc(mode) * 100.0)
-                }
-                Mode::Swap if task.view.stations[other.station].charges_spares => "leaves its pack uncharged and takes".to_owned(),
-                _ => "takes".to_owned(),
+            let also = match other.mode {
+                mode @ Mode::Charge(_) if mode != task.full_charge() => format!(", charges it to {:.0} %", task.to_soc(mode) * 100.0),
+                Mode::Swap if task.view.stations[other.station].charges_spares => ", leaves its pack uncharged".to_owned(),
+                _ => String::new(),
             };
-            format!("it would miss {}, {takes} {:.1} Wh{but}", missed(more_s), task.problem.wh(other.energy))
+            format!("it would miss {}{also} and takes {:.1} Wh{but}", missed(more_s), task.problem.wh(other.energy))
         }
     };
     Alternative {
