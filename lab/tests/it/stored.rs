@@ -37,8 +37,9 @@ async fn store(folder: &Path) -> (PathBuf, SqliteConnection) {
     for second in 0..60 {
         all += &gauge("robot_gauges", "'explorer-1'", second);
         all += &gauge("pack_gauges", "'mds', 'pack-a'", second);
+        let (phase, lift) = if second < 40 { ("occupied", false) } else { ("unloading", true) };
         let body = format!(
-            r#"{{"schema":"tender.station-state/1","at":{},"seq":{second},"bays":[{{"bay":"bay-1","phase":"occupied","robot":"explorer-1"}},{{"bay":"bay-2","phase":"free"}}],"lift_busy":false,"packs":[{{"pack":"pack-a","connected":true,"depleted":false}}],"active_pack":"pack-a","powered":true,"pack_power_w":7.5,"spares":[]}}"#,
+            r#"{{"schema":"tender.station-state/1","at":{},"seq":{second},"bays":[{{"bay":"bay-1","phase":"{phase}","robot":"explorer-1"}},{{"bay":"bay-2","phase":"free"}}],"lift_busy":{lift},"packs":[{{"pack":"pack-a","connected":true,"depleted":false}}],"active_pack":"pack-a","powered":true,"pack_power_w":7.5,"spares":[]}}"#,
             BEGIN_MS + 1000 * second
         );
         all +=
@@ -98,6 +99,10 @@ fn packs_and_stations_are_read_too() {
         let at = |channel, row: usize| station.channels[&channel][row];
         assert_eq!((at(Channel::PackPowerW, 5), at(Channel::RobotsDocked, 5), at(Channel::LiftActive, 5)), (7.5, 1.0, 0.0));
         assert!((at(Channel::ChargePowerW, 5) - 0.5 * 11.95).abs() < 1e-12);
+        // Let out from second 40 on: it hangs on its bay until it is out, and the power is compared again five seconds later.
+        assert_eq!((at(Channel::RobotsDocked, 50), at(Channel::LiftActive, 50), at(Channel::BaySquaredCurrentA2, 50)), (1.0, 1.0, 0.25));
+        let compared: Vec<bool> = (38..47).map(|row| !at(Channel::PackPowerW, row).is_nan()).collect();
+        assert_eq!(compared, [true, true, false, false, false, false, false, true, true]);
     });
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use proto::{BayPhase, StationState, Timestamp, decode};
+use proto::{BayPhase, BayState, PackId, StationState, Timestamp, decode};
 use sqlx::{FromRow, query_as};
 
 use super::{PAGE, Source, count_row, seconds};
@@ -15,6 +15,9 @@ const POWERS: &str = "SELECT robot, at_ms, voltage_v, current_a FROM robot_gauge
 const NAMES: &str = "SELECT DISTINCT station FROM station_states ORDER BY station";
 const ENDS: &str = "SELECT min(at_ms), max(at_ms) FROM station_states WHERE station = $1";
 
+/// After a change in its bays a station's messages and those of its robots disagree for a while: its power is then not compared, ms. As long as
+/// the coordinator's own watch leaves out.
+const SETTLES_MS: i64 = 5_000;
 /// Gauges report less often than stations do: the last report of a robot stands for this long, ms.
 const STANDS_MS: i64 = 30_000;
 
@@ -25,10 +28,30 @@ struct State {
     body: String,
 }
 
-const COLUMNS: [&str; 6] = ["time_s", "pack_power_w", "charge_power_w", "robots_docked", "robots_charging", "lift_active"];
+const COLUMNS: [&str; 7] =
+    ["time_s", "pack_power_w", "charge_power_w", "robots_docked", "robots_charging", "bay_squared_current_a2", "lift_active"];
 
-/// What robots last told: when, and the power into their battery, W.
-type Powers = BTreeMap<String, (i64, f64)>;
+/// What robots last told: when, voltage, V, and the current into their battery, A.
+type Powers = BTreeMap<String, (i64, f64, f64)>;
+
+/// What of a station's state moves its power at once, and since when that is as it is.
+#[derive(Default)]
+struct Settled {
+    told: Option<(Vec<BayState>, [bool; 3], Option<PackId>)>,
+    from_ms: i64,
+}
+
+impl Settled {
+    /// Whether a state's power is that of what it tells.
+    fn holds(&mut self, at_ms: i64, state: &StationState) -> bool {
+        let told = (state.bays.clone(), [state.lift_busy, state.swapping.is_some(), state.powered], state.active_pack.clone());
+        if self.told.as_ref().is_some_and(|before| *before != told) {
+            self.from_ms = at_ms.saturating_add(SETTLES_MS);
+        }
+        self.told = Some(told);
+        at_ms >= self.from_ms
+    }
+}
 
 impl Source {
     /// The log of one station, and its first instant.
@@ -36,7 +59,7 @@ impl Source {
         let mut table = Table::of(COLUMNS.iter().map(|&name| name.to_owned()).collect(), "rows");
         let mut begin_ms = None;
         let mut after = (i64::MIN, i64::MIN);
-        let mut powers = Powers::new();
+        let (mut powers, mut settled) = (Powers::new(), Settled { told: None, from_ms: i64::MIN });
         loop {
             let page = query_as::<_, State>(STATES).bind(name).bind(from_ms).bind(to_ms).bind(after.0).bind(after.1).bind(PAGE / 10);
             let page = page.fetch_all(&mut self.connection).await.map_err(|error| self.failed(&error))?;
@@ -48,10 +71,10 @@ impl Source {
             after = (last.at_ms, last.seq);
             for state in &page {
                 while let Some((robot, at_ms, voltage_v, current_a)) = told.next_if(|(_, at_ms, ..)| *at_ms <= state.at_ms) {
-                    powers.insert(robot, (at_ms, -voltage_v * current_a));
+                    powers.insert(robot, (at_ms, voltage_v, -current_a));
                 }
                 let begin_ms = *begin_ms.get_or_insert(state.at_ms);
-                let cells = self.cells(begin_ms, state, &powers, table.lines.len() as u64 + 1)?;
+                let cells = self.cells(begin_ms, state, (&powers, &mut settled), table.lines.len() as u64 + 1)?;
                 table.columns.iter_mut().zip(cells).for_each(|(column, value)| column.push(value));
                 count_row(&self.file, &mut table)?;
             }
@@ -62,26 +85,37 @@ impl Source {
         }
     }
 
-    fn cells(&self, begin_ms: i64, row: &State, powers: &Powers, number: u64) -> Result<[f64; COLUMNS.len()], LogError> {
+    fn cells(
+        &self,
+        begin_ms: i64,
+        row: &State,
+        (powers, settled): (&Powers, &mut Settled),
+        number: u64,
+    ) -> Result<[f64; COLUMNS.len()], LogError> {
         let state: StationState = decode(row.body.as_bytes()).map_err(|error| LogError::Row {
             file: self.file.clone(),
             line: number,
             message: format!("station_states: {error}"),
         })?;
-        let (mut docked, mut charging, mut into_w) = (0.0, 0.0, 0.0);
-        let occupied = state.bays.iter().filter(|bay| bay.phase == BayPhase::Occupied);
-        for robot in occupied.filter_map(|bay| bay.robot.as_ref()) {
+        let (mut docked, mut charging, mut into_w, mut squared_a2) = (0.0, 0.0, 0.0, 0.0);
+        // On the lift on its way out it still hangs on the bay.
+        let here = state.bays.iter().filter(|bay| matches!(bay.phase, BayPhase::Occupied | BayPhase::Unloading));
+        for robot in here.filter_map(|bay| bay.robot.as_ref()) {
             docked += 1.0;
             match powers.get(robot.as_str()) {
-                Some((at_ms, power_w)) if row.at_ms.saturating_sub(*at_ms) <= STANDS_MS => {
-                    into_w += power_w.max(0.0);
-                    charging += f64::from(u8::from(*power_w > 0.0));
+                Some(&(at_ms, voltage_v, current_a)) if row.at_ms.saturating_sub(at_ms) <= STANDS_MS => {
+                    let current_a = current_a.max(0.0);
+                    into_w += voltage_v * current_a;
+                    squared_a2 += current_a * current_a;
+                    charging += f64::from(u8::from(current_a > 0.0));
                 }
                 // A robot that says nothing may charge all the same.
-                _ => into_w = f64::NAN,
+                _ => (into_w, squared_a2) = (f64::NAN, f64::NAN),
             }
         }
-        let time_s = seconds(begin_ms, row.at_ms);
-        Ok([time_s, state.pack_power_w, into_w, if state.powered { docked } else { 0.0 }, charging, f64::from(u8::from(state.lift_busy))])
+        let power_w = if settled.holds(row.at_ms, &state) { state.pack_power_w } else { f64::NAN };
+        let lift = f64::from(u8::from(state.lift_busy || state.swapping.is_some()));
+        let docked = if state.powered { docked } else { 0.0 };
+        Ok([seconds(begin_ms, row.at_ms), power_w, into_w, docked, charging, squared_a2, lift])
     }
 }
