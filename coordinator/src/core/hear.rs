@@ -198,7 +198,11 @@ impl Core {
                 }
             };
             self.event(now, kind, robot, station, pack, text);
-            let word = if change == Change::Raised { "is doubted" } else { "is trusted again" };
+            let word = match change {
+                Change::Raised => "is doubted",
+                Change::Cleared => "is trusted again",
+                Change::Gone => "begins anew",
+            };
             self.replan(format!("{subject} {word}"));
         }
     }

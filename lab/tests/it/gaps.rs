@@ -51,7 +51,7 @@ fn found(base: &Arc<Model>, log: &Log) -> Discovery {
     Discovery::of(&search(Arc::clone(base), Arc::new(Evidence::new(base, vec![prepare(base, log).unwrap()])), None))
 }
 
-/// Before the current of a gap was asked for, seven of ten right models were "unknown" after five minutes of it.
+/// Before the current of a gap was asked for, nine of ten right models were "unknown" after five minutes of it.
 #[test]
 fn what_flowed_in_a_gap_is_no_missing_effect() {
     let base = made_up::model(&format!("{SENSORS}{OHMIC}"));
