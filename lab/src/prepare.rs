@@ -46,6 +46,15 @@ pub struct Prepared {
     pub only: Vec<Channel>,
 }
 
+impl Prepared {
+    /// How long the current of a row is known to have flowed before it, s: what is not measured does not count.
+    pub(crate) fn flowed_s(&self, row: usize) -> f64 {
+        let (from_s, to_s) = (self.time_s[row - 1], self.time_s[row]);
+        let within = |piece: &Unmeasured| (piece.to_s.min(to_s) - piece.from_s.max(from_s)).max(0.0);
+        to_s - from_s - self.unmeasured.iter().map(within).sum::<f64>()
+    }
+}
+
 /// Why a log does not fit a model.
 #[derive(Debug, thiserror::Error)]
 pub enum PrepareError {

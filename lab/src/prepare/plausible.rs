@@ -24,7 +24,7 @@ pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
     // Sums of squares and products of steps of current and voltage.
     let (mut steps, mut of_current, mut of_voltage, mut of_both) = (0, 0.0, 0.0, 0.0);
     for row in 1..prepared.time_s.len() {
-        soc -= current_a[row] * (prepared.time_s[row] - prepared.time_s[row - 1]) / 3600.0 / facts.capacity_ah;
+        soc -= current_a[row] * prepared.flowed_s(row) / 3600.0 / facts.capacity_ah;
         (low, high) = (low.min(soc), high.max(soc));
         let step_a = current_a[row] - current_a[row - 1];
         if let Some(step_v) = voltage_v.map(|volts| volts[row] - volts[row - 1]).filter(|step_v| step_v.is_finite())
@@ -72,8 +72,10 @@ pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
     let target = prepared.targets.iter().find(|target| target.channel == Channel::VoltageV)?;
     let cells = f64::from(facts.series);
     let gentle = |row: &usize| current_a[*row].abs() <= QUICK_C * facts.capacity_ah;
-    let first = (0..prepared.time_s.len()).find(|row| target.used[*row] && gentle(row))?;
-    let passed = |row: usize| current_a[row] * (prepared.time_s[row] - prepared.time_s[row - 1]) / 3600.0 / facts.capacity_ah;
+    // After a gap nobody knows how full it is.
+    let known_until_s = prepared.unmeasured.first().map_or(f64::INFINITY, |piece| piece.from_s);
+    let first = (0..prepared.time_s.len()).find(|row| target.used[*row] && gentle(row) && prepared.time_s[*row] <= known_until_s)?;
+    let passed = |row: usize| current_a[row] * prepared.flowed_s(row) / 3600.0 / facts.capacity_ah;
     let soc = prepared.start.soc - (1..=first).map(passed).sum::<f64>();
     let (shown, open) = (target.observed[first] / cells, facts.ocv.voltage_v(soc));
     if facts.series > 1 && (target.observed[first] - open).abs() <= FIRST_V {
@@ -100,7 +102,7 @@ pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
     }));
     let table = facts.ocv.points().1;
     let span = table[table.len() - 1] - table[0];
-    (volts.1 - volts.0 > SPAN * span && charges.1 - charges.0 < HARDLY_PASSED).then(|| {
+    (prepared.unmeasured.is_empty() && volts.1 - volts.0 > SPAN * span && charges.1 - charges.0 < HARDLY_PASSED).then(|| {
         format!(
             "{}: the voltage goes from {:.2} to {:.2} V per cell while {:.1} % of the charge passes: time_s must be in s, current_a in A, and capacity_ah that of this battery",
             log.file,
@@ -162,6 +164,22 @@ mod tests {
         };
         assert_eq!(told(3.0), None);
         assert!(told(1.0).unwrap().contains("that of all 3 in series, as --column voltage_v=SOURCE*3 makes it"), "{:?}", told(1.0));
+    }
+
+    /// Ten minutes at 2 A, then 50 of which nothing is known, and one more row, charging at 4 A: for 50 min that were 150 % of the charge.
+    #[test]
+    fn what_flowed_in_a_gap_is_no_odd_current_and_no_odd_voltage() {
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let told = |rows: &str| {
+            let facts = LogFacts { soc_initial: Some(0.95), ..LogFacts::default() };
+            let log = read_log("log.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), facts).unwrap();
+            (odd_current(&model, &log), odd_voltage(&model, &log))
+        };
+        let known: String = (0..600).map(|second| format!("{second},2,{}\n", 4.0 - 1e-4 * f64::from(second))).collect();
+        assert_eq!(told(&format!("{known}3600,-4,3.4\n")), (None, None));
+        // The other way round: nothing is known before the gap but the start.
+        let after: String = (3600..4200).map(|second| format!("{second},{},3.4\n", if second == 3600 { -4 } else { 0 })).collect();
+        assert_eq!(told(&format!("0,2,4.0\n{after}")), (None, None));
     }
 
     #[test]
