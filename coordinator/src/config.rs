@@ -15,7 +15,7 @@ use proto::{PackId, RobotId, SiteId, StationId};
 use serde::{Deserialize, Serialize};
 
 use crate::forecast::Handling;
-use crate::models::{Models, Settings, ShortEnergy, StationModels};
+use crate::models::{Kept, Models, Settings, ShortEnergy, StationModels};
 use crate::web::WebConfig;
 
 pub use telemetry::TelemetryConfig;
@@ -238,6 +238,15 @@ impl Config {
         Ok(config)
     }
 
+    /// Where the store is: beside this configuration unless it says an absolute path or an address.
+    #[must_use]
+    pub fn store_path(&self, path: Option<&Path>) -> PathBuf {
+        if self.store.to_str().is_some_and(|text| text.contains("://")) {
+            return self.store.clone();
+        }
+        path.and_then(Path::parent).map_or_else(|| self.store.clone(), |folder| folder.join(&self.store))
+    }
+
     /// Loads settings and models; models are looked up beside `path`.
     ///
     /// # Errors
@@ -256,7 +265,8 @@ impl Config {
             };
             node::files::is_of(&model, system, &key).map(|()| model)
         };
-        let mut models = Models { store: crate::store::shown(&self.store).display().to_string(), ..Models::default() };
+        let store = self.store_path(path);
+        let mut models = Models { kept: Kept::Store(crate::store::shown(&store).display().to_string()), ..Models::default() };
         for (robot, reference) in &self.robots {
             models.robots.insert(robot.clone(), of(System::Battery, reference, format!("robots.{robot}"))?);
         }
@@ -285,6 +295,7 @@ impl Config {
             let spare_battery = config.charging.load(path).with_context(|| format!("stations.{station}"))?;
             models.stations.insert(station.clone(), StationModels { load, handling, packs, converter_w_max, recharge_w, spare_battery });
         }
+        models.named = loaded.into_iter().map(|(reference, model)| (model, reference.named(path))).collect();
         Ok((self.policy.settings()?, models))
     }
 }

@@ -252,6 +252,7 @@ mod tests {
             travel: BTreeMap::new(),
             mission: Mission { weight: 1.0, until: None },
             battery: "b".to_owned(),
+            load: None,
             last_command: None,
             note: None,
         };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use energy::{Estimate, Model};
 use planner::Policy;
-use proto::{PackId, RobotId, StationId};
+use proto::{NamedModel, PackId, RobotId, StationId};
 use serde::{Deserialize, Serialize};
 
 use crate::forecast::Handling;
@@ -104,8 +104,22 @@ pub struct Models {
     pub built_in: BTreeMap<String, Arc<Model>>,
     /// Stations.
     pub stations: BTreeMap<StationId, StationModels>,
-    /// The store that the journal goes into, for commands that are told to read it; empty where only logs are kept.
-    pub store: String,
+    /// What the configuration names each of them.
+    pub named: Vec<(Arc<Model>, NamedModel)>,
+    /// Where measurements are kept.
+    pub kept: Kept,
+}
+
+/// Where measurements are kept, for commands that are told to read them.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Kept {
+    /// Nowhere.
+    #[default]
+    Nowhere,
+    /// In the journal.
+    Store(String),
+    /// In logs in this folder.
+    Logs(String),
 }
 
 impl Models {
@@ -113,6 +127,13 @@ impl Models {
     #[must_use]
     pub fn named(&self, name: &str) -> Option<&Arc<Model>> {
         self.batteries.get(name).or_else(|| self.built_in.get(name))
+    }
+
+    /// What the configuration names a model; its own name where that is built in.
+    #[must_use]
+    pub fn name_of(&self, model: &Arc<Model>) -> NamedModel {
+        let named = self.named.iter().find(|(known, _)| Arc::ptr_eq(known, model)).map(|(_, name)| name.clone());
+        named.unwrap_or_else(|| NamedModel { model: model.name.clone(), without: Vec::new() })
     }
 
     /// The battery model of a robot that says it has a battery of that name.

@@ -74,7 +74,7 @@ struct Service {
 /// answer.
 pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output = ()>) -> anyhow::Result<()> {
     let (settings, models) = config.load(path)?;
-    let place = store_path(config, path);
+    let place = config.store_path(path);
     let mut stop = std::pin::pin!(stop);
     let store = tokio::select! {
         store = Store::open_for(&place, config.site.as_ref()) => store?,
@@ -158,15 +158,6 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     }
     info!("coordinator of site {} has stopped", service.link.site);
     Ok(())
-}
-
-/// Where the store is: beside the configuration unless it says an absolute path.
-#[must_use]
-pub fn store_path(config: &Config, path: Option<&Path>) -> std::path::PathBuf {
-    if config.store.to_str().is_some_and(|text| text.contains("://")) {
-        return config.store.clone();
-    }
-    path.and_then(Path::parent).map_or_else(|| config.store.clone(), |folder| folder.join(&config.store))
 }
 
 /// Serves the dashboard in the background, if there is to be one.

@@ -4,7 +4,7 @@
 //!   battery.rs   a battery's voltage against its model     ─┐
 //!   station.rs   power of a station against its model      ├─> innovations ── cusum.rs ──> doubts
 //!   power.rs     power of a robot at work and on its ways  │
-//!     filter.rs    what is only roughly known, learnt      ─┘
+//!     filter.rs    what is only roughly known, learnt      ─┘          words.rs: what to run
 //! ```
 //!
 //! Everything is fed by the messages that the coordinator hears anyway. What is kept of a watched
@@ -17,6 +17,7 @@ mod cusum;
 mod filter;
 mod power;
 mod station;
+mod words;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -29,6 +30,7 @@ pub(crate) use self::cusum::Change;
 use self::cusum::{Cusum, Raised};
 use self::power::{Judged, RobotWatch};
 use self::station::StationWatch;
+pub(crate) use self::words::BEFORE_COMMAND;
 use crate::fleet::Fleet;
 use crate::models::{Models, StationModels};
 
@@ -225,31 +227,7 @@ impl Watch {
 
     /// The doubt in one model, if there is one.
     pub(crate) fn doubt(&self, subject: &Subject, fleet: &Fleet, models: &Models) -> Option<Doubt> {
-        let Raised { since, z } = self.raised(subject)?;
-        let robot_battery = |id: &RobotId| {
-            let name = fleet.robots.get(id).and_then(|robot| robot.state.as_ref()).map_or("", |state| &state.battery);
-            models.battery(id, name).map_or(name, |model| &model.name).to_owned()
-        };
-        let logged = |model: &str, log: &str| format!("lab discover --model {model} --log {log}.csv");
-        let measured = |model: &str, whose: String, log: &str| match models.store.as_str() {
-            "" => logged(model, log),
-            store => format!("lab discover --model {model} --store {store} {whose} --from {since}"),
-        };
-        let station = |id: &StationId| models.stations.get(id);
-        let command = match subject {
-            Subject::RobotBattery(id) => measured(&robot_battery(id), format!("--robot {id}"), id.as_ref()),
-            // What a robot does is in its own logs: its messages do not tell.
-            Subject::RobotWork(id) | Subject::RobotWay(id) => logged("LOAD.toml", &format!("{id}-load")),
-            Subject::Pack(id, pack) => {
-                let model = station(id).and_then(|station| station.packs.get(pack)).map_or("", |model| &model.name);
-                measured(model, format!("--station {id} --pack {pack}"), &format!("{id}-{pack}"))
-            }
-            Subject::Station(id) => measured(station(id).map_or("", |station| &station.load.name), format!("--station {id}"), id.as_ref()),
-        };
-        let clock: String = since.to_string().chars().skip(11).take(5).collect();
-        let text = format!("{subject} no longer explains its data since {clock} (residual z = {z:.1}): run `{command}`");
-        let (robot, station, pack) = subject.ids();
-        Some(Doubt { robot: robot.cloned(), station: station.cloned(), pack: pack.cloned(), since, z, text, command })
+        Some(words::doubt(subject, self.raised(subject)?, fleet, models))
     }
 }
 
@@ -279,11 +257,12 @@ impl std::fmt::Display for Subject {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::Kept;
 
     #[test]
     fn a_doubt_says_since_when_and_what_to_run_and_widens_forecasts_while_it_lasts() {
         let robot: RobotId = "explorer-2".parse().unwrap();
-        let mut models = Models { store: "site.db".to_owned(), ..Models::default() };
+        let mut models = Models { kept: Kept::Store("site.db".to_owned()), ..Models::default() };
         let battery = Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap());
         models.robots.insert(robot.clone(), battery);
         let begin: Timestamp = "2026-01-01T14:05:00Z".parse().unwrap();

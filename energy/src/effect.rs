@@ -158,6 +158,11 @@ pub trait Physics: Send + Sync {
         None
     }
 
+    /// Inputs by which other effects tell what it sums up: it is asked about only where a log has none of them.
+    fn told_by(&self) -> &'static [Channel] {
+        &[]
+    }
+
     /// Share of a battery's capacity that must pass in one go, once out of it and once into it, for the effect to differ from what
     /// follows the current alone.
     fn reversal(&self) -> f64 {
@@ -219,6 +224,8 @@ pub trait Effect: Steps<f64> + Steps<Dual> {
     fn lumps(&self) -> &'static [&'static str];
     /// [`Physics::ruled_out`].
     fn ruled_out(&self, facts: &Facts) -> Option<&'static str>;
+    /// [`Physics::told_by`].
+    fn told_by(&self) -> &'static [Channel];
     /// [`Physics::reversal`].
     fn reversal(&self) -> f64;
 }
@@ -238,6 +245,9 @@ impl<T: Physics> Effect for T {
     }
     fn ruled_out(&self, facts: &Facts) -> Option<&'static str> {
         Physics::ruled_out(self, facts)
+    }
+    fn told_by(&self) -> &'static [Channel] {
+        Physics::told_by(self)
     }
     fn reversal(&self) -> f64 {
         Physics::reversal(self)

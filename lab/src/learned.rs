@@ -81,6 +81,7 @@ pub fn left_out(state: &State) -> Vec<LeftOut> {
             Rough::Capacity | Rough::Ocv(_) | Rough::Unmeasured { .. } => return None,
             Rough::SocInitial(own) => (format!("state of charge at the start of {}", log(own)), ""),
             Rough::TemperatureInitial(own) => (format!("temperature at the start of {}", log(own)), "K"),
+            Rough::Ambient(own) => (format!("temperature around {}", log(own)), "K"),
             Rough::Clock(own) => (format!("time_s of formulas at the start of {}", log(own)), "s"),
             Rough::Offset(channel) => (format!("offset of the sensor of {}", channel.name()), unit(channel)),
             Rough::Gain(channel) => (format!("gain of the sensor of {} beyond 1", channel.name()), ""),

@@ -3,11 +3,12 @@
 
 mod append;
 mod facts;
+mod remove;
 
 pub use append::append;
 pub use facts::{put_number, set_number, set_ocv};
+pub use remove::remove;
 
-use energy::effect::expression;
 use energy::{Model, OcvTable};
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
@@ -76,11 +77,7 @@ pub fn ocv_of_file<'a>(model: &'a Model, text: &str) -> Option<&'a OcvTable> {
 }
 
 fn effect<'a>(document: &'a mut DocumentMut, id: &str) -> Option<&'a mut dyn TableLike> {
-    // Expressions share an id and are known by their names.
-    let is = |table: &dyn TableLike| {
-        let text = |key: &str| table.get(key).and_then(Item::as_str);
-        if text("id") == Some(expression::ID) { text("name").unwrap_or(expression::ID) == id } else { text("id") == Some(id) }
-    };
+    let is = |table: &dyn TableLike| remove::name(table) == Some(id);
     match document.get_mut("effect")? {
         Item::ArrayOfTables(tables) => tables.iter_mut().find(|table| is(*table)).map(|table| table as &mut dyn TableLike),
         Item::Value(Value::Array(entries)) => {

@@ -6,7 +6,11 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use anyhow::bail;
+use energy::document::hint;
 use energy::{DocumentError, FoundModel, Model};
+
+use crate::model_edit;
 
 /// Where a model's text came from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,6 +51,23 @@ pub fn load_model(name_or_path: &str) -> Result<ModelSource, DocumentError> {
     let mut tables = tables.into_inner();
     tables.retain(|table| table != Path::new(name_or_path));
     Ok(ModelSource { model: Arc::new(model), text, origin, tables })
+}
+
+impl ModelSource {
+    /// The same without some of its effects, as if its text had never had them; `"*"` is all of them.
+    ///
+    /// # Errors
+    /// Names an effect that it does not have, with those that it has.
+    pub fn without(self, effects: &[String]) -> anyhow::Result<ModelSource> {
+        let ids: Vec<&str> = self.model.effects().map(|effect| effect.spec().id).collect();
+        if let Some(unknown) = effects.iter().find(|name| *name != "*" && !ids.contains(&name.as_str())) {
+            let hint = hint(unknown, ids.iter().copied());
+            bail!("{} has no effect `{unknown}` to leave out{hint} It has: {}", self.model.name, ids.join(", "));
+        }
+        let is_left_out = |id: &str| effects.iter().any(|name| name == "*" || name == id);
+        let text = model_edit::remove(&self.text, is_left_out)?;
+        Ok(ModelSource { model: Arc::new(self.model.without(is_left_out)), text, ..self })
+    }
 }
 
 /// Reads a model text as if it stood in the file at `path`: tables are relative to it.

@@ -40,6 +40,8 @@ pub struct Prepared {
     pub start: Start,
     /// Standard deviation of the state of charge there, when the log states one.
     pub soc_initial_sigma: Option<f64>,
+    /// Standard deviation of the temperature of the surroundings, K, where the log states it and it is not exact.
+    pub ambient_sigma_k: Option<f64>,
     /// What the log has measured of that which the model predicts.
     pub targets: Vec<Target>,
     /// What alone is to be judged; everything when empty.
@@ -198,9 +200,19 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
         unmeasured: if model.system == System::Battery { log.unmeasured.clone() } else { Vec::new() },
         start,
         soc_initial_sigma: log.facts.soc_initial_sigma,
+        ambient_sigma_k: ambient_sigma_k(model, log),
         targets,
         only: Vec::new(),
     })
+}
+
+/// How well a log's fact about the temperature of its surroundings is known, K.
+fn ambient_sigma_k(model: &Model, log: &Log) -> Option<f64> {
+    let facts = &log.facts;
+    let sensor = model.sensor(Channel::TemperatureDegc);
+    let read = || facts.ambient_is_read.then(|| sensor.floor().hypot(sensor.offset_sigma));
+    let stated = facts.ambient_degc.and_then(|_| facts.ambient_sigma_k.or_else(read));
+    stated.filter(|&sigma_k| sigma_k > 0.0 && !log.channels.contains_key(&Channel::AmbientDegc))
 }
 
 /// Like [`prepare`], keeps only the targets named in `only` (all when empty), and refuses a log in

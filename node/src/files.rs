@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use energy::{DocumentError, Model, System};
+use proto::NamedModel;
 use serde::{Deserialize, Serialize};
 
 /// Longest configuration, scenario or model that is read, bytes.
@@ -36,11 +37,15 @@ pub fn only_its_owners(path: &Path) -> anyhow::Result<()> {
 /// # Errors
 /// Says what is wrong with the model and where.
 pub fn model(name: &str, beside: Option<&Path>) -> Result<Arc<Model>, DocumentError> {
-    let resolved = match beside.and_then(Path::parent) {
+    energy::load_model(&found_at(name, beside), &|path| read_text(path).map_err(|error| format!("{error:#}"))).map(Arc::new)
+}
+
+/// A built-in name, or the path of what a file beside it names.
+fn found_at(name: &str, beside: Option<&Path>) -> String {
+    match beside.and_then(Path::parent) {
         Some(folder) if energy::built_in(name).is_none() => folder.join(name).to_string_lossy().into_owned(),
         _ => name.to_owned(),
-    };
-    energy::load_model(&resolved, &|path| read_text(path).map_err(|error| format!("{error:#}"))).map(Arc::new)
+    }
 }
 
 /// Whether a model that `key` names in a configuration is one of this system.
@@ -81,6 +86,19 @@ impl ModelRef {
             ModelRef::Name(name) => name,
             ModelRef::Reduced(reduced) => &reduced.model,
         }
+    }
+
+    /// The same for people: a path beside `beside` is one from where this program runs.
+    #[must_use]
+    pub fn named(&self, beside: Option<&Path>) -> NamedModel {
+        let without = match self {
+            ModelRef::Name(_) => Vec::new(),
+            ModelRef::Reduced(reduced) => reduced.without.clone(),
+        };
+        let model = found_at(self.name(), beside);
+        let here = std::env::current_dir().ok();
+        let from_here = here.and_then(|here| Path::new(&model).strip_prefix(here).ok().map(|path| path.to_string_lossy().into_owned()));
+        NamedModel { model: from_here.unwrap_or(model), without }
     }
 
     /// Loads the model; paths are relative to `beside`.

@@ -13,8 +13,8 @@ use std::collections::{BTreeMap, VecDeque};
 use energy::gauge::{Gauge as Estimator, Sample};
 use node::{Due, Ledger, Publish, Silence, gauge_message, refused};
 use proto::{
-    BayId, CommandReply, Estimate, Gauge, Message as _, Mission, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState,
-    StationId, Timestamp, Travel,
+    BayId, CommandReply, Estimate, Gauge, Message as _, Mission, NamedModel, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase,
+    RobotState, StationId, Timestamp, Travel,
 };
 
 pub use alone::Alone;
@@ -28,6 +28,8 @@ use crate::source::{Act, Observation, Place};
 pub struct Profile {
     /// Name of the gauge's battery model, for the coordinator to look up its own.
     pub battery: String,
+    /// The model of its loads, for people; none where its drain is measured.
+    pub load: Option<NamedModel>,
     /// Cells in series, for readers of the gauge.
     pub cells_series: u32,
     /// Charge current below which the pack counts as full, A.
@@ -307,6 +309,7 @@ impl Agent {
             travel: self.profile.travel.clone(),
             mission: self.profile.mission,
             battery: self.profile.battery.clone(),
+            load: self.profile.load.clone(),
             last_command: self.last_command.clone(),
             note: self.note.clone(),
         }

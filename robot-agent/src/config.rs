@@ -141,7 +141,7 @@ impl Config {
                 let gauge = self.gauge.open(Arc::clone(&battery), soc, replay.temperature_degc());
                 let drain_w = energy::Estimate::new(replay.mean_power_w(), 0.1 * replay.mean_power_w().abs());
                 let load = self.load.as_ref().map(|load| load.load_as(System::Robot, "load", path)).transpose()?;
-                Ok((Agent::new(self.profile(&battery, load.as_ref(), Some(drain_w), "replay")?, gauge), Box::new(replay)))
+                Ok((Agent::new(self.profile(path, &battery, load.as_ref(), Some(drain_w), "replay")?, gauge), Box::new(replay)))
             }
             _ => self.build_measured(path),
         }
@@ -155,7 +155,7 @@ impl Config {
         let drain_w = load.as_ref().map(|load| self.mission.drain_w(load)).transpose()?;
         // Anything, until the device has said what it knows: uniform over the whole range.
         let gauge = self.gauge.open(Arc::clone(&battery), energy::Estimate::new(0.5, 1.0 / 12_f64.sqrt()), self.body.ambient_degc);
-        let profile = self.profile(&battery, load.as_ref(), drain_w, &device.name())?;
+        let profile = self.profile(path, &battery, load.as_ref(), drain_w, &device.name())?;
         Ok((Agent::new(profile, gauge), Box::new(Measured::new(device, battery, self.body.clone()))))
     }
 
@@ -202,14 +202,24 @@ impl Config {
             anyhow::bail!("robot {} has no simulated body", self.id)
         };
         let battery = self.battery.load_as(System::Battery, "battery", path)?;
-        let load = self.load.as_ref().unwrap_or(true_load).load_as(System::Robot, "load", path)?;
+        let load = self.believed_load().unwrap_or(true_load).load_as(System::Robot, "load", path)?;
         let drain_w = self.mission.drain_w(&load)?;
         let gauge = self.gauge.open(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);
-        Ok(Agent::new(self.profile(&battery, Some(&load), Some(drain_w), "sim")?, gauge))
+        Ok(Agent::new(self.profile(path, &battery, Some(&load), Some(drain_w), "sim")?, gauge))
+    }
+
+    /// The model of its loads that it goes by, if any.
+    fn believed_load(&self) -> Option<&ModelRef> {
+        let true_load = match &self.source {
+            SourceConfig::Sim { load, .. } => Some(load),
+            _ => None,
+        };
+        self.load.as_ref().or(true_load)
     }
 
     fn profile(
         &self,
+        path: Option<&Path>,
         battery: &Model,
         load: Option<&Arc<Model>>,
         drain_w: Option<energy::Estimate>,
@@ -230,6 +240,7 @@ impl Config {
         }
         Ok(Profile {
             battery: battery.name.clone(),
+            load: self.believed_load().map(|load| load.named(path)),
             cells_series: battery.battery().series,
             charge_cutoff_a: battery.battery().charge.cutoff_a,
             drain_w,

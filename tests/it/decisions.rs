@@ -20,7 +20,7 @@ fn processes_over_zenoh_make_the_same_decisions_as_the_simulation() -> anyhow::R
         &scenario.deploy(&scenario.runs()[0], scenario.seed)?,
         *scenario.duration_s.get_ref(),
         scenario.temperature_degc,
-        false,
+        coordinator::models::Kept::Nowhere,
         &mut |_| {},
     )?;
     let expected = decisions(&simulated.events);

@@ -2,6 +2,7 @@
 
 mod browser;
 mod decisions;
+mod doubts;
 mod failures;
 mod kills;
 mod network;

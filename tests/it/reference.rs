@@ -52,7 +52,7 @@ fn sheet() -> String {
     let deployment = scenario.deploy(&scenario.runs()[0], 1).unwrap();
     let mut past = Past::default();
     let mut watch = |step: coordinator::sim::Step<'_>| step.news.iter().for_each(|event| past.event(event));
-    let outcome = coordinator::sim::simulate(&deployment, 600.0, 25.0, false, &mut watch).unwrap();
+    let outcome = coordinator::sim::simulate(&deployment, 600.0, 25.0, coordinator::models::Kept::Nowhere, &mut watch).unwrap();
     metrics::text(outcome.end, &outcome.core, &past)
 }
 

@@ -89,6 +89,7 @@ pub fn state(at: Timestamp, seq: u64, n: usize, stations: &[StationId]) -> Robot
         travel: [travel(n, 120.0), travel(n + 1, 300.0), travel(n + 7, 900.0)].into(),
         mission: Mission { weight: 1.0, until: None },
         battery: BATTERY.to_owned(),
+        load: None,
         last_command: None,
         note: None,
     }

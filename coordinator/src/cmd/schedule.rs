@@ -180,7 +180,7 @@ fn place(args: &Args) -> anyhow::Result<Place> {
     };
     let store = match (&args.store, &config) {
         (Some(store), _) => store.clone(),
-        (None, Some(config)) => service::store_path(config, Some(&args.config)),
+        (None, Some(config)) => config.store_path(Some(&args.config)),
         (None, None) => PathBuf::from("tender.db"),
     };
     let site = match &config {

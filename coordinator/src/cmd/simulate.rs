@@ -15,6 +15,7 @@ use serde_json::json;
 
 use super::Format;
 use super::serve::Stage;
+use crate::models::Kept;
 use crate::scenario::{RunEntry, Scenario, Verdict};
 use crate::sim::{self, Outcome};
 use crate::web::{Books, Past, WebConfig};
@@ -87,8 +88,14 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let mut stage = args.serve.then(|| Stage::open(args.port, args.speed)).transpose()?;
     let mut finished = Vec::new();
+    let alone = runs.len() == 1;
     for run in runs {
-        let (outcome, past) = simulate(&scenario, &run, seed, args, stage.as_mut())?;
+        let kept = match (&args.telemetry, &args.store) {
+            (Some(base), _) => Kept::Logs(files::folder_of(base, alone, &run).display().to_string()),
+            (None, Some(store)) => Kept::Store(store.display().to_string()),
+            (None, None) => Kept::Nowhere,
+        };
+        let (outcome, past) = simulate(&scenario, &run, seed, (args, kept), stage.as_mut())?;
         let verdicts = scenario.verdicts(&run, &outcome.measured.metrics);
         finished.push(Finished { run, outcome, past, verdicts });
     }
@@ -171,7 +178,13 @@ fn title(scenario: &Scenario, run: &RunEntry) -> String {
     if run.name == scenario.name { run.name.clone() } else { format!("{}: {}", scenario.name, run.name) }
 }
 
-fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, args: &Args, mut stage: Option<&mut Stage>) -> anyhow::Result<(Outcome, Past)> {
+fn simulate(
+    scenario: &Scenario,
+    run: &RunEntry,
+    seed: u64,
+    (args, kept): (&Args, Kept),
+    mut stage: Option<&mut Stage>,
+) -> anyhow::Result<(Outcome, Past)> {
     let duration_s = *scenario.duration_s.get_ref();
     let bar = if std::io::stderr().is_terminal() { ProgressBar::new(duration_s as u64) } else { ProgressBar::hidden() };
     let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} % {eta}").unwrap_or_else(|_| ProgressStyle::default_bar());
@@ -195,7 +208,7 @@ fn simulate(scenario: &Scenario, run: &RunEntry, seed: u64, args: &Args, mut sta
             stage.step(step, Books { site: &site, title: &title, past: &past, ladder: None });
         }
     };
-    let outcome = sim::simulate(&deployment, duration_s, scenario.temperature_degc, args.telemetry.is_some(), &mut watch);
+    let outcome = sim::simulate(&deployment, duration_s, scenario.temperature_degc, kept, &mut watch);
     bar.finish_and_clear();
     Ok((outcome.with_context(|| format!("run \"{}\"", run.name))?, past))
 }

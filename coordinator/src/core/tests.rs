@@ -67,6 +67,7 @@ fn working(time_s: f64, stations: &[&str]) -> RobotState {
         travel: stations.iter().map(travel).collect(),
         mission: Mission { weight: 1.0, until: None },
         battery: "explorer-3s1p-1320mah".to_owned(),
+        load: None,
         last_command: None,
         note: None,
     }

@@ -10,6 +10,7 @@ use super::host::STEP_S;
 use super::measure::Measured;
 use super::world::World;
 use crate::core::Core;
+use crate::models::Kept;
 use crate::scenario::Deployment;
 use crate::store::Record;
 
@@ -68,7 +69,7 @@ pub(super) fn trace(events: &[Event]) -> String {
     trace
 }
 
-/// Simulates a deployment. `watch` is shown every step.
+/// Simulates a deployment, with logs if that is where measurements are kept. `watch` is shown every step.
 ///
 /// # Errors
 /// When a model cannot be read.
@@ -76,10 +77,10 @@ pub fn simulate(
     deployment: &Deployment,
     duration_s: f64,
     ambient_degc: f64,
-    with_telemetry: bool,
+    kept: Kept,
     watch: &mut dyn FnMut(Step<'_>),
 ) -> anyhow::Result<Outcome> {
-    let mut world = World::new(deployment, Faults::none(), with_telemetry, ambient_degc, START)?;
+    let mut world = World::new(deployment, Faults::none(), kept, ambient_degc, START)?;
     let steps = (duration_s / STEP_S).round() as u64;
     for step in 1..=steps {
         let (elapsed_s, known) = (step as f64 * STEP_S, world.events.len());

@@ -13,6 +13,7 @@ use super::host::STEP_S;
 use super::net::Host;
 use super::run::{START, trace};
 use super::world::World;
+use crate::models::Kept;
 use crate::scenario::{Deployment, Scenario};
 
 /// What came of a trial.
@@ -122,7 +123,7 @@ fn run(seed: u64, size: &Size, forgetful: bool) -> anyhow::Result<Trial> {
     let stations = deployment.stations.iter().map(|config| Host::Station(config.id.clone()));
     let faults = Faults { forgetful, ..Faults::draw(seed, size.duration_s, &robots.chain(stations).collect::<Vec<_>>()) };
     let told = faults.lines();
-    let mut world = World::new(&deployment, faults, false, energy::units::REFERENCE_DEGC, START)?;
+    let mut world = World::new(&deployment, faults, Kept::Nowhere, energy::units::REFERENCE_DEGC, START)?;
     world.checks = Some(Checks::default());
     for step in 1..=(size.duration_s / STEP_S) as u64 {
         world.step(START.plus_s(step as f64 * STEP_S))?;

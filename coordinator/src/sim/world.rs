@@ -16,6 +16,7 @@ use super::logs;
 use super::measure::Measured;
 use super::net::{Host, Message, Net};
 use crate::core::{Input, Output};
+use crate::models::Kept;
 use crate::scenario::Deployment;
 use crate::store::Record;
 
@@ -47,17 +48,10 @@ pub(super) struct World {
 }
 
 impl World {
-    pub(super) fn new(
-        deployment: &Deployment,
-        faults: Faults,
-        with_telemetry: bool,
-        ambient_degc: f64,
-        start: Timestamp,
-    ) -> anyhow::Result<Self> {
+    pub(super) fn new(deployment: &Deployment, faults: Faults, kept: Kept, ambient_degc: f64, start: Timestamp) -> anyhow::Result<Self> {
         let (settings, mut models) = deployment.coordinator.load(None)?;
-        // Measurements of a simulated fleet are in its logs.
-        models.store.clear();
-        let mut telemetry = with_telemetry.then(Telemetry::default);
+        let mut telemetry = matches!(kept, Kept::Logs(_)).then(Telemetry::default);
+        models.kept = kept;
         let mut robots = BTreeMap::new();
         for config in &deployment.robots {
             let robot = Robot::new(config)?;

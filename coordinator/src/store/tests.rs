@@ -74,6 +74,7 @@ fn robot_state(robot: &str, seq: u64, phase: RobotPhase) -> Record {
         travel: Default::default(),
         mission: Mission { weight: 1.0, until: None },
         battery: "two-cell-rover".to_owned(),
+        load: None,
         last_command: None,
         note: None,
     };

@@ -26,7 +26,7 @@ const H: f64 = 7.0;
 /// Most that one innovation counts for, in sigma.
 const Z_MAX: f64 = 5.0;
 /// Innovations are told up to here: beyond it their size says nothing, in sigma.
-const TOLD_MAX: f64 = 99.9;
+pub(super) const TOLD_MAX: f64 = 99.9;
 
 /// A doubt in a model.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -161,7 +161,7 @@ impl Work {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use proto::{Estimate, Mission, Travel};
 
     use super::*;
@@ -170,7 +170,7 @@ mod tests {
         Timestamp::from_unix_ms(1000 * i64::from(second))
     }
 
-    fn state(second: u32, phase: RobotPhase) -> RobotState {
+    pub(in crate::watch) fn state(second: u32, phase: RobotPhase) -> RobotState {
         RobotState {
             at: at(second),
             seq: 1,
@@ -181,6 +181,7 @@ mod tests {
             travel: [("mds-1".parse().unwrap(), Travel { time_s: 1800.0, energy_wh: Estimate::new(2.0, 0.03) })].into(),
             mission: Mission { weight: 1.0, until: None },
             battery: String::new(),
+            load: None,
             last_command: None,
             note: None,
         }

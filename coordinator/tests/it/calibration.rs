@@ -10,6 +10,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use coordinator::models::Kept;
 use coordinator::scenario::{RunEntry, Scenario};
 use coordinator::sim;
 use coordinator::store::Record;
@@ -169,7 +170,8 @@ mission.inputs = {{ speed_mps = 0.1 }}
     for pack in packs.values_mut() {
         pack.battery = drawn(pack.battery.name(), folder.path(), &mut draw);
     }
-    let outcome = sim::simulate(&deployment, *scenario.duration_s.get_ref(), scenario.temperature_degc, false, &mut |_| {}).unwrap();
+    let outcome =
+        sim::simulate(&deployment, *scenario.duration_s.get_ref(), scenario.temperature_degc, Kept::Nowhere, &mut |_| {}).unwrap();
     let first = outcome.measured.first_plan.as_ref().expect("a plan");
     let came = |service: &proto::Service| {
         let mut events = outcome.events.iter();

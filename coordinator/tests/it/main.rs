@@ -14,6 +14,7 @@ mod watch;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use coordinator::models::Kept;
 use coordinator::scenario::{RunEntry, Scenario};
 use coordinator::sim::{self, Outcome};
 
@@ -57,7 +58,8 @@ fn read(file: &Path) -> Scenario {
 fn run(scenario: &Scenario, run: &RunEntry, seed: u64, telemetry: bool) -> Outcome {
     let deployment = scenario.deploy(run, seed).unwrap_or_else(|error| panic!("{error:#}"));
     let duration_s = *scenario.duration_s.get_ref();
-    sim::simulate(&deployment, duration_s, scenario.temperature_degc, telemetry, &mut |_| {}).unwrap()
+    let kept = if telemetry { Kept::Logs("logs".to_owned()) } else { Kept::Nowhere };
+    sim::simulate(&deployment, duration_s, scenario.temperature_degc, kept, &mut |_| {}).unwrap()
 }
 
 /// What `coordinator` answered.

@@ -45,7 +45,7 @@ fn a_hidden_own_load_is_doubted_within_five_minutes_of_the_first_robot_in_its_ba
     assert!((0.0..5.0).contains(&after_min), "{after_min} min");
     let doubt = &unknown.schedule.doubts[0];
     assert!(doubt.z > 5.0 && doubt.station.is_some(), "{doubt:?}");
-    assert!(doubt.command.starts_with("lab discover --model mds-station --log mds-1.csv"), "{doubt:?}");
+    assert!(doubt.command.ends_with("scenarios/models/mds-station-no-own-load.toml --log logs/mds-1.csv"), "{doubt:?}");
     // Whoever knows of it has no doubt.
     assert!(doubts(&run(&scenario, &scenario.runs()[1], 1, false)).is_empty());
 }

@@ -18,6 +18,7 @@ catalogue! {
     battery {
         capacity_fade::CapacityFade,
         calendar_fade::CalendarFade,
+        capacity_health::CapacityHealth,
         rate_capacity::RateCapacity,
         self_discharge::SelfDischarge,
         parasitic_load::ParasiticLoad,
@@ -29,6 +30,7 @@ catalogue! {
         charge_asymmetry::ChargeAsymmetry,
         resistance_growth::ResistanceGrowth,
         calendar_resistance::CalendarResistance,
+        resistance_health::ResistanceHealth,
         arrhenius::Arrhenius,
         super_arrhenius::SuperArrhenius,
         butler_volmer::ButlerVolmer,

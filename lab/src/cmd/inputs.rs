@@ -23,11 +23,14 @@ pub(super) struct ModelArg {
     /// The model: a built-in name or the path of a TOML file.
     #[arg(long, value_name = "MODEL")]
     model: String,
+    /// Effects of it to leave out, to see what they are worth; '*' for all.
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    without: Vec<String>,
 }
 
 impl ModelArg {
     pub(super) fn load(&self) -> anyhow::Result<ModelSource> {
-        Ok(load_model(&self.model)?)
+        load_model(&self.model)?.without(&self.without)
     }
 }
 

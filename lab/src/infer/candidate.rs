@@ -21,6 +21,8 @@ pub struct Candidate {
     /// Points of its parameters at which its onset is looked at: just off the nulls, with the
     /// parameters that only shape it on a grid.
     pub onsets: Vec<Vec<f64>>,
+    /// Whether it sums up effects that these logs hold no input for: one more to try only in place of those.
+    pub stands_in: bool,
 }
 
 /// An effect that these logs cannot say anything about.
@@ -53,6 +55,13 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
             unable.push(Untested { effect: spec.id, reason: reason.to_owned() });
             continue;
         }
+        if let Some((channel, log)) =
+            effect.told_by().iter().find_map(|&channel| Some((channel, has_input(&frame.evidence.logs, channel)?)))
+        {
+            let reason = format!("is asked about only where nothing tells {}, which {log} does", channel.name());
+            unable.push(Untested { effect: spec.id, reason });
+            continue;
+        }
         if let Some((way, _)) = ["out of", "into"].iter().zip(passed).find(|(_, passed)| *passed < effect.reversal()) {
             let reason = format!("needs logs in which {:.1} % of the capacity pass {way} the battery in one go", 100.0 * effect.reversal());
             unable.push(Untested { effect: spec.id, reason });
@@ -81,7 +90,8 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
             continue;
         }
         let first = model.parameters().iter().position(|parameter| parameter.effect == spec.id).unwrap_or(0);
-        able.push(Candidate { spec, onsets: onsets(spec), model: Arc::new(model), first });
+        let stands_in = !effect.told_by().is_empty();
+        able.push(Candidate { spec, onsets: onsets(spec), model: Arc::new(model), first, stands_in });
     }
     (able, unable)
 }
@@ -105,6 +115,11 @@ pub fn held_at_defaults(model: &Model) -> Option<String> {
             told.join(", ")
         )
     })
+}
+
+/// The first log with such an input.
+fn has_input(logs: &[Prepared], wanted: Channel) -> Option<&str> {
+    logs.iter().find(|log| log.inputs.iter().any(|(channel, _)| *channel == wanted)).map(|log| log.name.as_str())
 }
 
 /// Largest share of a battery's capacity that passed in one go in any log, out of it and into it: what flowed back in between is

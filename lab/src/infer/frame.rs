@@ -195,7 +195,7 @@ impl Frame {
             Some(Rough::Offset(channel) | Rough::Gain(channel)) => self.drives_model(channel, log),
             Some(Rough::SocInitial(own) | Rough::Unmeasured { log: own, .. }) => own == log,
             // Of the model, but dear in every lane: taken by differences.
-            Some(Rough::Capacity | Rough::TemperatureInitial(_) | Rough::Clock(_)) => false,
+            Some(Rough::Capacity | Rough::TemperatureInitial(_) | Rough::Ambient(_) | Rough::Clock(_)) => false,
             Some(Rough::Lag(_) | Rough::Ocv(_)) => false,
         }
     }
@@ -242,7 +242,9 @@ impl Frame {
             Some(error(what, x[unknown]))
         };
         let zero = S::from(0.0);
+        let around_k = self.error(x, Rough::Ambient(log));
         let shift = |channel| match (lifted(Rough::Offset(channel)), lifted(Rough::Gain(channel))) {
+            (None, None) if channel == Channel::AmbientDegc && around_k != 0.0 => Some((S::from(-around_k), zero)),
             (None, None) => None,
             (offset, gain) => Some((offset.unwrap_or(zero), gain.unwrap_or(zero))),
         };

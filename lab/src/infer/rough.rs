@@ -22,6 +22,8 @@ pub enum Rough {
     SocInitial(usize),
     /// The temperature at the first row of a log, beyond what its sensor showed, K.
     TemperatureInitial(usize),
+    /// The temperature around a log's battery, beyond the log's fact, K.
+    Ambient(usize),
     /// The mean current over a piece of a log's gaps, beyond what the row after the gap says, A.
     Unmeasured {
         /// The log.
@@ -47,7 +49,11 @@ impl Known {
     #[must_use]
     pub fn log(&self) -> Option<usize> {
         match self.what {
-            Rough::SocInitial(log) | Rough::TemperatureInitial(log) | Rough::Unmeasured { log, .. } | Rough::Clock(log) => Some(log),
+            Rough::SocInitial(log)
+            | Rough::TemperatureInitial(log)
+            | Rough::Ambient(log)
+            | Rough::Unmeasured { log, .. }
+            | Rough::Clock(log) => Some(log),
             _ => None,
         }
     }
@@ -81,6 +87,9 @@ pub fn rough(model: &Model, logs: &[Prepared]) -> Vec<Known> {
             if temperature_is_judged(log) {
                 let sensor = model.sensor(Channel::TemperatureDegc);
                 know(Rough::TemperatureInitial(index), sensor.floor().hypot(sensor.offset_sigma));
+            }
+            if let Some(sigma_k) = log.ambient_sigma_k.filter(|_| model.predicts_temperature()) {
+                know(Rough::Ambient(index), sigma_k);
             }
             know(Rough::SocInitial(index), log.soc_initial_sigma.unwrap_or(model.uncertainty.soc_initial_sigma));
             for (piece, unmeasured) in log.unmeasured.iter().enumerate() {

@@ -71,7 +71,8 @@ impl Sketches {
     /// Of this base: what is worth a refit by its score, then what looks like the best of that.
     pub(super) fn new(base: &State) -> Sketches {
         let (able, untested) = candidates(&base.frame, &base.x);
-        let tried = able.len();
+        // What stands in for effects that the columns of the logs leave out is no further question than these.
+        let tried = able.iter().filter(|candidate| !candidate.stands_in).count();
         let coarse = base.coarse();
         let scoring = Scoring::with_coarse(base, &coarse);
         let scores = scoring.score_all(&able);

@@ -43,6 +43,10 @@ pub struct LogFacts {
     pub history: Option<History>,
     /// Temperature of the surroundings, °C, when no column holds it.
     pub ambient_degc: Option<f64>,
+    /// Standard deviation of it, K; none where it is known exactly.
+    pub ambient_sigma_k: Option<f64>,
+    /// Whether it is what a battery's own sensor read, and no better known than that.
+    pub ambient_is_read: bool,
     /// What the log is used for.
     pub role: Option<Role>,
     /// Numbers that this logger writes when nothing was measured.
@@ -63,6 +67,7 @@ struct Raw {
     rest_voltage_v: Option<toml::Spanned<f64>>,
     history: Option<History>,
     ambient_degc: Option<toml::Spanned<f64>>,
+    ambient_sigma_k: Option<toml::Spanned<f64>>,
     role: Option<Role>,
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
@@ -106,6 +111,8 @@ impl LogFacts {
             rest_voltage_v: within("rest_voltage_v", raw.rest_voltage_v, VOLTAGE_V.0, VOLTAGE_V.1)?,
             history: raw.history,
             ambient_degc: within("ambient_degc", raw.ambient_degc, DEGC.0, DEGC.1)?,
+            ambient_sigma_k: within("ambient_sigma_k", raw.ambient_sigma_k, SIGMA_K.0, SIGMA_K.1)?,
+            ambient_is_read: false,
             role: raw.role,
             missing: raw.missing,
             topic: raw.topic,
@@ -117,6 +124,7 @@ impl LogFacts {
 const SOC: (f64, f64) = (0.0, 1.0);
 const VOLTAGE_V: (f64, f64) = (0.0, 1e4);
 const DEGC: (f64, f64) = (-100.0, 200.0);
+const SIGMA_K: (f64, f64) = (0.0, 50.0);
 
 fn out_of_range(name: &str, value: f64, min: f64, max: f64) -> String {
     format!("{name} = {value}: must be between {min} and {max}")
@@ -133,6 +141,8 @@ pub struct Overrides {
     pub rest_voltage_v: Option<f64>,
     /// See [`LogFacts::ambient_degc`].
     pub ambient_degc: Option<f64>,
+    /// See [`LogFacts::ambient_sigma_k`].
+    pub ambient_sigma_k: Option<f64>,
     /// See [`LogFacts::missing`].
     pub missing: Vec<f64>,
     /// See [`LogFacts::topic`].
@@ -152,6 +162,7 @@ impl Overrides {
             ("--soc-initial-sigma", self.soc_initial_sigma, SOC),
             ("--rest-voltage-v", self.rest_voltage_v, VOLTAGE_V),
             ("--ambient-degc", self.ambient_degc, DEGC),
+            ("--ambient-sigma-k", self.ambient_sigma_k, SIGMA_K),
         ];
         for (name, value, (min, max)) in given {
             if let Some(value) = value.filter(|value| !(min..=max).contains(value)) {
@@ -177,6 +188,7 @@ impl Overrides {
         }
         facts.soc_initial_sigma = self.soc_initial_sigma.or(facts.soc_initial_sigma);
         facts.ambient_degc = self.ambient_degc.or(facts.ambient_degc);
+        facts.ambient_sigma_k = self.ambient_sigma_k.or(facts.ambient_sigma_k);
         facts.missing.extend(&self.missing);
         facts.topic = self.topic.clone().or(facts.topic);
         for mapping in &self.columns {

@@ -16,6 +16,13 @@ use sqlx::{ConnectOptions as _, Connection as _, SqliteConnection, query_as, que
 use super::limits::check_cells;
 use super::{Log, LogError, LogFacts, Table};
 
+const COOLEST: &str = "SELECT degc, whose FROM \
+     (SELECT temperature_degc AS degc, robot AS whose, at_ms FROM robot_gauges WHERE at_ms BETWEEN $1 AND $2 UNION ALL \
+      SELECT temperature_degc, pack || ' of ' || station, at_ms FROM pack_gauges WHERE at_ms BETWEEN $1 AND $2) \
+     ORDER BY degc, at_ms, whose LIMIT 1";
+/// Packs of robots are as cool as what is around them after so long, s: several times their time constants (`thermal`).
+const COOLS_S: f64 = 3600.0;
+
 /// Rows that are fetched at once.
 const PAGE: i64 = 10_000;
 
@@ -66,9 +73,16 @@ pub fn read_store(path: &Path, query: &StoreQuery, mut facts: LogFacts) -> Resul
     let whole = |message: String| LogError::Whole { file: file.clone(), message };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| whole(format!("cannot be opened: {error}")))?;
-    let (table, begin) = runtime.block_on(async {
+    let needs_ambient = facts.ambient_degc.is_none() && !matches!(query.subject, Subject::Station(_));
+    let (table, begin, coolest) = runtime.block_on(async {
         let mut source = Source::open(path).await?;
-        let answer = source.table(query).await;
+        let answer = match source.table(query).await {
+            Ok((table, begin)) if needs_ambient => {
+                let coolest = source.coolest(&table, begin).await;
+                coolest.map(|coolest| (table, begin, coolest))
+            }
+            other => other.map(|(table, begin)| (table, begin, None)),
+        };
         // Nothing was written, so closing has nothing to lose.
         let _ = source.connection.close().await;
         answer
@@ -79,7 +93,17 @@ pub fn read_store(path: &Path, query: &StoreQuery, mut facts: LogFacts) -> Resul
         Subject::Station(station) => station.clone(),
     };
     facts.id = facts.id.or(Some(name.clone()));
+    if let Some((degc, _)) = &coolest {
+        (facts.ambient_degc, facts.ambient_is_read) = (Some(*degc), facts.ambient_sigma_k.is_none());
+    }
     let mut log = Log::from_table(&format!("{file} ({name})"), table, facts)?;
+    if let Some((degc, whose)) = coolest {
+        log.notes.push(format!(
+            "{}: no message tells how warm it is around the battery: taken as {degc:.1} degC, the coolest that one was there then ({whose}), \
+             and as no better known than its sensor is; --ambient-degc says better",
+            log.file
+        ));
+    }
     log.notes.push(format!("{}: time 0 is {begin}", log.file));
     log.name = name;
     Ok(log)
@@ -133,6 +157,14 @@ impl Source {
             Subject::Pack { station, pack } => self.gauges(gauge::OF_PACK, (station, pack), between).await,
             Subject::Station(station) => self.station(station, between).await,
         }
+    }
+
+    /// The coolest that any battery was over a log, and shortly before it: none that is left alone is cooler than what is around it.
+    async fn coolest(&mut self, table: &Table, begin: Timestamp) -> Result<Option<(f64, String)>, LogError> {
+        let length_s = table.columns.first().and_then(|time_s| time_s.numbers().last().copied()).unwrap_or(0.0);
+        let (from_ms, to_ms) = (begin.plus_s(-COOLS_S).unix_ms(), begin.plus_s(length_s).unix_ms());
+        let found = query_as::<_, (f64, String)>(COOLEST).bind(from_ms).bind(to_ms).fetch_optional(&mut self.connection).await;
+        found.map_err(|error| self.failed(&error))
     }
 
     /// Why there is no row: the name is unknown, or nothing happened then.

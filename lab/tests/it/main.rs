@@ -18,5 +18,6 @@ mod regimes;
 mod report;
 mod sets;
 mod stored;
+mod surroundings;
 mod thinning;
 mod unvisited;

@@ -39,8 +39,9 @@ async fn store(folder: &Path) -> (PathBuf, SqliteConnection) {
         all += &gauge("pack_gauges", "'mds', 'pack-a'", second);
         let (phase, lift) = if second < 40 { ("occupied", false) } else { ("unloading", true) };
         let body = format!(
-            r#"{{"schema":"tender.station-state/1","at":{},"seq":{second},"bays":[{{"bay":"bay-1","phase":"{phase}","robot":"explorer-1"}},{{"bay":"bay-2","phase":"free"}}],"lift_busy":{lift},"packs":[{{"pack":"pack-a","connected":true,"depleted":false}}],"active_pack":"pack-a","powered":true,"pack_power_w":7.5,"spares":[]}}"#,
-            BEGIN_MS + 1000 * second
+            r#"{{"schema":"tender.station-state/1","at":{},"seq":{second},"bays":[{{"bay":"bay-1","phase":"{phase}","robot":"explorer-1"}},{{"bay":"bay-2","phase":"free"}}],"lift_busy":{lift},"packs":[{{"pack":"pack-a","connected":true,"depleted":false}}],"active_pack":"pack-a","powered":{},"pack_power_w":7.5,"spares":[]}}"#,
+            BEGIN_MS + 1000 * second,
+            second < 55
         );
         all +=
             &format!("INSERT INTO station_states VALUES ('mds', {}, {second}, 'pack-a', 1, 0, 7.5, '{body}');", BEGIN_MS + 1000 * second);
@@ -99,10 +100,26 @@ fn packs_and_stations_are_read_too() {
         let at = |channel, row: usize| station.channels[&channel][row];
         assert_eq!((at(Channel::PackPowerW, 5), at(Channel::RobotsDocked, 5), at(Channel::LiftActive, 5)), (7.5, 1.0, 0.0));
         assert!((at(Channel::ChargePowerW, 5) - 0.5 * 11.95).abs() < 1e-12);
+        assert!((at(Channel::PackVoltageV, 5) - 11.95).abs() < 1e-12, "as the gauge of its active pack says");
         // Let out from second 40 on: it hangs on its bay until it is out, and the power is compared again five seconds later.
         assert_eq!((at(Channel::RobotsDocked, 50), at(Channel::LiftActive, 50), at(Channel::BaySquaredCurrentA2, 50)), (1.0, 1.0, 0.25));
         let compared: Vec<bool> = (38..47).map(|row| !at(Channel::PackPowerW, row).is_nan()).collect();
         assert_eq!(compared, [true, true, false, false, false, false, false, true, true]);
+        // In the dark nothing is drawn, whatever would be.
+        let dark: Vec<bool> = (54..60).map(|row| at(Channel::PackPowerW, row).is_nan()).collect();
+        assert_eq!(dark, [false, true, true, true, true, true]);
+    });
+}
+
+#[test]
+fn the_coolest_battery_tells_how_warm_it_is_around_all_of_them() {
+    with_store(|path| {
+        let log = read(path, robot("explorer-1"), None, None).unwrap();
+        assert_eq!((log.facts.ambient_degc, log.facts.ambient_is_read), (Some(25.0), true));
+        assert!(log.notes.iter().any(|note| note.contains("taken as 25.0 degC, the coolest that one was there then (")), "{:?}", log.notes);
+        let query = StoreQuery { subject: robot("explorer-1"), from: None, to: None };
+        let known = read_store(path, &query, LogFacts { ambient_degc: Some(21.0), ..LogFacts::default() }).unwrap();
+        assert_eq!((known.facts.ambient_degc, known.facts.ambient_is_read), (Some(21.0), false));
     });
 }
 

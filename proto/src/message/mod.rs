@@ -13,7 +13,7 @@ pub use check::MessageError;
 pub use command::{Command, CommandReply, Outcome, Rejection, RobotAction, RobotCommand, StationAction, StationCommand};
 pub use event::{Event, EventKind};
 pub use gauge::Gauge;
-pub use robot::{Mission, RobotPhase, RobotState, Travel};
+pub use robot::{Mission, NamedModel, RobotPhase, RobotState, Travel};
 pub use schedule::{
     Alternative, Capacity, Doubt, Explanation, Mode, PackCapacity, Promise, Quality, Schedule, Service, ServiceStatus, StationCapacity,
     Unserved,

@@ -53,6 +53,16 @@ pub struct Mission {
     pub until: Option<Timestamp>,
 }
 
+/// A model by name: built in, or a file on the machine of whoever names it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NamedModel {
+    /// The name or path.
+    pub model: String,
+    /// Effects of it that are left out; `*` for all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without: Vec<String>,
+}
+
 /// The state of one robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RobotState {
@@ -76,6 +86,9 @@ pub struct RobotState {
     pub mission: Mission,
     /// Name of the battery model that describes this robot's battery.
     pub battery: String,
+    /// The model of what it draws, as its agent was told of it, for people who compare it with the robot's logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load: Option<NamedModel>,
     /// The last command it accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_command: Option<CommandId>,

@@ -65,6 +65,7 @@ pub fn robot_state() -> RobotState {
         travel: BTreeMap::from([(id("north"), travel(35.0, 0.09)), (id("south"), travel(80.5, 0.21))]),
         mission: Mission { weight: 1.0, until: Some(at(3_600)) },
         battery: "two-cell-rover".to_owned(),
+        load: Some(NamedModel { model: "rover.toml".to_owned(), without: vec!["floor".to_owned()] }),
         last_command: Some(id("c7")),
         note: None,
     }

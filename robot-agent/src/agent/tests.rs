@@ -42,6 +42,7 @@ fn bench_at(soc: f64) -> Bench {
     let travel = Travel { time_s: 60.0, energy_wh: Estimate::new(0.07, 0.01) };
     let profile = Profile {
         battery: model.name.clone(),
+        load: None,
         cells_series: 3,
         charge_cutoff_a: 0.066,
         drain_w: Estimate::new(4.4, 0.3),

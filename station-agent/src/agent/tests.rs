@@ -290,6 +290,7 @@ fn says(bench: &mut Bench, name: &str, phase: RobotPhase) {
         travel: BTreeMap::new(),
         mission: proto::Mission { weight: 1.0, until: None },
         battery: "explorer".to_owned(),
+        load: None,
         last_command: None,
         note: None,
     };

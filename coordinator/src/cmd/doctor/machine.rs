@@ -6,11 +6,10 @@ use tokio::net::TcpListener;
 
 use super::Finding;
 use crate::config::Config;
-use crate::service::store_path;
 use crate::store::{Store, StoreError};
 
 pub(super) async fn store(config: &Config, path: &Path, running: bool) -> Finding {
-    let place = store_path(config, Some(path));
+    let place = config.store_path(Some(path));
     let name = place.display().to_string();
     match Store::open_read_only(&place).await {
         Ok(reader) => match reader.latest_schedule().await {

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use proto::SiteId;
 
 use super::{Args, Finished};
-use crate::scenario::Scenario;
+use crate::scenario::{RunEntry, Scenario};
 use crate::store::{Record, Store};
 use crate::web::report::{self, Report};
 
@@ -14,8 +14,8 @@ use crate::web::report::{self, Report};
 const BATCH: usize = 10_000;
 
 /// One folder per run when there are several.
-fn folder_of(base: &Path, finished: &[Finished], run: &Finished) -> PathBuf {
-    if finished.len() == 1 { base.to_owned() } else { base.join(run.run.folder()) }
+pub(super) fn folder_of(base: &Path, alone: bool, run: &RunEntry) -> PathBuf {
+    if alone { base.to_owned() } else { base.join(run.folder()) }
 }
 
 /// Writes everything that was asked for.
@@ -29,10 +29,10 @@ pub(super) fn write(args: &Args, scenario: &Scenario, seed: u64, finished: &[Fin
     }
     for run in finished {
         if let (Some(base), Some(telemetry)) = (&args.telemetry, &run.outcome.telemetry) {
-            telemetry.write(&folder_of(base, finished, run))?;
+            telemetry.write(&folder_of(base, finished.len() == 1, &run.run))?;
         }
         if let Some(base) = &args.out {
-            let folder = folder_of(base, finished, run);
+            let folder = folder_of(base, finished.len() == 1, &run.run);
             std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
             node::files::write_text(&folder.join("trace.txt"), &run.outcome.trace())?;
             node::files::write_text(&folder.join("schedule.json"), &proto::encode_pretty(&run.outcome.schedule))?;

@@ -27,6 +27,9 @@ pub(in crate::cmd) struct FactArgs {
     /// Temperature of the surroundings, degC, where no column holds it.
     #[arg(long, allow_negative_numbers = true)]
     ambient_degc: Option<f64>,
+    /// Standard deviation of it, K: as if it were known exactly when left out.
+    #[arg(long, allow_negative_numbers = true)]
+    ambient_sigma_k: Option<f64>,
     /// A number that the logger writes when nothing was measured.
     #[arg(long, allow_negative_numbers = true)]
     missing: Vec<f64>,
@@ -59,6 +62,7 @@ impl FactArgs {
             soc_initial_sigma: self.soc_initial_sigma,
             rest_voltage_v: self.rest_voltage_v,
             ambient_degc: self.ambient_degc,
+            ambient_sigma_k: self.ambient_sigma_k,
             missing: self.missing.clone(),
             topic: self.topic.clone(),
             columns: self.columns.clone(),

@@ -136,6 +136,7 @@ impl Frame {
             let (step, logs) = match self.what(unknown) {
                 Some(Rough::Capacity) => (CAPACITY_STEP, 0..self.evidence.logs.len()),
                 Some(Rough::TemperatureInitial(log)) => (TEMPERATURE_STEP_K, log..log + 1),
+                Some(Rough::Ambient(log)) => (TEMPERATURE_STEP_K, log..log + 1),
                 Some(Rough::Clock(log)) => (CLOCK_STEP_S, log..log + 1),
                 _ => continue,
             };

@@ -12,6 +12,7 @@ const STATES: &str = "SELECT at_ms, seq, body FROM station_states WHERE station 
                       AND (at_ms, seq) > ($4, $5) ORDER BY at_ms, seq LIMIT $6";
 /// In the order in which pages of states are gone through.
 const POWERS: &str = "SELECT robot, at_ms, voltage_v, current_a FROM robot_gauges WHERE at_ms > $1 AND at_ms <= $2 ORDER BY at_ms";
+const VOLTAGES: &str = "SELECT pack, at_ms, voltage_v FROM pack_gauges WHERE station = $1 AND at_ms > $2 AND at_ms <= $3 ORDER BY at_ms";
 const NAMES: &str = "SELECT DISTINCT station FROM station_states ORDER BY station";
 const ENDS: &str = "SELECT min(at_ms), max(at_ms) FROM station_states WHERE station = $1";
 
@@ -28,11 +29,25 @@ struct State {
     body: String,
 }
 
-const COLUMNS: [&str; 7] =
-    ["time_s", "pack_power_w", "charge_power_w", "robots_docked", "robots_charging", "bay_squared_current_a2", "lift_active"];
+const COLUMNS: [&str; 8] = [
+    "time_s",
+    "pack_power_w",
+    "charge_power_w",
+    "robots_docked",
+    "robots_charging",
+    "bay_squared_current_a2",
+    "lift_active",
+    "pack_voltage_v",
+];
 
-/// What robots last told: when, voltage, V, and the current into their battery, A.
-type Powers = BTreeMap<String, (i64, f64, f64)>;
+/// What gauges last told.
+#[derive(Default)]
+struct Told {
+    /// Of robots: when, voltage, V, and the current into their battery, A.
+    robots: BTreeMap<String, (i64, f64, f64)>,
+    /// Of the station's packs: when, and voltage, V.
+    packs: BTreeMap<String, (i64, f64)>,
+}
 
 /// What of a station's state moves its power at once, and since when that is as it is.
 #[derive(Default)]
@@ -59,7 +74,7 @@ impl Source {
         let mut table = Table::of(COLUMNS.iter().map(|&name| name.to_owned()).collect(), "rows");
         let mut begin_ms = None;
         let mut after = (i64::MIN, i64::MIN);
-        let (mut powers, mut settled) = (Powers::new(), Settled { told: None, from_ms: i64::MIN });
+        let (mut last_told, mut settled) = (Told::default(), Settled { told: None, from_ms: i64::MIN });
         loop {
             let page = query_as::<_, State>(STATES).bind(name).bind(from_ms).bind(to_ms).bind(after.0).bind(after.1).bind(PAGE / 10);
             let page = page.fetch_all(&mut self.connection).await.map_err(|error| self.failed(&error))?;
@@ -68,13 +83,19 @@ impl Source {
             let told = query_as::<_, (String, i64, f64, f64)>(POWERS).bind(told_from_ms).bind(last.at_ms);
             let told = told.fetch_all(&mut self.connection).await.map_err(|error| self.failed(&error))?;
             let mut told = told.into_iter().peekable();
+            let voltages = query_as::<_, (String, i64, f64)>(VOLTAGES).bind(name).bind(told_from_ms).bind(last.at_ms);
+            let voltages = voltages.fetch_all(&mut self.connection).await.map_err(|error| self.failed(&error))?;
+            let mut voltages = voltages.into_iter().peekable();
             after = (last.at_ms, last.seq);
             for state in &page {
                 while let Some((robot, at_ms, voltage_v, current_a)) = told.next_if(|(_, at_ms, ..)| *at_ms <= state.at_ms) {
-                    powers.insert(robot, (at_ms, voltage_v, -current_a));
+                    last_told.robots.insert(robot, (at_ms, voltage_v, -current_a));
+                }
+                while let Some((pack, at_ms, voltage_v)) = voltages.next_if(|(_, at_ms, _)| *at_ms <= state.at_ms) {
+                    last_told.packs.insert(pack, (at_ms, voltage_v));
                 }
                 let begin_ms = *begin_ms.get_or_insert(state.at_ms);
-                let cells = self.cells(begin_ms, state, (&powers, &mut settled), table.lines.len() as u64 + 1)?;
+                let cells = self.cells(begin_ms, state, (&last_told, &mut settled), table.lines.len() as u64 + 1)?;
                 table.columns.iter_mut().zip(cells).for_each(|(column, value)| column.push(value));
                 count_row(&self.file, &mut table)?;
             }
@@ -89,7 +110,7 @@ impl Source {
         &self,
         begin_ms: i64,
         row: &State,
-        (powers, settled): (&Powers, &mut Settled),
+        (told, settled): (&Told, &mut Settled),
         number: u64,
     ) -> Result<[f64; COLUMNS.len()], LogError> {
         let state: StationState = decode(row.body.as_bytes()).map_err(|error| LogError::Row {
@@ -97,13 +118,14 @@ impl Source {
             line: number,
             message: format!("station_states: {error}"),
         })?;
+        let stands = |at_ms: i64| row.at_ms.saturating_sub(at_ms) <= STANDS_MS;
         let (mut docked, mut charging, mut into_w, mut squared_a2) = (0.0, 0.0, 0.0, 0.0);
         // On the lift on its way out it still hangs on the bay.
         let here = state.bays.iter().filter(|bay| matches!(bay.phase, BayPhase::Occupied | BayPhase::Unloading));
         for robot in here.filter_map(|bay| bay.robot.as_ref()) {
             docked += 1.0;
-            match powers.get(robot.as_str()) {
-                Some(&(at_ms, voltage_v, current_a)) if row.at_ms.saturating_sub(at_ms) <= STANDS_MS => {
+            match told.robots.get(robot.as_str()) {
+                Some(&(at_ms, voltage_v, current_a)) if stands(at_ms) => {
                     let current_a = current_a.max(0.0);
                     into_w += voltage_v * current_a;
                     squared_a2 += current_a * current_a;
@@ -113,9 +135,12 @@ impl Source {
                 _ => (into_w, squared_a2) = (f64::NAN, f64::NAN),
             }
         }
-        let power_w = if settled.holds(row.at_ms, &state) { state.pack_power_w } else { f64::NAN };
+        // In the dark nothing is drawn, whatever would be; what driving takes is no share of a service.
+        let tells = settled.holds(row.at_ms, &state) && state.powered && state.arrives.is_none();
+        let power_w = if tells { state.pack_power_w } else { f64::NAN };
         let lift = f64::from(u8::from(state.lift_busy || state.swapping.is_some()));
-        let docked = if state.powered { docked } else { 0.0 };
-        Ok([seconds(begin_ms, row.at_ms), power_w, into_w, docked, charging, squared_a2, lift])
+        let active = state.active_pack.as_ref().and_then(|pack| told.packs.get(pack.as_str()));
+        let pack_v = active.filter(|(at_ms, _)| stands(*at_ms)).map_or(f64::NAN, |(_, voltage_v)| *voltage_v);
+        Ok([seconds(begin_ms, row.at_ms), power_w, into_w, docked, charging, squared_a2, lift, pack_v])
     }
 }
