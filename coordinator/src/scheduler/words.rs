@@ -16,6 +16,9 @@ pub use grounds::Grounds;
 
 use super::translate::{HORIZON_MAX_S, Task};
 
+/// What is nearer than this is told by the time of day alone, s.
+const SOON_S: f64 = 12.0 * 3600.0;
+
 /// Why a robot has no service: one reason per station that it could reach.
 pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, confidence: f64) -> Vec<String> {
     let view = &task.view.robots[unserved.robot];
@@ -75,7 +78,7 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
         }
         Why::NotThere { opens, endurance } => format!(
             "it is on its way and takes robots in from {}, and the robot may be empty in {:.0} min",
-            clock(task.grid.time(opens)),
+            on_clock(task, opens),
             minutes(endurance as f64) + task.view.robots[robot].handled_s / 60.0
         ),
         Why::NoPlace => "no bay works, and no charged spare is left".to_owned(),
@@ -84,7 +87,7 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
         Why::Pointless => "a service there would cost more work than it gives".to_owned(),
         Why::Free { start, cost, unserved } => format!(
             "could begin at {}, but would miss {:.0} min of work where no service misses {:.0} min",
-            clock(task.grid.time(start)),
+            on_clock(task, start),
             task.work_s(i64::from(cost)) / 60.0,
             task.work_s(i64::from(unserved)) / 60.0
         ),
@@ -123,7 +126,7 @@ fn energy(task: &Task, station: usize, short: i64, (start, mode): (Tick, Mode)) 
         Mode::Charge(_) if mode != task.full_charge() => format!("a charge to {:.0} %", task.to_soc(mode) * 100.0),
         _ => "a service".to_owned(),
     };
-    format!("{names} {is} {} Wh short for {service} at {}", short_of(task.problem.wh(short)), clock(task.grid.time(start)))
+    format!("{names} {is} {} Wh short for {service} at {}", short_of(task.problem.wh(short)), on_clock(task, start))
 }
 
 /// Probability that the packs would do for this service as well, and the one that was asked for.
@@ -153,7 +156,7 @@ fn odds(
 }
 
 fn clash_in_words(task: &Task, station: usize, service: (Tick, Mode), clash: Clash) -> String {
-    let at = |tick: Tick| clock(task.grid.time(tick));
+    let at = |tick: Tick| on_clock(task, tick);
     match clash {
         Clash::Bay(tick) => format!("every bay is taken at {}", at(tick)),
         Clash::Lift(tick) => format!("the lift is taken at {}", at(tick)),
@@ -167,6 +170,17 @@ fn clash_in_words(task: &Task, station: usize, service: (Tick, Mode), clash: Cla
 /// Where spares are of several kinds, it is one that fits that is meant.
 fn that_fits(task: &Task, station: usize) -> &'static str {
     if task.problem.stations[station].kinds_of_spares() > 1 { " that fits it" } else { "" }
+}
+
+/// When a tick begins, to the minute: with its date where the time of day alone would be taken for another one.
+fn on_clock(task: &Task, tick: Tick) -> String {
+    let at = task.grid.time(tick);
+    if at.seconds_since(task.view.now) < SOON_S { clock(at) } else { on_date(at) }
+}
+
+/// Date and time of day, to the minute.
+fn on_date(at: Timestamp) -> String {
+    format!("{} {}", at.to_string().chars().take(10).collect::<String>(), clock(at))
 }
 
 /// The time of day, to the minute.

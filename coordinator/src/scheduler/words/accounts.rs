@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use planner::{Explained, Explainer, Mode, Session, Ways, explain::Other};
 use proto::{RobotId, StationId, Timestamp};
 
-use super::{clash_in_words, clock, list};
+use super::{clash_in_words, list, on_clock};
 use crate::scheduler::translate::Task;
 
 /// What can be told of a robot's place in a plan.
@@ -68,7 +68,7 @@ impl<'w, 'p> Accounts<'w, 'p> {
             when_wanted: later.filter(|other| !other.lacks.is_empty()).map(|other| {
                 format!(
                     "at {}, nearer to when it is wanted: {}",
-                    clock(self.task.grid.time(other.start)),
+                    on_clock(self.task, other.start),
                     lacks_in_words(self.task, &other)
                 )
             }),
@@ -84,11 +84,11 @@ impl<'w, 'p> Accounts<'w, 'p> {
             Some(other) if other.lacks.is_empty() => {
                 let more_s = task.work_s(other.cost - self.cost_of(session));
                 let why = if more_s < 0.0 { not_taken(task, session.robot) } else { "that is no gain" };
-                format!("it could begin at {}, and would miss {}: {why}", clock(task.grid.time(other.start)), missed(more_s))
+                format!("it could begin at {}, and would miss {}: {why}", on_clock(task, other.start), missed(more_s))
             }
-            Some(other) => format!("to begin at {} instead: {}", clock(task.grid.time(other.start)), lacks_in_words(task, other)),
+            Some(other) => format!("to begin at {} instead: {}", on_clock(task, other.start), lacks_in_words(task, other)),
             None if session.start <= in_time && robot.wanted == Some(in_time) && in_time > 0 => {
-                let at = clock(task.grid.time(in_time));
+                let at = on_clock(task, in_time);
                 if view.is_hurried {
                     format!("no: it is wanted at {at}, while a tenth of the time is left until it may be empty")
                 } else {

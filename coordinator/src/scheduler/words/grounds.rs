@@ -4,7 +4,7 @@ use planner::problem::Tick;
 use planner::{Mode, Session};
 use proto::{PackId, Timestamp};
 
-use super::{clock, list};
+use super::{SOON_S, clock, list, on_date};
 use crate::scheduler::translate::Task;
 
 /// Why a service is planned as it is, as far as it is told: figures as whole numbers of what is shown.
@@ -37,6 +37,8 @@ enum Comes {
 enum Without {
     /// Minutes since 1970.
     EmptyAt(i64),
+    /// The same, on another day.
+    EmptyOn(i64),
     Lasts(i64),
 }
 
@@ -67,7 +69,9 @@ impl Grounds {
             Without::Lasts((arrives * 100.0).round() as i64)
         } else {
             let handled_s = task.view.robots[session.robot].handled_s;
-            Without::EmptyAt(task.grid.time(empty).plus_s(handled_s).unix_ms().div_euclid(60_000))
+            let at = task.grid.time(empty).plus_s(handled_s);
+            let minute = at.unix_ms().div_euclid(60_000);
+            if at.seconds_since(task.view.now) < SOON_S { Without::EmptyAt(minute) } else { Without::EmptyOn(minute) }
         };
         let to_soc = task.to_soc(session.mode);
         let only_to =
@@ -96,6 +100,7 @@ impl Grounds {
         let without = match self.without {
             Without::Lasts(percent) => format!("the robot may be empty before that, and lasts with probability {percent} %"),
             Without::EmptyAt(minute) => format!("without it the robot may be empty at {}", clock(Timestamp::from_unix_ms(minute * 60_000))),
+            Without::EmptyOn(minute) => format!("without it the robot may be empty on {}", on_date(Timestamp::from_unix_ms(minute * 60_000))),
         };
         let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);
         let from = list(packs.iter().map(AsRef::as_ref), "no pack");
