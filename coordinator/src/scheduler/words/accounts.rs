@@ -66,11 +66,7 @@ impl<'w, 'p> Accounts<'w, 'p> {
             others: others.collect(),
             earlier: session.map_or_else(Vec::new, |session| vec![self.why_not_earlier(session, earlier.as_ref())]),
             when_wanted: later.filter(|other| !other.lacks.is_empty()).map(|other| {
-                format!(
-                    "at {}, nearer to when it is wanted: {}",
-                    on_clock(self.task, other.start),
-                    lacks_in_words(self.task, &other)
-                )
+                format!("at {}, nearer to when it is wanted: {}", on_clock(self.task, other.start), lacks_in_words(self.task, &other))
             }),
         }
     }

@@ -100,7 +100,9 @@ impl Grounds {
         let without = match self.without {
             Without::Lasts(percent) => format!("the robot may be empty before that, and lasts with probability {percent} %"),
             Without::EmptyAt(minute) => format!("without it the robot may be empty at {}", clock(Timestamp::from_unix_ms(minute * 60_000))),
-            Without::EmptyOn(minute) => format!("without it the robot may be empty on {}", on_date(Timestamp::from_unix_ms(minute * 60_000))),
+            Without::EmptyOn(minute) => {
+                format!("without it the robot may be empty on {}", on_date(Timestamp::from_unix_ms(minute * 60_000)))
+            }
         };
         let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);
         let from = list(packs.iter().map(AsRef::as_ref), "no pack");
