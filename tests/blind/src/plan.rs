@@ -1,7 +1,7 @@
 //! The list of cases: which things are hidden, how often and how large. A case's seed only draws
 //! the numbers.
 
-use energy::{System, catalogue};
+use energy::{EffectSpec, System, catalogue};
 
 use crate::case::Kind;
 use crate::electrochemical::CELLS;
@@ -250,12 +250,18 @@ fn entry(kind: Kind, system: System, name: &str, subject: Subject, strength: (f6
     Entry { kind, system, name: format!("{}/{}/{name}", kind.name(), system.name()), subject, strength }
 }
 
+/// Every effect that the lab is asked about: cases tell cycles and days, so that what sums up their effects is not.
+#[must_use]
+pub fn effects() -> Vec<&'static EffectSpec> {
+    catalogue().iter().filter(|effect| effect.told_by().is_empty()).map(|effect| effect.spec()).collect()
+}
+
 fn singles() -> Vec<Entry> {
     let sizes = SIZES.iter().enumerate();
     let of_size = |(size, &strength): (usize, &(f64, f64))| {
         // Each size begins elsewhere in the catalogue, so that a short run meets many effects.
-        let (count, shift) = (catalogue().len(), size * 25);
-        let specs = (0..count).map(move |index| catalogue()[(index + shift) % count].spec());
+        let (specs, shift) = (effects(), size * 25);
+        let specs = (0..specs.len()).map(move |index| specs[(index + shift) % specs.len()]);
         specs.map(move |spec| {
             let subject = Subject::Effects { ids: vec![spec.id], confusable: false };
             entry(Kind::Single, spec.system, &format!("{}/{}", spec.id, ["small", "middle", "large"][size]), subject, strength)

@@ -1,8 +1,9 @@
 //! Which other effects do for some logs what the hidden one does: nobody can tell them apart there.
 
-use energy::{EffectSpec, ParameterSpec, catalogue};
+use energy::{EffectSpec, ParameterSpec};
 
 use crate::draft::Draft;
+use crate::plan::effects;
 use crate::refit::leaves;
 use crate::world::Course;
 
@@ -19,8 +20,7 @@ const USUAL: f64 = 0.05;
 /// does not get there by plain least squares is not among them.
 #[must_use]
 pub fn stand_ins(base: &Draft, courses: &[Course]) -> Vec<&'static str> {
-    let specs = catalogue().iter().map(|effect| effect.spec());
-    let absent = specs.filter(|spec| spec.system == base.system && !base.has(spec.id));
+    let absent = effects().into_iter().filter(|spec| spec.system == base.system && !base.has(spec.id));
     absent.filter(|spec| stands_in(base, courses, spec)).map(|spec| spec.id).collect()
 }
 
