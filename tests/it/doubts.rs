@@ -57,3 +57,23 @@ fn the_load_model_of_a_robot_is_the_one_that_its_agent_names() {
     let said = answer(&command).stdout;
     assert!(String::from_utf8_lossy(&said).starts_with("carrier-robot: missing: slope."), "{}", String::from_utf8_lossy(&said));
 }
+
+/// From a promise that a live fleet broke, by the command that it printed meanwhile, to one that it keeps.
+#[test]
+fn what_a_store_teaches_of_a_worn_pack_keeps_the_next_promise() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scenario, run) = ("aged-pack", "as printed on the pack");
+    let metric = |printed: &str, name: &str| -> f64 {
+        let line = printed.lines().find(|line| line.split_whitespace().next() == Some(name)).unwrap_or_else(|| panic!("{name}: {printed}"));
+        line.split_whitespace().nth(1).unwrap().parse().unwrap()
+    };
+    let before = simulate(scenario, run, "--store", &folder.path().join("site.db"));
+    assert_eq!((metric(&before, "promises_broken"), metric(&before, "robots_served")), (3.0, 0.0));
+    let found = folder.path().join("found.toml");
+    let mut command = command(&before, "the model of pack-1 of mds-1");
+    command.extend(["--output".to_owned(), found.display().to_string()]);
+    let output = answer(&command);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let after = simulate(scenario, run, "--model", &found);
+    assert_eq!((metric(&after, "promises_broken"), metric(&after, "robots_served")), (0.0, 2.0));
+}
