@@ -9,7 +9,7 @@ use anyhow::{Context as _, ensure};
 use coordinator::certs::{self, Day, Holder};
 use node::Tls;
 use proto::EventKind;
-use tests::{Fleet, free_port, program, start, workspace};
+use tests::{Fleet, free_port, patiently, program, start, workspace};
 
 /// Days from 1970 around the present.
 const NOW: std::ops::Range<Day> = 20_000..40_000;
@@ -76,9 +76,11 @@ fn a_fleet_with_certificates_is_served_and_keeps_its_secrets() -> anyhow::Result
 
     // Two with one certificate, and so with one id: the later one is refused as it is without TLS.
     let mut second = program("robot-agent");
-    second.args(["run", "--config"]).arg(fleet.path("explorer-1.toml")).stdout(Stdio::null()).stderr(Stdio::piped());
-    let second = second.output()?;
-    let second_said = String::from_utf8_lossy(&second.stderr).into_owned();
+    let says = fleet.path("second-said");
+    second.args(["run", "--config"]).arg(fleet.path("explorer-1.toml")).stdout(Stdio::null()).stderr(std::fs::File::create(&says)?);
+    let mut second = start(second)?;
+    ensure!(patiently(Duration::from_secs(60), || second.ended()), "nobody refuses it; does the coordinator still run?");
+    let second_said = std::fs::read_to_string(&says)?;
     ensure!(second_said.contains("another process speaks as robot explorer-1 already"), "{second_said}");
 
     let port = fleet.deployment.coordinator.web.port;
