@@ -52,6 +52,18 @@ fn build() -> PathBuf {
 pub struct Running(Child);
 
 impl Running {
+    /// Names of the process' threads, where the system tells them.
+    #[must_use]
+    pub fn threads(&self) -> Option<Vec<String>> {
+        let names = std::fs::read_dir(format!("/proc/{}/task", self.0.id())).ok()?.flatten();
+        Some(
+            names
+                .filter_map(|thread| std::fs::read_to_string(thread.path().join("comm")).ok())
+                .map(|name| name.trim().to_owned())
+                .collect(),
+        )
+    }
+
     /// Kills the process at once, as a power cut would.
     pub fn kill(&mut self) {
         let _ = self.0.kill();

@@ -11,6 +11,7 @@
 //!           wire.rs     estimates and readings on the wire
 //!   shell   clock.rs    real or accelerated time
 //!           network.rs  the [network] table; access.rs who may say what
+//!           one_thread.rs over TLS, one thread both reads and writes
 //!           session.rs  a Zenoh session: publish, ask, serve, watch; sole.rs nobody else speaks as this agent
 //!           files.rs    texts and models from disk
 //!           settings.rs keys from flags and environment over those of the file
@@ -35,6 +36,7 @@ pub mod log;
 mod memory;
 pub mod mission;
 mod network;
+mod one_thread;
 mod publish;
 mod selector;
 pub mod session;
@@ -54,6 +56,7 @@ pub use ledger::{Ledger, refused};
 pub use live_log::LiveLog;
 pub use memory::MemoryFile;
 pub use network::{NetworkConfig, Tls};
+pub use one_thread::begin_with_one_thread;
 pub use publish::{Due, Publish};
 pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY};
 pub use session::Link;

@@ -127,6 +127,7 @@ fn write_manual(dir: &Path) -> ExitCode {
 async fn run(args: RunArgs) -> anyhow::Result<()> {
     let log = args.log.clone().map(node::LiveLog::new);
     let (config, path) = configured(args)?;
+    node::begin_with_one_thread(&config.network)?;
     let (mut agent, source) = config.build(path.as_deref())?;
     let memory = node::MemoryFile::new(config.memory.as_deref(), path.as_deref());
     if let Some(kept) = memory.read()? {

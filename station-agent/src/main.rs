@@ -102,6 +102,7 @@ async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<Pa
     if !connect.is_empty() {
         config.network.connect = connect;
     }
+    node::begin_with_one_thread(&config.network)?;
     let (mut agent, source) = config.build_simulated(Some(&path))?;
     let memory = node::MemoryFile::new(config.memory.as_deref(), Some(&path));
     if let Some(kept) = memory.read()? {

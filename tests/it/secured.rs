@@ -95,6 +95,12 @@ fn a_fleet_with_certificates_is_served_and_keeps_its_secrets() -> anyhow::Result
         ensure!(line.contains(status), "{host}, {token:?}: {line}");
     }
 
+    // One thread at a time is in a TLS connection: the one that writes reads as well.
+    for threads in agents.iter().chain([&coordinator]).filter_map(tests::Running::threads) {
+        let has = |begin: &str| threads.iter().any(|name| name.starts_with(begin));
+        ensure!(has("tx-") && !has("rx-"), "threads: {threads:?}");
+    }
+
     drop(agents);
     coordinator.stop(Duration::from_secs(30)).context("it does not stop")?;
     // The token stands in the file that gives it, and nowhere else: neither in the store nor in what was said.

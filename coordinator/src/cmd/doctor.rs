@@ -75,7 +75,10 @@ impl Finding {
 /// When the answer cannot be printed as JSON.
 pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let findings = match Config::read_with(&args.config, &args.set) {
-        Ok(config) => all(args, &config).await,
+        Ok(config) => {
+            node::begin_with_one_thread(&config.network)?;
+            all(args, &config).await
+        }
         Err(error) => vec![config::unreadable(&args.config, &error)],
     };
     match args.format {

@@ -54,6 +54,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     }
     config.web.port = args.web_port.unwrap_or(config.web.port);
     config.web.enabled &= !args.no_web;
+    node::begin_with_one_thread(&config.network)?;
     let mut stop = std::pin::pin!(node::told_to_stop());
     loop {
         match service::run(&config, Some(&args.config), &mut stop).await {

@@ -80,6 +80,7 @@ struct Place {
 /// When neither a coordinator answers nor a store can be read, or the robot is not known.
 pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let place = place(args)?;
+    node::begin_with_one_thread(&place.network)?;
     match args.what.as_ref().unwrap_or(&What::Show { gantt: false, svg: None }) {
         What::Show { gantt, svg } => {
             let schedule: Schedule = match live(&place, &Key::Schedule).await? {
