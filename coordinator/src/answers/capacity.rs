@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use energy::{Estimate, Need};
 use planner::Mode;
-use proto::{Capacity, PackId, RobotId};
+use proto::{BayId, Capacity, PackId, RobotId};
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use crate::forecast;
 use crate::models::{StationModels, from_wire};
-use crate::scheduler::capacity::{Coming, Holding, Place, Question, Wanted, capacity as count};
+use crate::scheduler::capacity::{Coming, Holding, Place, Question, Supply, Wanted, capacity as count};
 use crate::scheduler::charging::{Course, Table};
 use crate::scheduler::translate::HORIZON_MAX_S;
 use crate::scheduler::{PackView, Plan, Planned, Racks, Recharging, RobotView, StationView, View, WHOLE_FLEET_MAX, packs_after_begun};
@@ -86,8 +86,7 @@ fn question(
                 kind => usual(soc, table, kind),
             },
         };
-        let from_s = from_s - station.committed_until_s;
-        Some(Coming { robot: robot.robot.clone(), wanted, from_s, is_planned: planned.is_some() })
+        Some(Coming { robot: robot.robot.clone(), wanted, from_s: *from_s, is_planned: planned.is_some() })
     });
     let mut service = usual(Estimate::exact(from_soc), &table, None);
     let battery = basis.reference_battery()?;
@@ -96,18 +95,15 @@ fn question(
     }
     Some(Question {
         station: id.clone(),
+        begun_until_s: station.committed_until_s,
         packs: state.packs.iter().filter_map(|pack| holding(basis, station, &pack.pack, pack.connected)).collect(),
-        usable_wh: together_wh(station),
+        together: supply(basis, station),
         robots: coming.collect(),
         recharging: station.recharging.iter().map(|charged| charged.after(station.committed_until_s)).collect(),
         breakdown_wh: if exchanges { by_cause(&service) } else { table.breakdown_wh.clone() },
         service,
-        bays: state.bays.len() as u32,
-        spares: station
-            .spares
-            .iter()
-            .map(|spare| (racks.kind(index, spare), (spare.ready_s - station.committed_until_s).max(0.0)))
-            .collect(),
+        bays_s: state.bays.iter().map(|bay| taken_until_s(station, &bay.bay)).collect(),
+        spares: station.spares.iter().map(|spare| (racks.kind(index, spare), spare.ready_s.max(0.0))).collect(),
         overhead_per_h: station.overhead_per_h.clone(),
         overhead_breakdown: forecast::overhead_breakdown(models),
     })
@@ -168,35 +164,52 @@ fn as_planned(planned: &Planned, station: &StationView, models: &StationModels, 
     Wanted { need, time_s, course, place, left }
 }
 
+/// Until when a bay is taken by a service that has begun, s from now.
+fn taken_until_s(station: &StationView, bay: &BayId) -> f64 {
+    station.begun.iter().filter(|begun| begun.bay.as_ref() == Some(bay)).map(|begun| begun.until_s).fold(0.0, f64::max)
+}
+
+/// All packs of a station; how they stand is known of them in a fleet that is stepped.
+fn supply(basis: &Basis<'_>, station: &StationView) -> Supply {
+    let supply = Supply::of(station);
+    let is_stepped = basis.fleet.robots.len() <= WHOLE_FLEET_MAX;
+    Supply { packs: supply.packs.filter(|_| is_stepped), ..supply }
+}
+
 /// What a pack holds when services that have begun are paid for; none of a pack that is away for nobody knows how long.
 fn holding(basis: &Basis<'_>, station: &StationView, pack: &PackId, is_connected: bool) -> Option<Holding> {
     let planned = station.packs.iter().position(|planned| planned.pack == *pack);
     if !is_connected && planned.is_none() {
         return None;
     }
-    let begun = station.begun();
     // A pack that gave out, or that no model is known of, is in no plan.
-    let usable_wh = free_wh(&station.packs, begun.estimate()).get(pack).copied().unwrap_or(Estimate::exact(0.0));
+    let usable_wh = free_wh(&station.packs, station.begun().estimate()).get(pack).copied().unwrap_or(Estimate::exact(0.0));
     let gauge = basis.fleet.stations.get(&station.station)?.packs.get(pack);
-    let states = (basis.fleet.robots.len() <= WHOLE_FLEET_MAX).then(|| packs_after_begun(station)).flatten();
-    Some(Holding {
-        pack: pack.clone(),
-        remaining_wh: gauge.filter(|_| is_connected).map_or(usable_wh, |gauge| from_wire(gauge.remaining_wh)),
-        usable_wh,
-        gain_wh: planned.map_or(Estimate::exact(0.0), |index| {
-            let pack = &station.packs[index];
-            Estimate::new(pack.gain_wh, pack.usable_wh.sigma)
-        }),
-        state: planned.and_then(|index| Some(states?[index].clone())),
-        from_s: planned.map_or(0.0, |index| (station.packs[index].available_s - station.committed_until_s).max(0.0)),
-    })
+    let is_there = planned.is_some_and(|index| station.packs[index].available_s <= 0.0);
+    let alone = match planned {
+        // What the station has is what it has.
+        Some(0) if is_there && station.packs.len() == 1 => supply(basis, station),
+        _ => alone(basis, station, planned, usable_wh),
+    };
+    let remaining_wh = gauge.filter(|_| is_connected).map_or(usable_wh, |gauge| from_wire(gauge.remaining_wh));
+    Some(Holding { pack: pack.clone(), remaining_wh, alone, is_there })
 }
 
-/// What all packs have left when services that have begun are paid for.
-fn together_wh(station: &StationView) -> Estimate {
-    let held = station.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
-    let begun = station.begun().estimate();
-    Estimate::new((held.value - begun.value).max(0.0), held.sigma.hypot(begun.sigma))
+/// One of several packs as if it were the only one, and there, when what has begun was drawn as it will be.
+fn alone(basis: &Basis<'_>, station: &StationView, planned: Option<usize>, usable_wh: Estimate) -> Supply {
+    let states = (basis.fleet.robots.len() <= WHOLE_FLEET_MAX).then(|| packs_after_begun(station)).flatten();
+    let usable_wh = planned.map_or(usable_wh, |index| {
+        let pack = &station.packs[index];
+        Estimate::new(usable_wh.value + pack.gain_wh, usable_wh.sigma.max(pack.usable_wh.sigma))
+    });
+    let left = station.recharging.iter().map(|charged| charged.after(station.committed_until_s));
+    Supply {
+        usable_wh,
+        begun: Need::default(),
+        parts: left.map(|left| left.part()).collect(),
+        overhead_from_s: station.committed_until_s.max(0.0),
+        packs: planned.and_then(|index| Some(vec![(0.0, states?[index].clone())])),
+    }
 }
 
 /// What each pack has left when services that have begun are paid for, in the order in which packs are drained: none has less

@@ -19,7 +19,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::carry::{Load, Part, SIGMAS_MAX};
 use super::charging::Course;
-use super::problem::PackState;
+use super::problem::{PackState, StationView};
 use super::recharging::Recharging;
 
 /// More services than this are not counted.
@@ -35,27 +35,28 @@ const STEPPED_MAX: usize = 32;
 /// Margins of this many standard deviations are told as certain: 99.95 %.
 const CERTAIN_SIGMAS: f64 = 3.3;
 
-/// What a station is asked.
+/// What a station is asked. Times are s from now.
 #[derive(Debug, Clone)]
 pub struct Question {
     /// Which.
     pub station: StationId,
-    /// Its packs.
+    /// When the services that have begun are over: what is drawn until then for them and by the station itself is theirs.
+    pub begun_until_s: f64,
+    /// Its packs, each by itself.
     pub packs: Vec<Holding>,
-    /// What all of them give together when the services that have begun are paid for, Wh.
-    pub usable_wh: Estimate,
+    /// All of them together.
+    pub together: Supply,
     /// Robots in the order in which they come.
     pub robots: Vec<Coming>,
     /// A service from where one is wanted to where it is done.
     pub service: Wanted,
     /// The same by cause, Wh.
     pub breakdown_wh: BTreeMap<String, f64>,
-    /// Packs that robots left, from when the services that have begun are over.
+    /// What charging packs that robots left takes after that.
     pub recharging: Vec<Recharging>,
-    /// Services at once.
-    pub bays: u32,
-    /// The kind of each of its spares, and when it is charged and there to be handed out, s from when the services that have begun
-    /// are over.
+    /// When each bay is free.
+    pub bays_s: Vec<f64>,
+    /// The kind of each of its spares, and when it is charged and there to be handed out.
     pub spares: Vec<(u16, f64)>,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
@@ -103,7 +104,7 @@ pub struct Coming {
     pub robot: RobotId,
     /// What for.
     pub wanted: Wanted,
-    /// From when it is there and wants it, s from when the services that have begun are over; 0 or less is at once.
+    /// From when it is there and wants it, s from now; 0 or less is at once.
     pub from_s: f64,
     /// Whether it begins then, as planned, or when a bay is free.
     pub is_planned: bool,
@@ -116,14 +117,41 @@ pub struct Holding {
     pub pack: PackId,
     /// What its gauge says, Wh.
     pub remaining_wh: Estimate,
-    /// What it gives to services as one of the station's packs, Wh.
+    /// What services that have not begun can draw from it, were it the only one.
+    pub alone: Supply,
+    /// Whether it is there now.
+    pub is_there: bool,
+}
+
+/// What services can draw on.
+#[derive(Debug, Clone)]
+pub struct Supply {
+    /// What it gives, Wh.
     pub usable_wh: Estimate,
-    /// How much more it gives alone, Wh, and how surely it is known what it gives at all.
-    pub gain_wh: Estimate,
-    /// How it stands when the services that have begun are over; none where that is not known, or would take too long.
-    pub state: Option<PackState>,
-    /// When it is there, s from when the services that have begun are over.
-    pub from_s: f64,
+    /// What of that is for services that have begun, and for the station itself until these are over.
+    pub begun: Need,
+    /// What is drawn anyway and when (from, to, W).
+    pub parts: Vec<Part>,
+    /// From when it pays what the station takes by itself, s from now.
+    pub overhead_from_s: f64,
+    /// Its packs in the order in which they are drained, from when each is there (s from now) and how it stands then; none where
+    /// that is not known, or would take too long.
+    pub packs: Option<Vec<(f64, PackState)>>,
+}
+
+impl Supply {
+    /// All packs of a station, from now on.
+    #[must_use]
+    pub fn of(station: &StationView) -> Self {
+        let held = station.packs.iter().fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh)));
+        Self {
+            usable_wh: held.estimate(),
+            begun: station.begun(),
+            parts: station.begun_parts(),
+            overhead_from_s: 0.0,
+            packs: station.packs.iter().map(|pack| Some((pack.available_s, pack.state.clone()?))).collect(),
+        }
+    }
 }
 
 /// What one amount of energy is enough for.
@@ -131,8 +159,8 @@ struct Count {
     /// As told, or what it comes to along these services.
     usable_wh: Estimate,
     promises: Vec<Promise>,
-    expected: u32,
-    promised: u32,
+    /// Probability of the first k services, while it is not negligible.
+    probabilities: Vec<f64>,
     short_wh: f64,
     /// What the first that is not promised lacks, if that is not energy.
     lacks: Option<Lack>,
@@ -157,11 +185,15 @@ struct Free {
 /// Answers for every pack and station, at this confidence.
 #[must_use]
 pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capacity {
-    let packs = questions.iter().flat_map(|question| question.packs.iter().map(move |pack| of_pack(question, pack, confidence))).collect();
-    let stations: Vec<StationCapacity> = questions.iter().map(|question| of_station(question, confidence)).collect();
+    let (mut packs, mut stations) = (Vec::new(), Vec::new());
+    for question in questions {
+        let together = question.count(&question.together, confidence);
+        packs.extend(question.packs.iter().map(|pack| of_pack(question, pack, &together, confidence)));
+        stations.push(of_station(question, together, confidence));
+    }
     Capacity {
         at,
-        robots_expected: stations.iter().map(|station| station.robots_expected).sum(),
+        robots_expected: stations.iter().map(|station: &StationCapacity| station.robots_expected).sum(),
         robots_promised: stations.iter().map(|station| station.robots_promised).sum(),
         packs,
         stations,
@@ -169,12 +201,13 @@ pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capac
     }
 }
 
-fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapacity {
-    let (usable, gain) = (holding.usable_wh, holding.gain_wh);
-    let usable_wh = Estimate::new(usable.value + gain.value, usable.sigma.max(gain.sigma));
-    // Asked alone, a pack is there.
-    let count = question.count(usable_wh, &[Holding { from_s: 0.0, ..holding.clone() }], confidence);
-    let per_service_h = question.service.time_s / S_PER_H / f64::from(question.bays.max(1));
+fn of_pack(question: &Question, holding: &Holding, together: &Count, confidence: f64) -> PackCapacity {
+    let mut count = question.count(&holding.alone, confidence);
+    // A part has no more for services than the whole: alone it is asked as if what has begun were drawn before, not beside them.
+    if holding.is_there {
+        count.no_more_than(together, confidence);
+    }
+    let per_service_h = question.service.time_s / S_PER_H / question.bays_s.len().max(1) as f64;
     let mut breakdown_wh = question.breakdown_wh.clone();
     for (cause, w) in &question.overhead_breakdown {
         *breakdown_wh.entry(cause.clone()).or_insert(0.0) += w * per_service_h;
@@ -187,8 +220,8 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
         usable_wh: node::wire(count.usable_wh),
         service_wh: node::wire(service_wh),
         breakdown_wh,
-        robots_expected: count.expected,
-        robots_promised: count.promised,
+        robots_expected: count.at_least(0.5),
+        robots_promised: count.at_least(confidence),
         confidence,
         short_for_next_wh: count.short_wh,
         lacks_bay: count.lacks == Some(Lack::Bay),
@@ -199,13 +232,12 @@ fn of_pack(question: &Question, holding: &Holding, confidence: f64) -> PackCapac
 }
 
 /// All packs of the station together: a service may begin on one and end on the next.
-fn of_station(question: &Question, confidence: f64) -> StationCapacity {
-    let count = question.count(question.usable_wh, &question.packs, confidence);
+fn of_station(question: &Question, count: Count, confidence: f64) -> StationCapacity {
     StationCapacity {
         station: question.station.clone(),
         usable_wh: node::wire(count.usable_wh),
-        robots_expected: count.expected,
-        robots_promised: count.promised,
+        robots_expected: count.at_least(0.5),
+        robots_promised: count.at_least(confidence),
         short_for_next_wh: count.short_wh,
         lacks_bay: count.lacks == Some(Lack::Bay),
         lacks_spare: count.lacks == Some(Lack::Spare),
@@ -215,14 +247,14 @@ fn of_station(question: &Question, confidence: f64) -> StationCapacity {
 }
 
 impl Question {
-    /// How many services these packs, which count as `usable_wh`, are enough for.
-    fn count(&self, usable_wh: Estimate, packs: &[Holding], confidence: f64) -> Count {
-        let (mut promises, mut expected, mut promised) = (Vec::new(), 0, 0);
-        let (mut services, mut recharging, mut short_wh) = (Need::default(), self.recharging.clone(), None);
-        let mut parts: Vec<Part> = recharging.iter().map(Recharging::part).collect();
-        let mut lacks = None;
-        let mut free = Free { bays_s: vec![0.0_f64; self.bays.min(SERVICES_MAX as u32) as usize], spares: self.spares.clone() };
-        let (mut ends_s, mut before, mut told_wh) = (0.0_f64, 1.0_f64, usable_wh.value);
+    /// How many services that have not begun these packs are enough for.
+    fn count(&self, supply: &Supply, confidence: f64) -> Count {
+        let begun = supply.begun.estimate();
+        let usable_wh = Estimate::new((supply.usable_wh.value - begun.value).max(0.0), supply.usable_wh.sigma.hypot(begun.sigma));
+        let mut count = Count { usable_wh, promises: Vec::new(), probabilities: Vec::new(), short_wh: 0.0, lacks: None };
+        let (mut services, mut recharging, mut parts) = (Need::default(), self.recharging.clone(), supply.parts.clone());
+        let mut free = Free { bays_s: self.bays_s.iter().copied().take(SERVICES_MAX).collect(), spares: self.spares.clone() };
+        let (mut ends_s, mut before, mut is_enough) = (self.begun_until_s.max(0.0), 1.0_f64, true);
         for number in 1..=SERVICES_MAX {
             let robot = self.robots.get(number - 1);
             let wanted = robot.map_or(&self.service, |coming| &coming.wanted);
@@ -235,48 +267,72 @@ impl Question {
             let left = wanted.left.as_ref().map(|left| left.later(start_s));
             parts.extend(left.as_ref().map(Recharging::part));
             recharging.extend(left);
-            let beside = recharging.iter().fold(self.overhead_per_h.scaled(ends_s / S_PER_H), |sum, pack| sum.plus(&pack.by(ends_s)));
-            let need = services.plus(&beside).estimate();
-            let sigma_wh = usable_wh.sigma.hypot(need.sigma).max(1e-9);
-            let counted_wh = usable_wh.value - need.value;
+            let overhead = self.overhead_per_h.scaled((ends_s - self.begun_until_s.max(0.0)) / S_PER_H);
+            let need = recharging.iter().fold(services.plus(&overhead), |sum, pack| sum.plus(&pack.by(ends_s)));
+            let (need, all) = (need.estimate(), need.plus(&supply.begun).estimate());
+            let sigma_wh = supply.usable_wh.sigma.hypot(all.sigma).max(1e-9);
+            let counted_wh = supply.usable_wh.value - all.value;
             // Counted energy errs on the safe side: what it says is certain is certain.
             let is_close = number <= STEPPED_MAX && (-SIGMAS_MAX..CERTAIN_SIGMAS).contains(&(counted_wh / sigma_wh));
-            let stepped_wh = is_close.then(|| self.stepped_wh(packs, &parts, ends_s, sigma_wh)).flatten();
+            let stepped_wh = is_close.then(|| self.stepped_wh(supply, &parts, ends_s, sigma_wh)).flatten();
             let spare_wh = stepped_wh.unwrap_or(counted_wh);
             // What is told is what decides: how much the packs give to the services that they are just or just not enough for.
-            if stepped_wh.is_some() && short_wh.is_none() {
-                told_wh = need.value + spare_wh;
+            if stepped_wh.is_some() && is_enough {
+                count.usable_wh.value = (need.value + spare_wh).max(0.0);
             }
-            let (mut probability, short) = margin(Estimate::new(spare_wh, sigma_wh), confidence);
+            let (mut probability, short_wh) = margin(Estimate::new(spare_wh, sigma_wh), confidence);
             if lack.is_some() {
                 probability = 0.0;
             }
             // One more is never likelier.
             probability = probability.min(before);
             before = probability;
-            expected += u32::from(probability >= 0.5);
-            promised += u32::from(probability >= confidence);
-            if probability < confidence && short_wh.is_none() {
-                short_wh = Some(short);
-                lacks = lack;
+            if probability < confidence && is_enough {
+                (is_enough, count.short_wh, count.lacks) = (false, short_wh, lack);
             }
+            count.probabilities.push(probability);
             if probability >= TOLD_MIN && (robot.is_some() || number <= TOLD_MAX) {
-                promises.push(Promise { robot: robot.map(|coming| coming.robot.clone()), probability, need_wh: node::wire(need) });
+                let robot = robot.map(|coming| coming.robot.clone());
+                count.promises.push(Promise { robot, probability, need_wh: node::wire(need) });
             }
             if probability < TOLD_MIN {
                 break;
             }
         }
-        let usable_wh = Estimate::new(told_wh, usable_wh.sigma);
-        Count { usable_wh, promises, expected, promised, short_wh: short_wh.unwrap_or(0.0), lacks }
+        count
     }
 
     /// How much more than these services the packs could carry, Wh, where that is known.
-    fn stepped_wh(&self, packs: &[Holding], parts: &[Part], until_s: f64, sigma_wh: f64) -> Option<f64> {
-        let holding = packs.iter().filter(|pack| pack.usable_wh.value > 0.0);
-        let there: Option<Vec<_>> = holding.map(|pack| Some((pack.from_s, pack.state.as_ref()?))).collect();
-        let load = Load { parts, overhead_w: self.overhead_per_h.mean_wh, until_s };
-        there.map(|packs| load.spare_wh(&packs, sigma_wh))
+    fn stepped_wh(&self, supply: &Supply, parts: &[Part], until_s: f64, sigma_wh: f64) -> Option<f64> {
+        let packs: Vec<_> = supply.packs.as_ref()?.iter().map(|(from_s, state)| (*from_s, state)).collect();
+        let load = Load { parts, overhead_w: self.overhead_per_h.mean_wh, overhead_from_s: supply.overhead_from_s, until_s };
+        Some(load.spare_wh(&packs, sigma_wh))
+    }
+}
+
+impl Count {
+    /// How many services are at least as sure as that.
+    fn at_least(&self, probability: f64) -> u32 {
+        self.probabilities.iter().take_while(|&&sure| sure >= probability).count() as u32
+    }
+
+    /// Tells no more of the same services than another count does.
+    fn no_more_than(&mut self, other: &Self, confidence: f64) {
+        let promised_before = self.at_least(confidence);
+        let most = |number: usize| other.probabilities.get(number).copied().unwrap_or(0.0);
+        for (number, probability) in self.probabilities.iter_mut().enumerate() {
+            *probability = probability.min(most(number));
+        }
+        for (number, promise) in self.promises.iter_mut().enumerate() {
+            promise.probability = promise.probability.min(most(number));
+        }
+        self.promises.retain(|promise| promise.probability >= TOLD_MIN);
+        self.usable_wh.value = self.usable_wh.value.min(other.usable_wh.value);
+        match (self.at_least(confidence), other.at_least(confidence)) {
+            (promised, most) if promised < most => {}
+            _ if promised_before > self.at_least(confidence) => (self.short_wh, self.lacks) = (other.short_wh, other.lacks),
+            _ => self.short_wh = self.short_wh.max(other.short_wh),
+        }
     }
 }
 

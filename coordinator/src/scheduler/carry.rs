@@ -24,7 +24,7 @@ const TAIL_S: f64 = 3600.0;
 const TAIL_MAX_S: f64 = 7.0 * 24.0 * 3600.0;
 
 /// A part of the load: from when until when (s from now), and how much (W).
-pub(super) type Part = (f64, f64, f64);
+pub type Part = (f64, f64, f64);
 
 /// Packs in the order in which they are drained: from when each is there (s from now), and how it stands.
 pub(super) type Packs<'a> = [(f64, &'a PackState)];
@@ -35,6 +35,8 @@ pub(super) struct Load<'a> {
     pub(super) parts: &'a [Part],
     /// What the station takes beside them, W.
     pub(super) overhead_w: f64,
+    /// From when that is for these packs, s from now.
+    pub(super) overhead_from_s: f64,
     /// Until then, s from now.
     pub(super) until_s: f64,
 }
@@ -93,14 +95,16 @@ impl Load<'_> {
         for &(from_s, to_s, power_w) in self.parts.iter().filter(|(from_s, to_s, _)| to_s > from_s) {
             changes.extend([(from_s.max(0.0), power_w, 1), (to_s.max(0.0), -power_w, -1)]);
         }
-        changes.extend(packs.iter().map(|&(from_s, _)| (from_s.max(0.0), 0.0, 0)));
+        let comes = packs.iter().map(|&(from_s, _)| from_s).chain([self.overhead_from_s]);
+        changes.extend(comes.map(|from_s| (from_s.max(0.0), 0.0, 0)));
         changes.sort_by(|a, b| a.0.total_cmp(&b.0));
         changes.retain(|change| change.0 < self.until_s);
         changes.push((self.until_s, 0.0, 0));
         let (mut steps, mut from_s, mut drawn_w, mut drawing) = (Vec::new(), 0.0, 0.0, 0);
         for (at_s, more_w, more) in changes {
             if at_s - from_s > 1e-6 {
-                steps.push(Step { dt_s: at_s - from_s, power_w: self.overhead_w + drawn_w, serves: drawing > 0 });
+                let overhead_w = if from_s + 1e-6 < self.overhead_from_s { 0.0 } else { self.overhead_w };
+                steps.push(Step { dt_s: at_s - from_s, power_w: overhead_w + drawn_w, serves: drawing > 0 });
                 from_s = at_s;
             }
             drawing += more;
@@ -116,7 +120,12 @@ impl Load<'_> {
 pub fn packs_after_begun(station: &StationView) -> Option<Vec<PackState>> {
     let packs: Option<Vec<_>> = station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect();
     let packs = packs?;
-    let load = Load { parts: &station.begun_parts(), overhead_w: station.overhead_per_h.mean_wh, until_s: station.committed_until_s };
+    let load = Load {
+        parts: &station.begun_parts(),
+        overhead_w: station.overhead_per_h.mean_wh,
+        overhead_from_s: 0.0,
+        until_s: station.committed_until_s,
+    };
     let mut bank = Bank::new(&packs);
     for step in load.steps(&packs) {
         bank.gives(step.power_w, step.dt_s);
@@ -213,7 +222,7 @@ mod tests {
         // 84 Wh, of which an hour at 30 W takes 30: it is over 40 Wh more, however little is known of them.
         let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
         let pack = PackState { model, soc: Estimate::exact(1.0), temperature_degc: 25.0 };
-        let load = Load { parts: &[(0.0, 3600.0, 25.0)], overhead_w: 5.0, until_s: 3600.0 };
+        let load = Load { parts: &[(0.0, 3600.0, 25.0)], overhead_w: 5.0, overhead_from_s: 0.0, until_s: 3600.0 };
         let spare_wh = [1.0, 2.0, 17.0].map(|sigma_wh| load.spare_wh(&[(0.0, &pack)], sigma_wh));
         assert!((spare_wh[0] - 6.0).abs() < 1e-9, "no further than six deviations: {spare_wh:?}");
         assert!(spare_wh[1] > 40.0 && (spare_wh[1] - spare_wh[2]).abs() < 1e-9, "{spare_wh:?}");

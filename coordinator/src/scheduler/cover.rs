@@ -85,7 +85,7 @@ impl<'a> Cover<'a> {
     /// not known.
     fn stepped_wh(&self, until_s: f64, sigma_wh: f64) -> Option<f64> {
         let parts = self.load()?;
-        let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, until_s };
+        let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, overhead_from_s: 0.0, until_s };
         Some(load.spare_wh(&self.packs(|_| true)?, sigma_wh))
     }
 
@@ -95,7 +95,7 @@ impl<'a> Cover<'a> {
         let parts = self.load()?;
         let until_s = parts.iter().map(|part| part.1).fold(self.station.committed_until_s.max(0.0), f64::max);
         let is_there = |pack: &PackView| pack.available_s <= 0.0;
-        let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, until_s };
+        let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, overhead_from_s: 0.0, until_s };
         let counted_wh: f64 = self.station.packs.iter().filter(|pack| is_there(pack)).map(|pack| pack.usable_wh.value).sum();
         Some(load.given_wh(&self.packs(is_there)?) - counted_wh)
     }

@@ -140,7 +140,8 @@ impl StationView {
     }
 
     /// What is drawn for services that have begun and for packs that robots left, as parts of a load.
-    pub(super) fn begun_parts(&self) -> Vec<Part> {
+    #[must_use]
+    pub fn begun_parts(&self) -> Vec<Part> {
         let until_s = self.committed_until_s;
         let services = (until_s > 0.0).then(|| (0.0, until_s, self.committed.mean_wh / until_s * S_PER_H));
         services.into_iter().chain(self.recharging.iter().map(Recharging::part)).collect()

@@ -35,10 +35,10 @@ impl Recharging {
         self.need.scaled(self.share(time_s))
     }
 
-    /// The rest of it as seen from that time on.
+    /// What of it is left at a time, s from now.
     #[must_use]
     pub fn after(&self, time_s: f64) -> Self {
-        let [from_s, until_s] = [self.from_s, self.until_s].map(|at_s| (at_s - time_s).max(0.0));
+        let [from_s, until_s] = [self.from_s, self.until_s].map(|at_s| at_s.max(time_s));
         Self { from_s, until_s, need: self.need.scaled(1.0 - self.share(time_s)) }
     }
 
@@ -49,7 +49,8 @@ impl Recharging {
     }
 
     /// As a part of a load.
-    pub(super) fn part(&self) -> Part {
+    #[must_use]
+    pub fn part(&self) -> Part {
         (self.from_s, self.until_s, self.need.mean_wh / (self.until_s - self.from_s).max(1.0) * S_PER_H)
     }
 
@@ -75,7 +76,7 @@ mod tests {
         for time_s in [0.0, 300.0, 2400.0] {
             assert!((charged.after(time_s).part().2 - 20.0).abs() < 1e-9);
         }
-        assert_eq!(charged.after(2400.0).part().1, 1800.0);
+        assert_eq!((charged.after(2400.0).part().0, charged.after(2400.0).part().1), (2400.0, 4200.0));
         assert_eq!(charged.later(60.0).part(), (660.0, 4260.0, 20.0));
     }
 }

@@ -1,6 +1,7 @@
 //! The simulator and its command, from outside.
 
 mod calibration;
+mod capacity;
 mod commands;
 mod faults;
 mod fuzz;

@@ -5,24 +5,29 @@ use energy::pack::Battery as _;
 
 use super::*;
 
-fn question(usable_wh: &[f64], bays: u32) -> Question {
+fn question(usable_wh: &[f64], bays: usize) -> Question {
     let pack = |(n, wh): (usize, &f64)| {
         let (pack, wh) = (PackId::new(format!("p-{n}")).unwrap(), Estimate::exact(*wh));
-        Holding { pack, remaining_wh: wh, usable_wh: wh, gain_wh: Estimate::exact(0.0), state: None, from_s: 0.0 }
+        Holding { pack, remaining_wh: wh, alone: supply(wh), is_there: true }
     };
     Question {
         station: StationId::new("s").unwrap(),
+        begun_until_s: 0.0,
         packs: usable_wh.iter().enumerate().map(pack).collect(),
-        usable_wh: Estimate::exact(usable_wh.iter().sum()),
+        together: supply(Estimate::exact(usable_wh.iter().sum())),
         robots: Vec::new(),
         recharging: Vec::new(),
         service: wanted(20.0),
         breakdown_wh: BTreeMap::new(),
-        bays,
+        bays_s: vec![0.0; bays],
         spares: Vec::new(),
         overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
         overhead_breakdown: BTreeMap::from([("hotel".to_owned(), 6.0)]),
     }
+}
+
+fn supply(usable_wh: Estimate) -> Supply {
+    Supply { usable_wh, begun: Need::default(), parts: Vec::new(), overhead_from_s: 0.0, packs: None }
 }
 
 fn wanted(wh: f64) -> Wanted {
@@ -158,6 +163,36 @@ fn a_spare_that_is_charged_again_serves_as_long_as_the_energy_lasts() {
     assert!((answer.service_wh.value - 21.1).abs() < 1e-9);
 }
 
+#[test]
+fn what_has_begun_is_paid_beside_the_services_that_follow_and_the_hotel_once() {
+    // 30 Wh are drawn until the hour is over, with the station's own 6 Wh. A service that is planned from half past on takes its
+    // 20 Wh and half an hour of the hotel after that; the next waits for the bay.
+    let mut asked = question(&[70.0], 2);
+    asked.begun_until_s = 3600.0;
+    asked.together.begun = Need { mean_wh: 36.0, ..Need::default() };
+    asked.bays_s = vec![3600.0, 0.0];
+    asked.robots = vec![Coming { is_planned: true, ..coming("a", 20.0, 1800.0) }];
+    let told = capacity(Timestamp::from_unix_ms(0), &[asked], 0.95).stations.remove(0);
+    let needed: Vec<f64> = told.promises.iter().map(|promise| promise.need_wh.value).collect();
+    assert_eq!((needed, told.usable_wh.value), (vec![23.0], 34.0));
+    // Two hours in all: 40 Wh, and 6 for the second hour, of the 34 that are left.
+    assert!((told.short_for_next_wh - 12.0).abs() < 1e-6, "{told:?}");
+}
+
+#[test]
+fn a_pack_alone_tells_no_more_than_all_together() {
+    // What has begun draws 36 of its 70 Wh; asked alone it would be as if nothing did.
+    let mut asked = question(&[70.0, 10.0], 1);
+    asked.together = supply(Estimate::exact(34.0));
+    let answer = capacity(Timestamp::from_unix_ms(0), &[asked.clone()], 0.95);
+    assert_eq!((answer.packs[0].robots_promised, answer.packs[0].usable_wh.value), (1, 34.0));
+    assert_eq!(answer.packs[0].short_for_next_wh, answer.stations[0].short_for_next_wh);
+    // One that is brought later is asked as if it were there.
+    asked.packs[0].is_there = false;
+    let answer = capacity(Timestamp::from_unix_ms(0), &[asked], 0.95);
+    assert_eq!((answer.packs[0].robots_promised, answer.stations[0].robots_promised), (2, 1));
+}
+
 /// Whether a pack carries services of 20 W for half an hour and 8 W for ten minutes, begun at these seconds, and 6 W beside
 /// them, by stepping it second by second.
 fn carries(pack: &Arc<energy::Model>, soc: f64, begun_s: &[i32]) -> bool {
@@ -192,8 +227,9 @@ fn a_pack_that_just_carries_two_services_is_enough_for_them_at_even_odds_whateve
                 place: Place::Bay,
                 left: None,
             };
-            asked.packs[0].usable_wh = Estimate::new(counted_wh, 1.0);
-            asked.packs[0].state = Some(PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
+            let state = PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 };
+            asked.together = Supply { packs: Some(vec![(0.0, state)]), ..supply(Estimate::new(counted_wh, 1.0)) };
+            asked.packs[0].alone = asked.together.clone();
             first(&asked).promises.get(1).map_or(0.0, |second| second.probability)
         };
         let needed_wh = 2.0 * (10.0 + 8.0 / 6.0) + 6.0 * f64::from(begun_s[1] + 2400) / S_PER_H;
