@@ -12,6 +12,7 @@
 //!             scheduler/      beliefs -> planner's problem -> services, capacity, words
 //!             service_run.rs  a service that has begun, and the commands that carry it on
 //!             outbox.rs       records before commands; replay.rs the journal told to a core again
+//!             when.rs         times in words
 //!             answers.rs      schedule, capacity, explanations for the wire
 //!   files   config.rs       the live coordinator's configuration
 //!           certs.rs        a site's certificates
@@ -46,6 +47,7 @@ mod trust;
 pub mod view;
 mod watch;
 pub mod web;
+mod when;
 
 pub use crate::config::Config;
 pub use crate::core::{Core, Input, Numbering, Output};

@@ -44,7 +44,7 @@ pub use recharging::Recharging;
 pub use solve::{Effort, Solved, WHOLE_FLEET_MAX, solve};
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts};
-pub(crate) use words::{apart, clock, short_of};
+pub(crate) use words::{apart, short_of};
 
 #[cfg(test)]
 mod tests;

@@ -7,10 +7,10 @@ use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, 
 use super::{Core, REFUSED_MAX};
 use crate::fleet::{LeftPack, newer};
 use crate::models::from_wire;
-use crate::scheduler;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;
 use crate::watch::{Change, News};
+use crate::when::minute_from;
 
 /// Each says whether there was anything new.
 impl Core {
@@ -149,7 +149,7 @@ impl Core {
             self.replan(format!("{id} switched to {pack}"));
         }
         if before.arrives != state.arrives {
-            let when = state.arrives.map_or_else(|| "has arrived".to_owned(), |at| format!("arrives at {}", scheduler::clock(at)));
+            let when = state.arrives.map_or_else(|| "has arrived".to_owned(), |at| format!("arrives at {}", minute_from(now, at)));
             self.replan(format!("{id} {when}"));
         }
         for (was, is) in before.packs.iter().zip(&state.packs) {

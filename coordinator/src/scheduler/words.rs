@@ -8,16 +8,13 @@ use planner::book::Clash;
 use planner::problem::Tick;
 use planner::reasons::Why;
 use planner::{Mode, Session, Unserved};
-use proto::Timestamp;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 pub use accounts::{Account, Accounts};
 pub use grounds::Grounds;
 
 use super::translate::{HORIZON_MAX_S, Task};
-
-/// What is nearer than this is told by the time of day alone, s.
-const SOON_S: f64 = 12.0 * 3600.0;
+use crate::when::minute_from;
 
 /// Why a robot has no service: one reason per station that it could reach.
 pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, confidence: f64) -> Vec<String> {
@@ -172,21 +169,9 @@ fn that_fits(task: &Task, station: usize) -> &'static str {
     if task.problem.stations[station].kinds_of_spares() > 1 { " that fits it" } else { "" }
 }
 
-/// When a tick begins, to the minute: with its date where the time of day alone would be taken for another one.
+/// When a tick begins, to the minute.
 fn on_clock(task: &Task, tick: Tick) -> String {
-    let at = task.grid.time(tick);
-    if at.seconds_since(task.view.now) < SOON_S { clock(at) } else { on_date(at) }
-}
-
-/// Date and time of day, to the minute.
-fn on_date(at: Timestamp) -> String {
-    format!("{} {}", at.to_string().chars().take(10).collect::<String>(), clock(at))
-}
-
-/// The time of day, to the minute.
-pub(crate) fn clock(at: Timestamp) -> String {
-    let minute = at.unix_ms().div_euclid(60_000);
-    format!("{:02}:{:02}", minute.div_euclid(60).rem_euclid(24), minute.rem_euclid(60))
+    minute_from(task.view.now, task.grid.time(tick))
 }
 
 fn list<'a>(names: impl Iterator<Item = &'a str>, none: &str) -> String {

@@ -2,7 +2,6 @@
 
 use energy::Estimate;
 use energy::units::S_PER_H;
-use proto::Timestamp;
 use serde::Serialize;
 
 use crate::scheduler::{apart, short_of};
@@ -112,18 +111,6 @@ pub fn span_text(span_s: f64) -> String {
         _ if hours < 48 => format!("{} h {:02} min", minutes / 60, minutes % 60),
         _ => format!("{} d {} h", hours / 24, hours % 24),
     }
-}
-
-/// The time of day, UTC: `14:05:00`.
-#[must_use]
-pub fn clock(at: Timestamp) -> String {
-    at.to_string().chars().skip(11).take(8).collect()
-}
-
-/// The time of day to the minute, UTC: `14:05`.
-#[must_use]
-pub fn clock_min(at: Timestamp) -> String {
-    at.to_string().chars().skip(11).take(5).collect()
 }
 
 #[cfg(test)]

@@ -25,8 +25,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::Core;
 use crate::web::desk::Books;
-use crate::web::number::{clock, clock_min};
 use crate::web::past::Past;
+use crate::when::{date, minute, second};
 
 pub use capacity::CapacityPanel;
 pub use fleet::{FleetTable, RobotRow};
@@ -135,10 +135,10 @@ impl View {
         let Books { site, title, past, ladder } = books;
         let (basis, schedule, capacity) = (core.basis(now), core.schedule(), core.capacity(now));
         let stacks = stack::stacks(&basis, schedule);
-        let health = health::panel(core, ladder);
+        let health = health::panel(now, core, ladder);
         Self {
             at: now,
-            clock: format!("{} {} UTC", now.to_string().chars().take(10).collect::<String>(), clock(now)),
+            clock: format!("{} {} UTC", date(now), second(now)),
             site: site.clone(),
             title: if title.is_empty() { format!("Site {site}") } else { title.to_owned() },
             headline: headline(core),
@@ -166,7 +166,7 @@ fn headline(core: &Core) -> String {
     if schedule.plan == 0 {
         return "No plan yet: robots and stations that are configured have not all spoken.".to_owned();
     }
-    format!("Plan {} of {} by {} ({})", schedule.plan, clock_min(schedule.at), schedule.policy, schedule.trigger)
+    format!("Plan {} of {} by {} ({})", schedule.plan, minute(schedule.at), schedule.policy, schedule.trigger)
 }
 
 fn event_line(event: &proto::Event) -> EventLine {
@@ -179,5 +179,5 @@ fn event_line(event: &proto::Event) -> EventLine {
         _ => Tone::Quiet,
     };
     let label = event.kind.to_string().replace('_', " ");
-    EventLine { seq: event.seq, clock: clock(event.at), kind: event.kind, label, tone, text: event.text.clone() }
+    EventLine { seq: event.seq, clock: second(event.at), kind: event.kind, label, tone, text: event.text.clone() }
 }

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 
 use proto::{Mode, Schedule, Service, Timestamp};
 
-use super::tell::{begin, clock, finish};
+use super::tell::{begin, finish};
+use crate::when::second_from;
 
 /// Columns of the chart in the terminal.
 const COLUMNS: usize = 96;
@@ -19,6 +20,8 @@ struct Chart<'a> {
     rows: BTreeMap<String, Vec<&'a Service>>,
     from: Timestamp,
     to: Timestamp,
+    /// When the plan was made.
+    seen: Timestamp,
 }
 
 impl<'a> Chart<'a> {
@@ -33,7 +36,7 @@ impl<'a> Chart<'a> {
         }
         let from = schedule.services.iter().map(|service| service.leave).min()?.min(schedule.at);
         let to = schedule.services.iter().map(|service| service.end).max()?;
-        Some(Self { rows, from, to: to.max(from.plus_s(60.0)) })
+        Some(Self { rows, from, to: to.max(from.plus_s(60.0)), seen: schedule.at })
     }
 
     /// Where a time lies, from 0 to 1.
@@ -57,7 +60,7 @@ pub(super) fn show(schedule: &Schedule) {
 fn terminal(chart: &Chart<'_>) -> String {
     let names = chart.rows.keys().map(|name| name.chars().count()).max().unwrap_or(0);
     let column = |at: Timestamp| (chart.share(at) * (COLUMNS - 1) as f64).round() as usize;
-    let (from, to) = (clock(chart.from), clock(chart.to));
+    let (from, to) = (second_from(chart.seen, chart.from), second_from(chart.seen, chart.to));
     let mut text = format!("{:names$}  {from}{:>width$}\n", "", to, width = COLUMNS - from.len());
     for (place, services) in &chart.rows {
         let mut line = vec!['·'; COLUMNS];
@@ -110,16 +113,17 @@ pub(super) fn svg(schedule: &Schedule) -> String {
                  <text x=\"{:.1}\" y=\"{base:.1}\" fill=\"#111111\">{}</text>",
                 (end - start).max(2.0),
                 service.robot,
-                clock(service.start),
-                clock(service.end),
+                second_from(chart.seen, service.start),
+                second_from(chart.seen, service.end),
                 start + 4.0,
                 service.robot
             );
         }
     }
     let y = ROW * (count as f64 + 1.6);
-    let _ = writeln!(svg, "<text x=\"{NAMES}\" y=\"{y:.1}\" fill=\"#666666\">{}</text>", clock(chart.from));
+    let _ = writeln!(svg, "<text x=\"{NAMES}\" y=\"{y:.1}\" fill=\"#666666\">{}</text>", second_from(chart.seen, chart.from));
     let end = WIDTH - 16.0;
-    let _ = writeln!(svg, "<text x=\"{end}\" y=\"{y:.1}\" text-anchor=\"end\" fill=\"#666666\">{}</text>", clock(chart.to));
+    let _ =
+        writeln!(svg, "<text x=\"{end}\" y=\"{y:.1}\" text-anchor=\"end\" fill=\"#666666\">{}</text>", second_from(chart.seen, chart.to));
     svg + "</svg>\n"
 }

@@ -5,11 +5,7 @@ use proto::{Capacity, Event, Explanation, Mode, Promise, Quality, Schedule};
 
 use crate::cmd::{say_text, table, text};
 use crate::web::number::{likely_of, short};
-
-/// The time of day.
-pub(super) fn clock(at: proto::Timestamp) -> String {
-    at.to_string().chars().skip(11).take(8).collect()
-}
+use crate::when::second_from;
 
 pub(in crate::cmd) fn show(schedule: &Schedule) {
     if !begin(schedule) {
@@ -28,9 +24,9 @@ pub(in crate::cmd) fn show(schedule: &Schedule) {
             service.status.to_string(),
             how,
             format!("{}{bay}", service.station),
-            clock(service.leave),
-            clock(service.start),
-            clock(service.end),
+            second_from(schedule.at, service.leave),
+            second_from(schedule.at, service.start),
+            second_from(schedule.at, service.end),
             format!("{:.1} ± {:.1} Wh", service.pack_energy_wh.value, service.pack_energy_wh.sigma),
             service.packs.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
         ]);
@@ -148,7 +144,13 @@ pub(super) fn show_explanation(explanation: &Explanation) {
     match &explanation.service {
         Some(service) => {
             let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-            say!("  {} at {}{bay}, {} to {}", service.status, service.station, clock(service.start), clock(service.end));
+            say!(
+                "  {} at {}{bay}, {} to {}",
+                service.status,
+                service.station,
+                second_from(explanation.at, service.start),
+                second_from(explanation.at, service.end)
+            );
         }
         None => say!("  no service"),
     }
@@ -162,7 +164,9 @@ pub(super) fn show_explanation(explanation: &Explanation) {
         say!("  ! {}", doubt.text);
     }
     for alternative in &explanation.alternatives {
-        let start = alternative.start.map_or_else(|| "not to be had".to_owned(), |start| format!("could begin {}", clock(start)));
+        let start = alternative
+            .start
+            .map_or_else(|| "not to be had".to_owned(), |start| format!("could begin {}", second_from(explanation.at, start)));
         let but = if alternative.why_not.is_empty() { String::new() } else { format!(": {}", alternative.why_not.join("; ")) };
         say!("  or {} at {}, {start}{but}", alternative.mode, alternative.station);
     }

@@ -4,8 +4,9 @@ use planner::problem::Tick;
 use planner::{Mode, Session};
 use proto::{PackId, Timestamp};
 
-use super::{SOON_S, clock, list, on_date};
+use super::list;
 use crate::scheduler::translate::Task;
+use crate::when::{date, is_soon, minute};
 
 /// Why a service is planned as it is, as far as it is told: figures as whole numbers of what is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -70,8 +71,8 @@ impl Grounds {
         } else {
             let handled_s = task.view.robots[session.robot].handled_s;
             let at = task.grid.time(empty).plus_s(handled_s);
-            let minute = at.unix_ms().div_euclid(60_000);
-            if at.seconds_since(task.view.now) < SOON_S { Without::EmptyAt(minute) } else { Without::EmptyOn(minute) }
+            let whole = at.unix_ms().div_euclid(60_000);
+            if is_soon(at, task.view.now) { Without::EmptyAt(whole) } else { Without::EmptyOn(whole) }
         };
         let to_soc = task.to_soc(session.mode);
         let only_to =
@@ -99,9 +100,10 @@ impl Grounds {
         };
         let without = match self.without {
             Without::Lasts(percent) => format!("the robot may be empty before that, and lasts with probability {percent} %"),
-            Without::EmptyAt(minute) => format!("without it the robot may be empty at {}", clock(Timestamp::from_unix_ms(minute * 60_000))),
-            Without::EmptyOn(minute) => {
-                format!("without it the robot may be empty on {}", on_date(Timestamp::from_unix_ms(minute * 60_000)))
+            Without::EmptyAt(whole) => format!("without it the robot may be empty at {}", minute(Timestamp::from_unix_ms(whole * 60_000))),
+            Without::EmptyOn(whole) => {
+                let at = Timestamp::from_unix_ms(whole * 60_000);
+                format!("without it the robot may be empty on {} {}", date(at), minute(at))
             }
         };
         let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);

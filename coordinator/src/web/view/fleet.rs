@@ -1,7 +1,7 @@
 //! One row per robot.
 
 use energy::Estimate;
-use proto::{RobotId, RobotPhase, Schedule, ServiceStatus};
+use proto::{RobotId, RobotPhase, Schedule, ServiceStatus, Timestamp};
 use serde::Serialize;
 
 use super::{Sort, Tone, Wanted};
@@ -9,7 +9,8 @@ use crate::fleet::Robot;
 use crate::models::from_wire;
 use crate::view::Basis;
 use crate::watch::Subject;
-use crate::web::number::{Quantity, clock_min, percent, quantity, span};
+use crate::web::number::{Quantity, percent, quantity, span};
+use crate::when::minute_from;
 
 /// Rows of a page when nothing is said: more cannot be read, and would be sent every second.
 const ROWS: usize = 100;
@@ -117,7 +118,7 @@ fn row(basis: &Basis<'_>, schedule: &Schedule, id: &RobotId, robot: &Robot) -> R
         drain: robot.state.as_ref().map(|state| quantity(from_wire(state.drain_w), "W")),
         time: to_empty.or(to_full).map(|time_s| span(from_wire(time_s))),
         filling: to_empty.is_none() && to_full.is_some(),
-        service: service(schedule, id),
+        service: service(basis.now, schedule, id),
         doubted: subjects.iter().any(|subject| basis.watch.wider(subject) > 1.0),
     }
 }
@@ -142,12 +143,12 @@ pub(super) fn doing(robot: &Robot) -> (String, Tone) {
     (format!("{}{place}", state.phase), tone)
 }
 
-fn service(schedule: &Schedule, robot: &RobotId) -> String {
+fn service(now: Timestamp, schedule: &Schedule, robot: &RobotId) -> String {
     if let Some(service) = schedule.services.iter().find(|service| service.robot == *robot) {
         let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
         let when = match service.status {
-            ServiceStatus::Planned => format!("{} to {}", clock_min(service.start), clock_min(service.end)),
-            _ => format!("until {}", clock_min(service.end)),
+            ServiceStatus::Planned => format!("{} to {}", minute_from(now, service.start), minute_from(now, service.end)),
+            _ => format!("until {}", minute_from(now, service.end)),
         };
         return format!("{}{bay}, {when}", service.station);
     }

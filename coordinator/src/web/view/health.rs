@@ -1,12 +1,12 @@
 //! Whether models still explain what is measured, and what the lab last found.
 
-use proto::Doubt;
+use proto::{Doubt, Timestamp};
 use serde::{Deserialize, Serialize};
 
 use super::Tone;
 use crate::core::Core;
 use crate::watch::Standing;
-use crate::web::number::clock_min;
+use crate::when::minute_from;
 
 /// The panel.
 #[derive(Debug, Clone, Serialize)]
@@ -74,13 +74,13 @@ pub struct Step {
     pub text: String,
 }
 
-pub(super) fn panel(core: &Core, ladder: Option<Result<Ladder, String>>) -> HealthPanel {
+pub(super) fn panel(now: Timestamp, core: &Core, ladder: Option<Result<Ladder, String>>) -> HealthPanel {
     let (ladder, ladder_note) = match ladder {
         Some(Ok(ladder)) => (Some(ladder), String::new()),
         Some(Err(why)) => (None, why),
         None => (None, "No search of the lab is shown: name the output of `lab discover --format json` by web.discovery.".to_owned()),
     };
-    let mut rows: Vec<HealthRow> = core.standings().into_iter().map(row).collect();
+    let mut rows: Vec<HealthRow> = core.standings().into_iter().map(|standing| row(now, standing)).collect();
     rows.sort_by(|a, b| (b.tone == Tone::Warn).cmp(&(a.tone == Tone::Warn)).then(b.evidence.total_cmp(&a.evidence)));
     let doubted = rows.iter().filter(|row| row.command.is_some()).count();
     let headline = match (rows.len(), doubted) {
@@ -92,11 +92,11 @@ pub(super) fn panel(core: &Core, ladder: Option<Result<Ladder, String>>) -> Heal
     HealthPanel { doubted, headline, rows, ladder, ladder_note }
 }
 
-fn row(standing: Standing) -> HealthRow {
+fn row(now: Timestamp, standing: Standing) -> HealthRow {
     let Standing { subject, z, evidence, doubt } = standing;
     let (state, tone, command) = match doubt {
         Some(Doubt { since, z, command, .. }) => {
-            (format!("doubted since {}, {z:+.1} σ on average", clock_min(since)), Tone::Warn, Some(command))
+            (format!("doubted since {}, {z:+.1} σ on average", minute_from(now, since)), Tone::Warn, Some(command))
         }
         None => ("explains its data".to_owned(), Tone::Good, None),
     };

@@ -8,8 +8,9 @@ use serde::Serialize;
 use super::fleet::{Natural, natural};
 use crate::models::from_wire;
 use crate::view::Basis;
-use crate::web::number::{Quantity, clock_min, quantity};
+use crate::web::number::{Quantity, quantity};
 use crate::web::past::Past;
+use crate::when::minute_from;
 
 /// Shortest time that is shown before and after now, s.
 const MARGIN_S: f64 = 1800.0;
@@ -84,7 +85,7 @@ pub(super) fn chart(now: Timestamp, basis: &Basis<'_>, schedule: &Schedule, past
     }
     for service in past.services.iter().chain(&schedule.services) {
         let place = service.bay.as_ref().map_or_else(|| "exchange".to_owned(), ToString::to_string);
-        lane_of(format!("{} {place}", service.station), Some(bar(service)));
+        lane_of(format!("{} {place}", service.station), Some(bar(now, service)));
     }
     let mut lanes: Vec<Lane> = lanes.into_iter().map(|((_, label), bars)| Lane { label, bars }).collect();
     lanes.iter_mut().for_each(|lane| lane.bars.sort_by_key(|bar| (bar.start, bar.end)));
@@ -99,7 +100,7 @@ pub(super) fn chart(now: Timestamp, basis: &Basis<'_>, schedule: &Schedule, past
     PlanChart { now, from, to, lanes, unserved }
 }
 
-fn bar(service: &Service) -> Bar {
+fn bar(now: Timestamp, service: &Service) -> Bar {
     let (mode, how) = match &service.mode {
         Mode::Recharge { to_soc } => ("recharge", format!("recharge to {:.0} %", 100.0 * to_soc)),
         Mode::Swap { spare } => ("swap", format!("exchange for {spare}")),
@@ -117,8 +118,8 @@ fn bar(service: &Service) -> Bar {
         "{}: {how} at {}{bay}, {} to {}, {} from {}, {}",
         service.robot,
         service.station,
-        clock_min(service.start),
-        clock_min(service.end),
+        minute_from(now, service.start),
+        minute_from(now, service.end),
         energy.text,
         if packs.is_empty() { "the station".to_owned() } else { packs.join(", ") },
         service.status

@@ -6,8 +6,9 @@ use serde::Serialize;
 use super::{Tone, fleet};
 use crate::core::Core;
 use crate::models::from_wire;
-use crate::web::number::{clock_min, percent, quantity, reading, span};
+use crate::web::number::{percent, quantity, reading, span};
 use crate::web::past::{Past, Series};
+use crate::when::minute_from;
 
 /// One robot.
 #[derive(Debug, Clone, Serialize)]
@@ -72,12 +73,18 @@ pub(super) fn detail(now: Timestamp, core: &Core, past: &Past, id: &RobotId) -> 
         || "no service".to_owned(),
         |service| {
             let bay = service.bay.as_ref().map_or_else(String::new, |bay| format!(" {bay}"));
-            format!("{} at {}{bay}, {} to {}", service.status, service.station, clock_min(service.start), clock_min(service.end))
+            format!(
+                "{} at {}{bay}, {} to {}",
+                service.status,
+                service.station,
+                minute_from(now, service.start),
+                minute_from(now, service.end)
+            )
         },
     );
     let alternatives = alternatives.into_iter().map(|other| AlternativeLine {
         what: format!("{} at {}", other.mode, other.station),
-        when: other.start.map_or_else(|| "not now".to_owned(), |start| format!("could begin {}", clock_min(start))),
+        when: other.start.map_or_else(|| "not now".to_owned(), |start| format!("could begin {}", minute_from(now, start))),
         why_not: other.why_not,
     });
     Ok(RobotDetail {

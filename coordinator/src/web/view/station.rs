@@ -1,6 +1,6 @@
 //! A station: its packs as stacked energy, its bays, its spares.
 
-use proto::{BayPhase, PackId, RobotId, Schedule, StationId, StationState};
+use proto::{BayPhase, PackId, RobotId, Schedule, StationId, StationState, Timestamp};
 use serde::Serialize;
 
 use super::stack::{Stack, Stacks};
@@ -8,7 +8,8 @@ use super::{Tone, fleet};
 use crate::fleet::Station;
 use crate::models::from_wire;
 use crate::view::Basis;
-use crate::web::number::{Quantity, clock_min, percent, reading, span};
+use crate::web::number::{Quantity, percent, reading, span};
+use crate::when::minute_from;
 
 /// One station.
 #[derive(Debug, Clone, Serialize)]
@@ -85,18 +86,22 @@ fn card(basis: &Basis<'_>, schedule: &Schedule, stacks: &Stacks, id: &StationId)
         let state = "not heard yet".to_owned();
         return StationCard { station: id.clone(), state, tone: Tone::Quiet, packs: Vec::new(), bays: Vec::new(), spares: Vec::new() };
     };
-    let (words, tone) = standing(station, state);
+    let (words, tone) = standing(basis.now, station, state);
     StationCard {
         station: id.clone(),
         state: words,
         tone,
-        packs: state.packs.iter().map(|pack| pack_line(station, state, pack, stacks.get(&(id.clone(), pack.pack.clone())))).collect(),
-        bays: state.bays.iter().map(|bay| bay_line(schedule, id, bay)).collect(),
+        packs: state
+            .packs
+            .iter()
+            .map(|pack| pack_line(basis.now, station, state, pack, stacks.get(&(id.clone(), pack.pack.clone()))))
+            .collect(),
+        bays: state.bays.iter().map(|bay| bay_line(basis.now, schedule, id, bay)).collect(),
         spares: state.spares.iter().map(spare_line).collect(),
     }
 }
 
-fn standing(station: &Station, state: &StationState) -> (String, Tone) {
+fn standing(now: Timestamp, station: &Station, state: &StationState) -> (String, Tone) {
     if station.lost {
         return ("lost".to_owned(), Tone::Bad);
     }
@@ -105,7 +110,7 @@ fn standing(station: &Station, state: &StationState) -> (String, Tone) {
     }
     let mut words = vec![format!("draws {:.1} W", state.pack_power_w)];
     if let Some(at) = state.arrives {
-        words.push(format!("on its way, takes robots in from {}", clock_min(at)));
+        words.push(format!("on its way, takes robots in from {}", minute_from(now, at)));
     }
     if state.lift_busy {
         words.push("lift moves".to_owned());
@@ -117,15 +122,15 @@ fn standing(station: &Station, state: &StationState) -> (String, Tone) {
     (words.join(", "), Tone::Good)
 }
 
-fn back_in_words(back: proto::PackReturn) -> String {
-    format!("away, a pack with {:.0} % comes at {}", back.soc.value * 100.0, clock_min(back.at))
+fn back_in_words(now: Timestamp, back: proto::PackReturn) -> String {
+    format!("away, a pack with {:.0} % comes at {}", back.soc.value * 100.0, minute_from(now, back.at))
 }
 
-fn pack_line(station: &Station, state: &StationState, pack: &proto::PackState, stack: Option<&Stack>) -> PackLine {
+fn pack_line(now: Timestamp, station: &Station, state: &StationState, pack: &proto::PackState, stack: Option<&Stack>) -> PackLine {
     let gauge = station.packs.get(&pack.pack);
     let active = state.active_pack.as_ref() == Some(&pack.pack);
     let (words, tone) = match (pack.connected, pack.depleted, active) {
-        (false, ..) => (pack.back.map_or_else(|| "absent".to_owned(), back_in_words), Tone::Quiet),
+        (false, ..) => (pack.back.map_or_else(|| "absent".to_owned(), |back| back_in_words(now, back)), Tone::Quiet),
         (_, true, _) => ("depleted".to_owned(), Tone::Bad),
         (.., true) => ("feeds the station".to_owned(), Tone::Active),
         _ => (String::new(), Tone::Quiet),
@@ -143,9 +148,10 @@ fn pack_line(station: &Station, state: &StationState, pack: &proto::PackState, s
     }
 }
 
-fn bay_line(schedule: &Schedule, station: &StationId, bay: &proto::BayState) -> BayLine {
+fn bay_line(now: Timestamp, schedule: &Schedule, station: &StationId, bay: &proto::BayState) -> BayLine {
     let serves = |service: &&proto::Service| service.station == *station && Some(&service.robot) == bay.robot.as_ref();
-    let until = schedule.services.iter().find(serves).map_or_else(String::new, |service| format!(" until {}", clock_min(service.end)));
+    let until =
+        schedule.services.iter().find(serves).map_or_else(String::new, |service| format!(" until {}", minute_from(now, service.end)));
     let (state, tone) = match bay.phase {
         BayPhase::Free => ("free".to_owned(), Tone::Quiet),
         BayPhase::Failed => ("out of order".to_owned(), Tone::Bad),
