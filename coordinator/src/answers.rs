@@ -41,7 +41,7 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         trigger,
         services,
         unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck).collect(),
-        doubts: basis.watch.doubts(basis.fleet, basis.models),
+        doubts: basis.watch.doubts(basis.now, basis.fleet, basis.models),
         quality: Some(quality),
     }
 }

@@ -320,8 +320,8 @@ impl Core {
     }
 
     /// How every model stands that has been judged by its data.
-    pub(crate) fn standings(&self) -> Vec<Standing> {
-        self.watch.standings(&self.fleet, &self.models)
+    pub(crate) fn standings(&self, now: Timestamp) -> Vec<Standing> {
+        self.watch.standings(now, &self.fleet, &self.models)
     }
 
     /// What plans and answers are made from.

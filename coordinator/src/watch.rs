@@ -211,23 +211,23 @@ impl Watch {
     }
 
     /// Every doubt there is, as it goes on the wire.
-    pub(crate) fn doubts(&self, fleet: &Fleet, models: &Models) -> Vec<Doubt> {
+    pub(crate) fn doubts(&self, now: Timestamp, fleet: &Fleet, models: &Models) -> Vec<Doubt> {
         let raised = self.cusums.iter().filter(|(_, cusum)| cusum.raised().is_some());
-        raised.filter_map(|(subject, _)| self.doubt(subject, fleet, models)).collect()
+        raised.filter_map(|(subject, _)| self.doubt(now, subject, fleet, models)).collect()
     }
 
     /// How every model stands that has been judged.
-    pub(crate) fn standings(&self, fleet: &Fleet, models: &Models) -> Vec<Standing> {
+    pub(crate) fn standings(&self, now: Timestamp, fleet: &Fleet, models: &Models) -> Vec<Standing> {
         let standing = |(subject, cusum): (&Subject, &Cusum)| {
             let (z, evidence) = cusum.standing();
-            Standing { subject: subject.clone(), z, evidence, doubt: self.doubt(subject, fleet, models) }
+            Standing { subject: subject.clone(), z, evidence, doubt: self.doubt(now, subject, fleet, models) }
         };
         self.cusums.iter().map(standing).collect()
     }
 
     /// The doubt in one model, if there is one.
-    pub(crate) fn doubt(&self, subject: &Subject, fleet: &Fleet, models: &Models) -> Option<Doubt> {
-        Some(words::doubt(subject, self.raised(subject)?, fleet, models))
+    pub(crate) fn doubt(&self, now: Timestamp, subject: &Subject, fleet: &Fleet, models: &Models) -> Option<Doubt> {
+        Some(words::doubt(now, subject, self.raised(subject)?, fleet, models))
     }
 }
 
@@ -272,15 +272,17 @@ mod tests {
         assert_eq!((news.len(), watch.wider(&subject)), (0, 1.0));
         watch.add(subject.clone(), begin.plus_s(60.0), 6.1, &mut news);
         assert_eq!(news, [(subject.clone(), Change::Raised)]);
-        let [doubt] = &watch.doubts(&fleet, &models)[..] else { panic!("one doubt") };
+        let [doubt] = &watch.doubts(begin.plus_s(60.0), &fleet, &models)[..] else { panic!("one doubt") };
         assert_eq!(
             doubt.text,
             "the battery model of explorer-2 no longer explains its data since 14:05 (residual z = 6.1): run `lab discover --model \
              explorer-3s1p-1320mah --store site.db --robot explorer-2 --from 2026-01-01T14:05:00.000Z`"
         );
+        let days_later = &watch.doubts(begin.plus_s(2.0 * 86_400.0), &fleet, &models)[0].text;
+        assert!(days_later.contains("since 2026-01-01 14:05 (res"), "{days_later}");
         assert!((watch.wider(&subject) - 6.1).abs() < 1e-12);
         (2..20).for_each(|minute| watch.add(subject.clone(), begin.plus_s(60.0 * f64::from(minute)), 0.0, &mut news));
         assert_eq!(news.last(), Some(&(subject.clone(), Change::Cleared)));
-        assert_eq!((watch.wider(&subject), watch.doubts(&fleet, &models).len()), (1.0, 0));
+        assert_eq!((watch.wider(&subject), watch.doubts(begin.plus_s(60.0), &fleet, &models).len()), (1.0, 0));
     }
 }

@@ -23,7 +23,7 @@ impl<'a, 'w> Explainer<'a, 'w> {
         Self {
             services: services(schedule),
             unserved: schedule.unserved.iter().map(|unserved| (&unserved.robot, unserved)).collect(),
-            doubts: basis.watch.doubts(basis.fleet, basis.models),
+            doubts: basis.watch.doubts(basis.now, basis.fleet, basis.models),
             basis,
             accounts,
         }

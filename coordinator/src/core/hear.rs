@@ -189,7 +189,7 @@ impl Core {
             let (robot, station, pack) = subject.ids();
             let (kind, text) = match change {
                 Change::Raised => {
-                    let doubt = self.watch.doubt(&subject, &self.fleet, &self.models);
+                    let doubt = self.watch.doubt(now, &subject, &self.fleet, &self.models);
                     (EventKind::ModelDoubted, doubt.map_or_else(String::new, |doubt| doubt.text))
                 }
                 Change::Cleared => (EventKind::ModelTrusted, format!("{subject} explains its data again")),

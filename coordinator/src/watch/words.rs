@@ -3,30 +3,31 @@
 use std::sync::Arc;
 
 use energy::Model;
-use proto::{Doubt, NamedModel};
+use proto::{Doubt, NamedModel, Timestamp};
 
 use super::Subject;
 use super::cusum::{Raised, TOLD_MAX};
 use crate::fleet::Fleet;
 use crate::models::{Kept, Models};
+use crate::when::minute_from;
 
 /// What comes before the command in the text of a doubt: what comes after depends on where this process runs.
 pub(crate) const BEFORE_COMMAND: &str = "run `";
 /// Where logs would be that nobody has kept.
 const NO_FOLDER: &str = "logs";
 
-/// The doubt in a model, in words.
-pub(super) fn doubt(subject: &Subject, raised: Raised, fleet: &Fleet, models: &Models) -> Doubt {
+/// The doubt in a model, in words that are told at `now`.
+pub(super) fn doubt(now: Timestamp, subject: &Subject, raised: Raised, fleet: &Fleet, models: &Models) -> Doubt {
     let Raised { since, z } = raised;
     let command = command(subject, raised, fleet, models);
-    let clock: String = since.to_string().chars().skip(11).take(5).collect();
+    let began = minute_from(now, since);
     let z_text = if z.abs() < TOLD_MAX { format!("= {z:.1}") } else { format!("{} {z:.1}", if z > 0.0 { ">=" } else { "<=" }) };
     let first = match (&models.kept, subject) {
         (Kept::Nowhere, _) => format!("simulate it again with --telemetry {NO_FOLDER}, and "),
         (Kept::Store(_), Subject::RobotWork(_) | Subject::RobotWay(_)) => "with its own log, which an agent keeps with --log, ".to_owned(),
         _ => String::new(),
     };
-    let text = format!("{subject} no longer explains its data since {clock} (residual z {z_text}): {first}{BEFORE_COMMAND}{command}`");
+    let text = format!("{subject} no longer explains its data since {began} (residual z {z_text}): {first}{BEFORE_COMMAND}{command}`");
     let (robot, station, pack) = subject.ids();
     Doubt { robot: robot.cloned(), station: station.cloned(), pack: pack.cloned(), since, z, text, command }
 }
@@ -97,7 +98,7 @@ mod tests {
         let robot = Robot { state: Some(state), ..Robot::default() };
         fleet.robots.insert("r".parse().unwrap(), robot);
         let since: Timestamp = SINCE.parse().unwrap();
-        doubt(subject, Raised { since, z }, &fleet, models)
+        doubt(since, subject, Raised { since, z }, &fleet, models)
     }
 
     fn kept(kept: Kept) -> Models {

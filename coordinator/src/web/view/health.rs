@@ -80,7 +80,7 @@ pub(super) fn panel(now: Timestamp, core: &Core, ladder: Option<Result<Ladder, S
         Some(Err(why)) => (None, why),
         None => (None, "No search of the lab is shown: name the output of `lab discover --format json` by web.discovery.".to_owned()),
     };
-    let mut rows: Vec<HealthRow> = core.standings().into_iter().map(|standing| row(now, standing)).collect();
+    let mut rows: Vec<HealthRow> = core.standings(now).into_iter().map(|standing| row(now, standing)).collect();
     rows.sort_by(|a, b| (b.tone == Tone::Warn).cmp(&(a.tone == Tone::Warn)).then(b.evidence.total_cmp(&a.evidence)));
     let doubted = rows.iter().filter(|row| row.command.is_some()).count();
     let headline = match (rows.len(), doubted) {
