@@ -343,10 +343,10 @@ impl Free {
         let Free { bays_s, spares } = self;
         let first = match wanted.place {
             Place::InVain => None,
-            Place::Bay => (0..bays_s.len()).map(|bay| (bay, bays_s[bay])).min_by(|a, b| a.1.total_cmp(&b.1)),
+            Place::Bay => soonest((0..bays_s.len()).map(|bay| (bay, bays_s[bay])), soonest_s),
             Place::Spare(kind) => {
                 let own = (0..spares.len()).filter(|&spare| kind.is_none_or(|kind| kind == spares[spare].0));
-                own.map(|spare| (spare, spares[spare].1)).min_by(|a, b| a.1.total_cmp(&b.1))
+                soonest(own.map(|spare| (spare, spares[spare].1)), soonest_s)
             }
         };
         let start_s = first.filter(|_| !is_planned).map_or(soonest_s, |(_, free_s)| free_s.max(soonest_s));
@@ -366,6 +366,13 @@ impl Free {
         };
         (start_s, lack.filter(|_| !is_planned))
     }
+}
+
+/// Which is free first for whoever comes then; of several that are free already, the one that has been so for the shortest time: the
+/// others are left to whoever comes sooner.
+fn soonest(free: impl Iterator<Item = (usize, f64)>, comes_s: f64) -> Option<(usize, f64)> {
+    let waits_s = |free_s: f64| (free_s - comes_s).max(0.0);
+    free.min_by(|(_, a), (_, b)| waits_s(*a).total_cmp(&waits_s(*b)).then(b.total_cmp(a)))
 }
 
 /// Probability that what is spare (Wh, normal) is more than nothing, and what is short at `confidence`, Wh.

@@ -98,6 +98,17 @@ fn a_station_that_waits_for_a_robot_pays_for_itself_meanwhile() {
 }
 
 #[test]
+fn who_comes_later_leaves_the_free_bay_to_who_comes_now() {
+    // The robot comes when the bay that is taken is free again: one more has the other bay at once, and another after that. All is over
+    // after two hours of 6 Wh.
+    let mut asked = question(&[75.0], 2);
+    asked.bays_s = vec![0.0, 3600.0];
+    asked.robots = vec![Coming { is_planned: true, ..coming("a", 20.0, 3600.0) }];
+    let told: Vec<f64> = first(&asked).promises.iter().map(|promise| promise.need_wh.value).collect();
+    assert_eq!(told, [32.0, 52.0, 72.0]);
+}
+
+#[test]
 fn an_empty_pack_and_a_station_without_bays_serve_nobody() {
     assert_eq!(first(&question(&[0.0], 3)).robots_expected, 0);
     let without_bays = first(&question(&[70.0], 0));
