@@ -105,6 +105,9 @@ impl Log {
             facts.soc_initial_sigma = facts.soc_initial_sigma.or(Some(start.sigma));
             notes.push(format!("starts at {:.1} % by the gauge in the log, unless --soc-initial says otherwise", 100.0 * start.soc));
         }
+        if facts.ambient_sigma_k.is_some() && facts.ambient_degc.is_none() {
+            notes.push("ambient_sigma_k says how well ambient_degc is known, and that is not given: it changes nothing".to_owned());
+        }
         let notes = notes.into_iter().map(|note| format!("{file}: {note}")).collect();
         let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
         Ok(Log { file: file.to_owned(), name: stem, time_s, readings: Vec::new(), channels, unmeasured, extra, facts, notes })
@@ -254,6 +257,16 @@ mod tests {
     fn a_number_can_stand_for_a_column() {
         let log = read("time_s,current_a\n0,1\n1,1\n", &["cycle_count=120"]).unwrap();
         assert_eq!(log.channels[&Channel::CycleCount], [120.0, 120.0]);
+    }
+
+    #[test]
+    fn a_doubt_about_surroundings_that_are_not_stated_is_told_to_change_nothing() {
+        let noted = |ambient_degc| {
+            let facts = LogFacts { ambient_degc, ambient_sigma_k: Some(1.0), ..LogFacts::default() };
+            read_log("a.csv", b"time_s,current_a\n0,1\n1,1\n", facts).unwrap().notes
+        };
+        let note = "a.csv: ambient_sigma_k says how well ambient_degc is known, and that is not given: it changes nothing";
+        assert_eq!((noted(None), noted(Some(20.0))), (vec![note.to_owned()], Vec::new()));
     }
 
     #[test]
