@@ -1,24 +1,24 @@
 //! The coordinator's store as a source of logs: what the gauges of a robot's battery, of a
-//! station's pack, or a station itself told it. The store is only read, page by page, so that a
+//! station's pack, or a station itself told it. The store, a file or on a server, is only read, page by page, so that a
 //! coordinator that works with it is neither stopped nor slowed. A place in such a log is the
 //! number of the row.
 
 mod gauge;
+mod open;
 mod station;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use energy::document::hint;
 use proto::Timestamp;
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{ConnectOptions as _, Connection as _, SqliteConnection, query_as, query_scalar};
+use sqlx::{AnyConnection, Connection as _, query_as, query_scalar};
 
 use super::limits::check_cells;
 use super::{Log, LogError, LogFacts, Table};
 
 const COOLEST: &str = "SELECT degc, whose FROM \
      (SELECT temperature_degc AS degc, robot AS whose, at_ms FROM robot_gauges WHERE at_ms BETWEEN $1 AND $2 UNION ALL \
-      SELECT temperature_degc, pack || ' of ' || station, at_ms FROM pack_gauges WHERE at_ms BETWEEN $1 AND $2) \
+      SELECT temperature_degc, pack || ' of ' || station, at_ms FROM pack_gauges WHERE at_ms BETWEEN $1 AND $2) AS told \
      ORDER BY degc, at_ms, whose LIMIT 1";
 /// Packs of robots are as cool as what is around them after so long, s: several times their time constants (`thermal`).
 const COOLS_S: f64 = 3600.0;
@@ -69,7 +69,7 @@ pub fn instant(text: &str) -> Result<Timestamp, String> {
 /// # Errors
 /// When it is no store, and for an unknown robot, station or pack, with the nearest known one.
 pub fn read_store(path: &Path, query: &StoreQuery, mut facts: LogFacts) -> Result<Log, LogError> {
-    let file = path.display().to_string();
+    let file = open::shown(path);
     let whole = |message: String| LogError::Whole { file: file.clone(), message };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| whole(format!("cannot be opened: {error}")))?;
@@ -111,37 +111,12 @@ pub fn read_store(path: &Path, query: &StoreQuery, mut facts: LogFacts) -> Resul
 
 /// An open store.
 struct Source {
+    /// As it is told.
     file: String,
-    connection: SqliteConnection,
+    connection: AnyConnection,
 }
 
 impl Source {
-    async fn open(path: &Path) -> Result<Source, LogError> {
-        let file = path.display().to_string();
-        let whole = |message: String| LogError::Whole { file: file.clone(), message };
-        // An absolute path, since SQLite gives some names a meaning of their own.
-        let place = path.canonicalize().map_err(|error| whole(format!("there is no store: {error}")))?;
-        if place.is_dir() {
-            return Err(whole("is a directory; name the store's file".to_owned()));
-        }
-        let options = SqliteConnectOptions::new().filename(&place).read_only(true).disable_statement_logging();
-        let mut connection = match options.clone().connect().await {
-            Ok(connection) => connection,
-            // On a read-only disk there is no room for what readers share; nobody writes there either.
-            Err(_) if !beside(&place, "-wal").exists() => {
-                options.immutable(true).connect().await.map_err(|error| whole(format!("cannot be opened: {error}")))?
-            }
-            Err(error) => return Err(whole(format!("cannot be opened: {error}"))),
-        };
-        let tables =
-            "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('robot_gauges', 'pack_gauges', 'station_states')";
-        match query_scalar::<_, i64>(tables).fetch_one(&mut connection).await {
-            Ok(3) => Ok(Source { file, connection }),
-            Ok(_) => Err(whole("is not a coordinator's store: it has other tables".to_owned())),
-            Err(error) => Err(whole(format!("is not a coordinator's store: {error}"))),
-        }
-    }
-
     fn whole(&self, message: String) -> LogError {
         LogError::Whole { file: self.file.clone(), message }
     }
@@ -180,7 +155,7 @@ impl Source {
             let near = hint(name, known.iter().map(String::as_str));
             return self.whole(format!("no {what} `{name}`{near} It holds: {}", known.join(", ")));
         }
-        match query_as::<_, (i64, i64)>(ends).bind(name).fetch_one(&mut self.connection).await {
+        match query_as::<_, (i64, i64)>(ends).bind(name.to_owned()).fetch_one(&mut self.connection).await {
             Ok((first, last)) => {
                 let [first, last] = [first, last].map(Timestamp::from_unix_ms);
                 self.whole(format!("no row of {what} `{name}` lies between --from and --to; its rows reach from {first} to {last}"))
@@ -188,12 +163,6 @@ impl Source {
             Err(error) => self.failed(&error),
         }
     }
-}
-
-fn beside(place: &Path, ending: &str) -> PathBuf {
-    let mut name = place.as_os_str().to_owned();
-    name.push(ending);
-    PathBuf::from(name)
 }
 
 /// Seconds between two instants in milliseconds.

@@ -12,6 +12,46 @@ async fn the_journal_on_a_server_is_the_journal_in_a_file() {
     }
 }
 
+/// The lab's logs out of a store in a file and out of one on a server, written alike.
+#[tokio::test]
+async fn the_lab_reads_a_store_on_a_server_as_it_reads_one_in_a_file() {
+    use lab::measurement::{Log, LogFacts, StoreQuery, Subject, read_store};
+    let Some(cluster) = Cluster::start() else { return };
+    let ((_directory, file), server) = (place(), cluster.database().await);
+    for path in [&file, &server] {
+        let store = open(path).await;
+        let of = |seq| [robot_gauge("r1", seq), pack_gauge(seq), robot_state("r1", seq, RobotPhase::Charging), station_state(seq)];
+        store.append(&(0..20).flat_map(of).collect::<Vec<_>>()).await.unwrap();
+        store.close().await;
+    }
+    let read = async |path: &Path, subject: Subject, to_s: Option<i64>| {
+        let (path, query) = (path.to_owned(), StoreQuery { subject, from: None, to: to_s.map(at) });
+        tokio::task::spawn_blocking(move || read_store(&path, &query, LogFacts::default())).await.unwrap()
+    };
+    let subjects = [
+        Subject::Robot("r1".to_owned()),
+        Subject::Pack { station: "north".to_owned(), pack: "p1".to_owned() },
+        Subject::Station("north".to_owned()),
+    ];
+    for subject in subjects {
+        let told = |log: Log| (log.time_s, log.channels, log.extra, log.name, log.facts);
+        let (of_file, of_server) = (read(&file, subject.clone(), Some(15)).await, read(&server, subject.clone(), Some(15)).await);
+        let (of_file, of_server) = (told(of_file.unwrap()), told(of_server.unwrap()));
+        assert_eq!((of_file.0.len(), format!("{of_file:?}")), (16, format!("{of_server:?}")), "{subject:?}");
+    }
+    let unknown = read(&server, Subject::Robot("r2".to_owned()), None).await.unwrap_err().to_string();
+    assert!(unknown.starts_with("site0 on /") && unknown.ends_with("no robot `r2`. It holds: r1"), "{unknown}");
+    let before = read(&server, Subject::Robot("r1".to_owned()), Some(-1)).await.unwrap_err().to_string();
+    assert!(before.contains("its rows reach from 2026-01-01T00:00:00"), "{before}");
+    // Another database is no store, and one that is not there is not made.
+    let other = cluster.database().await;
+    let other = read(&other, Subject::Robot("r1".to_owned()), None).await.unwrap_err().to_string();
+    assert!(other.contains("it has other tables"), "{other}");
+    let nowhere = PathBuf::from(server.to_str().unwrap().replace("/site0?", "/nowhere?"));
+    let nowhere = read(&nowhere, Subject::Robot("r1".to_owned()), None).await.unwrap_err().to_string();
+    assert!(nowhere.contains("cannot be opened") && nowhere.contains("does not exist"), "{nowhere}");
+}
+
 #[tokio::test]
 async fn one_leads_another_takes_over_within_five_seconds_and_the_first_can_write_nothing_more() {
     let Some(cluster) = Cluster::start() else { return };

@@ -9,7 +9,7 @@ use super::say;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct StoreArgs {
-    /// A coordinator's store, read as one more log, also while the coordinator works with it.
+    /// A coordinator's store, a file or `postgres://` address, read as one more log, also while the coordinator works with it.
     #[arg(long, value_name = "STORE.db")]
     pub(super) store: Option<PathBuf>,
     /// Whose battery to read from the store.
@@ -37,7 +37,7 @@ impl StoreArgs {
             (Some(robot), _, _) => Subject::Robot(robot.clone()),
             (None, Some(station), Some(pack)) => Subject::Pack { station: station.clone(), pack: pack.clone() },
             (None, Some(station), None) => Subject::Station(station.clone()),
-            (None, None, _) => bail!("--store {}: say whose log with --robot or --station", path.display()),
+            (None, None, _) => bail!("--store: say whose log with --robot or --station"),
         };
         let time = |flag: &str, text: &Option<String>| {
             text.as_deref().map(|text| instant(text).map_err(|error| anyhow::anyhow!("{flag}: {error}"))).transpose()

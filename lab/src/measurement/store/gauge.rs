@@ -65,7 +65,7 @@ impl Source {
         let mut begin_ms = None;
         let mut after = (i64::MIN, i64::MIN);
         loop {
-            let page = query_as::<_, Row>(gauges.page).bind(station).bind(name).bind(from_ms).bind(to_ms);
+            let page = query_as::<_, Row>(gauges.page).bind(station.to_owned()).bind(name.to_owned()).bind(from_ms).bind(to_ms);
             let page = page.bind(after.0).bind(after.1).bind(PAGE).fetch_all(&mut self.connection).await;
             let page = page.map_err(|error| self.failed(&error))?;
             let Some(last) = page.last() else { break };

@@ -76,14 +76,15 @@ impl Source {
         let mut after = (i64::MIN, i64::MIN);
         let (mut last_told, mut settled) = (Told::default(), Settled { told: None, from_ms: i64::MIN });
         loop {
-            let page = query_as::<_, State>(STATES).bind(name).bind(from_ms).bind(to_ms).bind(after.0).bind(after.1).bind(PAGE / 10);
+            let page =
+                query_as::<_, State>(STATES).bind(name.to_owned()).bind(from_ms).bind(to_ms).bind(after.0).bind(after.1).bind(PAGE / 10);
             let page = page.fetch_all(&mut self.connection).await.map_err(|error| self.failed(&error))?;
             let (Some(first), Some(last)) = (page.first(), page.last()) else { break };
             let told_from_ms = if after.0 == i64::MIN { first.at_ms.saturating_sub(STANDS_MS) } else { after.0 };
             let told = query_as::<_, (String, i64, f64, f64)>(POWERS).bind(told_from_ms).bind(last.at_ms);
             let told = told.fetch_all(&mut self.connection).await.map_err(|error| self.failed(&error))?;
             let mut told = told.into_iter().peekable();
-            let voltages = query_as::<_, (String, i64, f64)>(VOLTAGES).bind(name).bind(told_from_ms).bind(last.at_ms);
+            let voltages = query_as::<_, (String, i64, f64)>(VOLTAGES).bind(name.to_owned()).bind(told_from_ms).bind(last.at_ms);
             let voltages = voltages.fetch_all(&mut self.connection).await.map_err(|error| self.failed(&error))?;
             let mut voltages = voltages.into_iter().peekable();
             after = (last.at_ms, last.seq);
