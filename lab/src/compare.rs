@@ -1,5 +1,6 @@
 //! Compares a model with logs: error against the known sensor floor, and where it lies.
 
+mod calibration;
 mod words;
 
 use std::sync::Arc;
@@ -16,6 +17,7 @@ use crate::regime::{Dimension, dimensions};
 use crate::report::quantity::unit_of;
 use crate::residual::{Residual, Size, residuals};
 use crate::whiteness::Whiteness;
+pub use calibration::{Calibrated, Calibration, calibrate};
 
 /// RMS up to this multiple of the sensor floor counts as the floor.
 pub const WITHIN: f64 = 1.5;
@@ -108,6 +110,8 @@ pub struct Comparison {
     pub worst: Vec<Worst>,
     /// The answer, the worst regimes and what the residual looks like, one sentence each.
     pub words: Vec<String>,
+    /// What is left once sensors and starts are calibrated; null where nobody asked, the model leaves nothing, or it takes nothing away.
+    pub calibration: Option<Calibration>,
 }
 
 /// Compares the model, with these parameter values, with all logs.
@@ -140,7 +144,7 @@ pub fn compare(model: &Arc<Model>, values: &[f64], logs: &[Prepared]) -> Compari
     worst.sort_by(|a, b| excess(b).total_cmp(&excess(a)));
     let words = words::words(verdict, &errors, &worst);
     let regimes = channels.iter().flat_map(|rows| rows.errors(&dimensions)).collect();
-    Comparison { schema: 1, model: model.name.clone(), verdict, errors, regimes, worst, words }
+    Comparison { schema: 1, model: model.name.clone(), verdict, errors, regimes, worst, words, calibration: None }
 }
 
 fn channel_error(log: &Prepared, target: &Target, of_inputs: f64, rows: &[Residual]) -> ChannelError {

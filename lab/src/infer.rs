@@ -49,6 +49,7 @@
 
 mod anew;
 pub mod answer;
+pub mod calibrate;
 pub mod candidate;
 pub(crate) mod certainty;
 mod course;

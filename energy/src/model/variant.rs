@@ -56,6 +56,13 @@ impl Model {
         self
     }
 
+    /// The same model with nothing to be fitted.
+    #[must_use]
+    pub fn held(mut self) -> Model {
+        self.parameters.iter_mut().for_each(|parameter| parameter.free = false);
+        self
+    }
+
     /// The same model with one effect in the place of another that has the same parameters; none
     /// when it lacks the one or has the other already.
     pub(crate) fn exchanged(&self, old: &str, new: &str) -> Option<Model> {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::ensure;
-use lab::compare::{Verdict, compare};
+use lab::compare::{Verdict, calibrate, compare};
 use lab::output::{check_writable, write_whole};
 use lab::plot::file::{Kind, bars_svg, traces_svg};
 use lab::plot::regimes::charts;
@@ -19,6 +19,10 @@ pub(super) struct Args {
     model: ModelArg,
     #[command(flatten)]
     logs: LogArgs,
+    /// Judge what is left once the offsets and gains of sensors, and how each log begins, are at their best within what the model and the
+    /// logs state of them.
+    #[arg(long)]
+    calibrate: bool,
     /// Draw measured and predicted over time, with the residual, into this .svg or .png file.
     #[arg(long, value_name = "OUT.svg|.png")]
     plot: Option<PathBuf>,
@@ -40,7 +44,9 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let source = args.model.load()?;
     let (model, values) = (&source.model, source.model.values());
     let logs = args.logs.prepare(model)?;
+    let (logs, found) = if args.calibrate { calibrate(model, &values, logs) } else { (logs, Vec::new()) };
     let result = compare(model, &values, &logs);
+    let result = if args.calibrate { result.calibrated(found) } else { result.with_calibration(model, &values, &logs) };
     if let Some(path) = &args.plot {
         draw(path, traces_svg(&model.name, &traces(model, &values, &logs)))?;
     }

@@ -55,8 +55,9 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let case = Case::read(&args.model, &args.logs)?;
     let given = case.given()?;
     let (model, values) = (&given.model, given.model.values());
-    let comparison = compare(model, &values, &given.train);
-    let holdout = (!given.holdout.is_empty()).then(|| compare(model, &values, &given.holdout));
+    let comparison = compare(model, &values, &given.train).with_calibration(model, &values, &given.train);
+    let holdout =
+        (!given.holdout.is_empty()).then(|| compare(model, &values, &given.holdout).with_calibration(model, &values, &given.holdout));
     let mut page = page_of(model, &values, &given.train, &comparison, args.date.as_deref());
     if let Some(holdout) = &holdout {
         page.add_holdout(model, &values, &given.holdout, holdout);

@@ -2,9 +2,10 @@
 
 use comfy_table::Table;
 
-use crate::compare::{ChannelError, Comparison, RegimeError};
+use crate::compare::{Calibrated, ChannelError, Comparison, RegimeError};
 use crate::floor::FloorCheck;
 
+use super::discovery::learned_lines;
 use super::quantity::{digits, quantity};
 use super::table::{numbers_from, table, text};
 
@@ -14,7 +15,7 @@ const PRINTED: usize = 4;
 /// A comparison as people read it.
 #[must_use]
 pub fn human(comparison: &Comparison) -> String {
-    let mut whole = format!("{}: observed minus predicted\n\n{}", comparison.model, text(&errors(&comparison.errors)));
+    let mut whole = format!("{}: observed minus predicted\n\n{}", comparison.model, text(&errors(comparison)));
     if comparison.errors.iter().any(|error| error.whiteness.is_some()) {
         whole += &format!("\n{}", text(&whiteness(&comparison.errors)));
     }
@@ -46,14 +47,19 @@ pub fn human(comparison: &Comparison) -> String {
     if !left_out.is_empty() {
         whole += &format!("Not printed, as the error is spread more evenly there: by {} (--format json has all).\n", left_out.join(", "));
     }
-    format!("{whole}\n{}\n", comparison.words.join("\n"))
+    let found = comparison.calibration.as_ref().map_or_else(String::new, |calibration| learned_lines(&calibration.found));
+    format!("{whole}\n{}\n{found}", comparison.words.join("\n"))
 }
 
-fn errors(errors: &[ChannelError]) -> Table {
-    let mut overall = table(&["log", "channel", "rows", "RMS", "mean", "max", "floor", "RMS/floor", "95 %"]);
-    for error in errors {
+fn errors(comparison: &Comparison) -> Table {
+    let differs = |errors: &&Vec<Calibrated>| errors.iter().zip(&comparison.errors).any(|(left, error)| left.rms != error.size.rms);
+    let calibrated = comparison.calibration.as_ref().map(|calibration| &calibration.errors).filter(differs);
+    let mut titles = vec!["log", "channel", "rows", "RMS", "mean", "max", "floor", "RMS/floor", "95 %"];
+    titles.extend(calibrated.map(|_| "calibrated"));
+    let mut overall = table(&titles);
+    for (place, error) in comparison.errors.iter().enumerate() {
         let (size, unit) = (error.size, error.unit);
-        overall.add_row([
+        let mut row = vec![
             error.log.clone(),
             error.channel.to_owned(),
             size.rows.to_string(),
@@ -63,7 +69,9 @@ fn errors(errors: &[ChannelError]) -> Table {
             error.floor.map_or_else(|| "unknown".to_owned(), |floor| quantity(floor, unit)),
             error.ratio.map_or_else(|| "-".to_owned(), |ratio| format!("{ratio:.2}")),
             error.floor_check.map_or_else(String::new, interval),
-        ]);
+        ];
+        row.extend(calibrated.map(|all| quantity(all[place].rms, unit)));
+        overall.add_row(row);
     }
     numbers_from(&mut overall, 2);
     overall

@@ -127,7 +127,10 @@ impl DiscoveryReport {
         let alone: Vec<String> =
             self.file_rms.iter().map(|(channel, rms)| format!("{} of {channel}", quantity(*rms, unit_of(channel)))).collect();
         let learned = learned_lines(&self.left_out);
-        format!("A model file cannot hold what follows; without it `lab compare` finds {} RMS:\n{learned}", alone.join(", "))
+        format!(
+            "A model file cannot hold what follows; without it `lab compare` finds {} RMS (`--calibrate` asks for it anew):\n{learned}",
+            alone.join(", ")
+        )
     }
 }
 

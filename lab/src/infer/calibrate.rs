@@ -1,0 +1,67 @@
+//! A model as it is, with the sensors and the starts of its logs at their best.
+//!
+//! What a file predicts is compared with readings whose sensors have offsets, and begins at charges that are known to a percent. Whoever
+//! looks at that error asks first: is it the model's? Nothing of the model moves here.
+
+use std::sync::Arc;
+
+use energy::{Channel, Model};
+
+use super::evidence::{Evidence, Segment};
+use super::frame::Frame;
+use super::rough::{Rough, rough};
+use super::state::{State, residual};
+use crate::prepare::Prepared;
+
+/// The state of a model that holds still on these logs, all that is known of sensors and starts only roughly at its best; none where
+/// that is known exactly.
+#[must_use]
+pub fn calibrated(model: &Model, values: &[f64], logs: &[Prepared]) -> Option<State> {
+    let mut still = model.clone().with_values(values).held();
+    (still.uncertainty.ocv_sigma_v, still.uncertainty.capacity_relative_sigma) = (0.0, 0.0);
+    let evidence = Evidence::new(&still, logs.to_vec());
+    if evidence.rows() == 0 || rough(&still, &evidence.logs).is_empty() {
+        return None;
+    }
+    Some(State::of_model(Arc::new(still), Arc::new(evidence)).told().clone())
+}
+
+/// RMS of what a state leaves of each channel of each log, row by row, in the channel's unit.
+#[must_use]
+pub fn rms_by_log(state: &State) -> Vec<(usize, Channel, f64)> {
+    let evidence = state.frame.evidence.whole.as_ref().unwrap_or(&state.frame.evidence);
+    let left = residual(&Frame::new(Arc::clone(&state.frame.model), Arc::clone(evidence)), &state.x);
+    let of = |segment: &Segment| {
+        let rows = &left[segment.range()];
+        let squares: f64 = rows.iter().map(|left| left * left).sum();
+        (segment.log, segment.channel, (squares / rows.len().max(1) as f64).sqrt())
+    };
+    evidence.segments.iter().map(of).collect()
+}
+
+/// Logs as they would read had their sensors no offset and no gain, beginning where the state has them begin. Delays stay, and what flowed in
+/// gaps.
+#[must_use]
+pub fn corrected(state: &State, logs: &[Prepared]) -> Vec<Prepared> {
+    let error = |what| state.frame.error(&state.x, what);
+    let read = |channel: Channel, values: &mut [f64], offset: f64| {
+        let (offset, gain, dead_band) =
+            (offset + error(Rough::Offset(channel)), 1.0 + error(Rough::Gain(channel)), state.frame.model.sensor(channel).dead_band);
+        // What shows nothing up to some reading shows nothing of its offset either.
+        values.iter_mut().filter(|value| **value != 0.0 || dead_band == 0.0).for_each(|value| *value = (*value - offset) / gain);
+    };
+    let of = |(index, log): (usize, &Prepared)| {
+        let mut log = log.clone();
+        for (channel, values) in &mut log.inputs {
+            // Where the surroundings are only known by what was said of them, they are what moves.
+            let around_k = if *channel == Channel::AmbientDegc { error(Rough::Ambient(index)) } else { 0.0 };
+            read(*channel, values, -around_k);
+        }
+        log.targets.iter_mut().for_each(|target| read(target.channel, &mut target.observed, 0.0));
+        log.start.soc += error(Rough::SocInitial(index));
+        log.start.temperature_degc += error(Rough::TemperatureInitial(index));
+        log.start.clock_s += error(Rough::Clock(index));
+        log
+    };
+    logs.iter().enumerate().map(of).collect()
+}
