@@ -66,15 +66,14 @@ impl Telemetry {
             "schema = 1\nid = \"{stem}\"\nsoc_initial = {}\nsoc_initial_sigma = {}\nambient_degc = {ambient_degc}\n",
             soc.value, soc.sigma
         );
-        let rows = format!("time_s,current_a,voltage_v,temperature_degc,ambient_degc,cycle_count\n{time_s},,,,{ambient_degc},\n");
+        let rows = format!("time_s,current_a,voltage_v,temperature_degc,ambient_degc\n{time_s},,,,{ambient_degc}\n");
         self.logs.insert(stem.to_owned(), Log { rows, facts, begun: false });
     }
 
-    /// A row of a battery's log: what its sensors showed at `time_s`, and how many cycles its service
-    /// book has.
-    pub fn battery_row(&mut self, stem: &str, time_s: f64, sample: &Sample, ambient_degc: f64, cycles: f64) {
+    /// A row of a battery's log: what its sensors showed at `time_s`.
+    pub fn battery_row(&mut self, stem: &str, time_s: f64, sample: &Sample, ambient_degc: f64) {
         let Sample { current_a, voltage_v, temperature_degc, .. } = sample;
-        self.row(stem, format_args!("{time_s},{current_a:.4},{voltage_v:.4},{temperature_degc:.2},{ambient_degc},{cycles}"));
+        self.row(stem, format_args!("{time_s},{current_a:.4},{voltage_v:.4},{temperature_degc:.2},{ambient_degc}"));
     }
 
     /// Opens a log with these columns after `time_s`.

@@ -39,7 +39,7 @@ pub(super) fn robot_rows(
     if let Some(soc) = seen.exchanged {
         telemetry.battery(&stem, time_s - sample.dt_s, soc, ambient_degc);
     }
-    telemetry.battery_row(&stem, time_s, sample, ambient_degc, body.cycle_count());
+    telemetry.battery_row(&stem, time_s, sample, ambient_degc);
     if seen.place != Place::InBay && !seen.depleted {
         let inputs = body.inputs(LOAD_INPUTS).map(|value| value.to_string()).join(",");
         let power_w = sample.current_a * sample.voltage_v;
@@ -90,7 +90,7 @@ impl StationLogs {
             if let Some(soc) = reading.exchanged {
                 telemetry.battery(&stem, time_s - reading.sample.dt_s, soc, ambient_degc);
             }
-            telemetry.battery_row(&stem, time_s, &reading.sample, ambient_degc, body.cycle_count(&reading.pack));
+            telemetry.battery_row(&stem, time_s, &reading.sample, ambient_degc);
         }
         let active = seen.packs.iter().find(|reading| seen.active_pack.as_ref() == Some(&reading.pack));
         let Some(sample) = active.map(|reading| reading.sample).filter(|_| seen.powered) else { return };

@@ -1,7 +1,5 @@
 //! The whole story: a world with a hidden effect breaks a promise, the lab finds the effect in the
 //! logs of that run, and with the model that it makes of it the promise is kept.
-//!
-//! A few stories run always; all of them with `TENDER_STORIES=all`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,8 +26,6 @@ struct Story {
     logs: &'static [&'static str],
     /// Effects of which the lab must name one: those that are true, or that are the same here.
     names: &'static [&'static str],
-    /// Whether it is short enough to run always.
-    short: bool,
 }
 
 const STORIES: &[Story] = &[
@@ -41,7 +37,6 @@ const STORIES: &[Story] = &[
         // The same watts before the charger or after it: a station's log cannot tell (each names the
         // other, and the measurement between, in `confused_with`).
         names: &["robot_own_load", "path_selection"],
-        short: true,
     },
     Story {
         scenario: "hidden-light-load",
@@ -49,7 +44,6 @@ const STORIES: &[Story] = &[
         run: "efficiency of full load",
         logs: &["mds-1"],
         names: &["converter_curve"],
-        short: false,
     },
     Story {
         scenario: "hidden-cold-cells",
@@ -57,32 +51,22 @@ const STORIES: &[Story] = &[
         run: "resistance of 25 degC",
         logs: &["mds-1-pack-1"],
         names: &["arrhenius"],
-        short: false,
     },
-    Story {
-        scenario: "hidden-bad-contact",
-        believed: "mds-station",
-        run: "contacts as new",
-        logs: &["mds-1"],
-        names: &["bay_contact"],
-        short: false,
-    },
+    Story { scenario: "hidden-bad-contact", believed: "mds-station", run: "contacts as new", logs: &["mds-1"], names: &["bay_contact"] },
     Story {
         scenario: "hidden-slope",
         believed: "models/carrier-robot-level.toml",
         run: "level model",
         logs: &["carrier-1-load", "carrier-2-load"],
         names: &["slope"],
-        short: true,
     },
     Story {
         scenario: "aged-pack",
         believed: "mds-3s4p-7600mah",
         run: "as printed on the pack",
         logs: &["mds-1-pack-1"],
-        // One log of one age does not tell a pack that faded evenly from one whose weakest cell did.
-        names: &["capacity_fade", "calendar_fade", "weak_cell"],
-        short: false,
+        // Nothing tells how old the pack is: how much of it is left is what can be told.
+        names: &["capacity_health"],
     },
 ];
 
@@ -153,9 +137,8 @@ fn tell(story: &Story) -> Told {
 
 #[test]
 fn what_the_lab_finds_in_a_broken_promise_keeps_the_next_one() {
-    let all = std::env::var("TENDER_STORIES").is_ok_and(|which| which == "all");
     let mut failures = Vec::new();
-    for story in STORIES.iter().filter(|story| all || story.short) {
+    for story in STORIES {
         let Told { before, after, found } = tell(story);
         let numbers = |metrics: &BTreeMap<String, f64>| {
             let [promised, served, broken, stranded] =

@@ -55,9 +55,7 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
             unable.push(Untested { effect: spec.id, reason: reason.to_owned() });
             continue;
         }
-        if let Some((channel, log)) =
-            effect.told_by().iter().find_map(|&channel| Some((channel, has_input(&frame.evidence.logs, channel)?)))
-        {
+        if let Some((channel, log)) = effect.told_by().iter().find_map(|&channel| Some((channel, tells(&frame.evidence.logs, channel)?))) {
             let reason = format!("is asked about only where nothing tells {}, which {log} does", channel.name());
             unable.push(Untested { effect: spec.id, reason });
             continue;
@@ -117,9 +115,14 @@ pub fn held_at_defaults(model: &Model) -> Option<String> {
     })
 }
 
-/// The first log with such an input.
-fn has_input(logs: &[Prepared], wanted: Channel) -> Option<&str> {
-    logs.iter().find(|log| log.inputs.iter().any(|(channel, _)| *channel == wanted)).map(|log| log.name.as_str())
+/// The first log that tells what was counted so far. A gauge that counts from when it was set up begins at nothing, whatever the battery has seen
+/// before; one that says all along that it is nothing means it.
+fn tells(logs: &[Prepared], counted: Channel) -> Option<&str> {
+    let from_nothing = |values: &[f64]| {
+        values.iter().find(|value| value.is_finite()).zip(values.last()).is_some_and(|(first, last)| *first < 1.0 && last > first)
+    };
+    let tells = |log: &&Prepared| log.inputs.iter().any(|(channel, values)| *channel == counted && !from_nothing(values));
+    logs.iter().find(tells).map(|log| log.name.as_str())
 }
 
 /// Largest share of a battery's capacity that passed in one go in any log, out of it and into it: what flowed back in between is

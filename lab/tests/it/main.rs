@@ -1,6 +1,7 @@
 //! Tests of the lab: measured logs against an independent calculation, recovery of known
 //! parameters from synthetic logs, and the command line.
 
+mod beside;
 mod calibration;
 mod cli;
 mod commands;

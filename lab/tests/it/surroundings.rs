@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use energy::{Channel, Model};
 use lab::infer::answer::Discovery;
+use lab::infer::candidate::candidates;
 use lab::infer::discover::search;
 use lab::infer::evidence::Evidence;
+use lab::infer::frame::Frame;
 use lab::learned::left_out;
 use lab::measurement::{LogFacts, read_log};
 use lab::predict::predict;
@@ -78,4 +80,21 @@ fn a_worn_battery_of_which_nobody_told_the_age_is_called_worn() {
         let (missing, _) = found(truth, &facts, seed);
         assert!(missing.contains(&"capacity_health".to_owned()), "seed {seed}: {missing:?}");
     }
+}
+
+/// A gauge that was set up with a worn battery counts from nothing: that says as little of the battery's cycles as nothing does.
+#[test]
+fn cycles_that_are_counted_from_nothing_tell_no_age() {
+    let base = model("");
+    let asked = |cycles: fn(f64) -> f64| {
+        let facts = LogFacts { ambient_degc: Some(10.0), ..LogFacts::default() };
+        let mut log = log(&base, &base, 1, facts);
+        let counted = log.time_s.iter().map(|time_s| cycles(*time_s)).collect();
+        log.inputs.push((Channel::CycleCount, counted));
+        let frame = Frame::new(Arc::clone(&base), Arc::new(Evidence::new(&base, vec![log])));
+        candidates(&frame, &frame.start()).0.iter().any(|candidate| candidate.spec.id == "capacity_health")
+    };
+    assert!(asked(|time_s| time_s / 7200.0), "counted since the gauge was set up");
+    assert!(!asked(|time_s| 700.0 + time_s / 7200.0), "counted since the battery was new");
+    assert!(!asked(|_| 0.0), "said to be new");
 }

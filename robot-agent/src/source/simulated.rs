@@ -131,12 +131,6 @@ impl RobotBody {
         self.pack.truth(Channel::Soc)
     }
 
-    /// Full cycles that its pack has seen.
-    #[must_use]
-    pub fn cycle_count(&self) -> f64 {
-        self.pack.truth(Channel::CycleCount)
-    }
-
     /// Where the robot is.
     #[must_use]
     pub fn place(&self) -> Place {

@@ -173,12 +173,6 @@ impl StationBody {
         self.packs.iter().map(|pack| (&pack.id, pack.body.truth(Channel::Soc)))
     }
 
-    /// Full cycles that a pack has seen; 0 for one that is not here.
-    #[must_use]
-    pub fn cycle_count(&self, pack: &PackId) -> f64 {
-        self.packs.iter().find(|known| known.id == *pack).map_or(0.0, |known| known.body.truth(Channel::CycleCount))
-    }
-
     /// The true value of a channel of the station's load, such as the power into its robots.
     #[must_use]
     pub fn truth(&self, channel: Channel) -> f64 {

@@ -6,7 +6,8 @@
 //! proportion (diode drop, switching; no unit), `b` the loss in the square of the load (resistance of
 //! switch and inductor, 1/W). The load is shared equally by the `n_charging` chargers that work: the square of a sum of
 //! unlike loads is up to twice that, but only while both are small. A model has this or
-//! `charger_efficiency`; with both, the losses come on top of each other.
+//! `charger_efficiency`. With both, the losses come on top of each other, and `a` may be negative: a stated efficiency that was a guess of
+//! the whole then holds more than the part in proportion.
 //!
 //! Efficiency is best where the constant loss equals the square one, `P = sqrt((P_0 + P_1) / b)` for one
 //! charger, and falls steeply below: the end of the constant-voltage part is where it is worst.
@@ -47,10 +48,10 @@ static SPEC: EffectSpec = EffectSpec {
         },
         ParameterSpec {
             name: "proportional_loss",
-            meaning: "loss in proportion to the charge power",
+            meaning: "loss in proportion to the charge power; beside a charger_efficiency, beyond what that says",
             default: 0.05,
             null: Some(0.0),
-            min: 0.0,
+            min: -0.3,
             max: 1.0,
             source: "drop of a diode over the pack's voltage: 0.4-0.6 V of 11 V",
         },

@@ -7,7 +7,8 @@
 //! converters of 15 V with large heat sinks (section B.2.2). In a SEPIC the first inductor carries
 //! the input current and the switch that and the output current, so its loss grows as the pack
 //! empties. Loss is put right as `P_in - P_out` (Kottas, Eq. 4.1 calls the output power so). A
-//! model has this or `converter_efficiency`.
+//! model has this or `converter_efficiency`. With both, the losses come on top of each other, and `a` may be negative: a stated
+//! efficiency that was a guess of the whole then holds more than the part in proportion.
 //!
 //! Where no voltage is known (0 V) the last term is left out.
 //!
@@ -47,10 +48,10 @@ static SPEC: EffectSpec = EffectSpec {
         },
         ParameterSpec {
             name: "proportional_loss",
-            meaning: "loss in proportion to the power to the bays",
+            meaning: "loss in proportion to the power to the bays; beside a converter_efficiency, beyond what that says",
             default: 0.06,
             null: Some(0.0),
-            min: 0.0,
+            min: -0.3,
             max: 1.0,
             source: "diode drop of 0.5 V at 15 V: 0.033; switching about as much",
         },
