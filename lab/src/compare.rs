@@ -108,7 +108,7 @@ pub struct Comparison {
     /// Where the error is densest, worst channel first; none for a channel whose error is spread
     /// evenly.
     pub worst: Vec<Worst>,
-    /// The answer, the worst regimes and what the residual looks like, one sentence each.
+    /// The answer, the worst regimes, what the residual looks like and what calibration leaves of it, one sentence each.
     pub words: Vec<String>,
     /// What is left once sensors and starts are calibrated; null where nobody asked, the model leaves nothing, or it takes nothing away.
     pub calibration: Option<Calibration>,

@@ -7,6 +7,7 @@ use super::{ChannelError, Comparison, Verdict, WITHIN};
 use crate::infer::calibrate::{calibrated, corrected, rms_by_log};
 use crate::learned::{LeftOut, left_out};
 use crate::prepare::Prepared;
+use crate::report::discovery::learned_lines;
 use crate::report::quantity::quantity;
 
 /// What calibration of sensors and starts leaves.
@@ -51,6 +52,7 @@ impl Comparison {
             true => "Sensors and starts are as they are stated.".to_owned(),
             false => "That is with sensors and starts calibrated within what is stated of them:".to_owned(),
         });
+        self.words.extend(lines(&found));
         self.calibration = Some(Calibration { errors: self.errors.iter().map(of).collect(), found });
         self
     }
@@ -79,10 +81,15 @@ impl Comparison {
         if helps {
             let calibration = Calibration { errors, found: left_out(&state) };
             self.words.extend(calibration.words());
+            self.words.extend(lines(&calibration.found));
             self.calibration = Some(calibration);
         }
         self
     }
+}
+
+fn lines(found: &[LeftOut]) -> Vec<String> {
+    learned_lines(found).lines().map(str::to_owned).collect()
 }
 
 /// The logs with sensors and starts calibrated, and what they are off by; as they are where nothing is known only roughly.

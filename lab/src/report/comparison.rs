@@ -5,7 +5,6 @@ use comfy_table::Table;
 use crate::compare::{Calibrated, ChannelError, Comparison, RegimeError};
 use crate::floor::FloorCheck;
 
-use super::discovery::learned_lines;
 use super::quantity::{digits, quantity};
 use super::table::{numbers_from, table, text};
 
@@ -47,8 +46,7 @@ pub fn human(comparison: &Comparison) -> String {
     if !left_out.is_empty() {
         whole += &format!("Not printed, as the error is spread more evenly there: by {} (--format json has all).\n", left_out.join(", "));
     }
-    let found = comparison.calibration.as_ref().map_or_else(String::new, |calibration| learned_lines(&calibration.found));
-    format!("{whole}\n{}\n{found}", comparison.words.join("\n"))
+    format!("{whole}\n{}\n", comparison.words.join("\n"))
 }
 
 fn errors(comparison: &Comparison) -> Table {

@@ -155,7 +155,7 @@ fn section(title: &str, body: String, there: bool) -> Option<String> {
 const FAR: f64 = 2.0;
 
 /// A line for each, with its sign.
-pub(super) fn learned_lines(left_out: &[LeftOut]) -> String {
+pub(crate) fn learned_lines(left_out: &[LeftOut]) -> String {
     let far = |one: &LeftOut| {
         let deviations = one.shift.abs() / one.stated_sigma;
         if deviations > FAR { format!(", {deviations:.1} of the deviations stated for it") } else { String::new() }
