@@ -65,9 +65,10 @@ impl Comparison {
         }
         let Some(state) = calibrated(model, values, logs) else { return self };
         let left = rms_by_log(&state);
-        let of = |error: &ChannelError| {
-            let same = |(log, channel, _): &&(usize, energy::Channel, f64)| logs[*log].name == error.log && channel.name() == error.channel;
-            let rms = left.iter().find(same).map_or(error.size.rms, |(_, _, rms)| *rms);
+        // Errors lie log by log and target by target; names of logs need not be unlike.
+        let places = logs.iter().enumerate().flat_map(|(log, prepared)| prepared.targets.iter().map(move |target| (log, target.channel)));
+        let of = |(error, place): (&ChannelError, (usize, energy::Channel))| {
+            let rms = left.iter().find(|(log, channel, _)| (*log, *channel) == place).map_or(error.size.rms, |(_, _, rms)| *rms);
             Calibrated {
                 log: error.log.clone(),
                 channel: error.channel,
@@ -76,7 +77,7 @@ impl Comparison {
                 ratio: error.floor.map(|floor| rms / floor),
             }
         };
-        let errors: Vec<Calibrated> = self.errors.iter().map(of).collect();
+        let errors: Vec<Calibrated> = self.errors.iter().zip(places).map(of).collect();
         let helps = self.errors.iter().zip(&errors).any(|(error, left)| left.rms < (1.0 - WORTH_TELLING) * error.size.rms);
         if helps {
             let calibration = Calibration { errors, found: left_out(&state) };
