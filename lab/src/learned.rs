@@ -22,6 +22,8 @@ use crate::report::quantity::{digits, quantity, unit_of};
 const MOVED: f64 = 0.01;
 /// The same for what is only told.
 const WORTH_TELLING: f64 = 0.1;
+/// Deviations from which on what was found is no chance.
+const SURELY: f64 = 3.0;
 
 /// The text of the given model with all that the state learned. `origin` says from what, `inline`
 /// whether a table that the text names by file must stand in the text instead.
@@ -122,7 +124,15 @@ fn through_gaps(state: &State) -> Vec<LeftOut> {
             logged.name
         );
         let sigma = variance.max(0.0).sqrt().min(stated_sigma);
-        (shift.abs() > WORTH_TELLING * stated_sigma).then(|| LeftOut { what, shift, sigma, stated_sigma, unit: "Ah", fact: String::new() })
+        // What a log states of a long gap is so little that hardly anything is far from it.
+        (shift.abs() > (WORTH_TELLING * stated_sigma).min(SURELY * sigma)).then(|| LeftOut {
+            what,
+            shift,
+            sigma,
+            stated_sigma,
+            unit: "Ah",
+            fact: String::new(),
+        })
     };
     let logs = frame.evidence.logs.iter().enumerate();
     let gaps = logs.flat_map(|(log, logged)| (0..logged.unmeasured.last().map_or(0, |piece| piece.gap + 1)).map(move |gap| (log, gap)));

@@ -24,7 +24,7 @@ use std::path::Path;
 
 use energy::DocumentError;
 
-pub use facts::{History, LogFacts, Overrides, Role};
+pub use facts::{GapCurrent, History, LogFacts, Overrides, Role};
 pub use limits::BYTES_MAX as LOG_BYTES_MAX;
 pub use log::{Column, Log};
 pub use mapping::Mapping;

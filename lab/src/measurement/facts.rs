@@ -28,6 +28,17 @@ pub enum Role {
     Holdout,
 }
 
+/// What the current of the row after a gap says of the gap. A logger that stopped knows nothing of what flowed; one that
+/// writes little while a battery is stored, or a gauge that counted on, does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum GapCurrent {
+    /// It held over all of it, as that of every row does over its interval.
+    Stated,
+    /// Nothing.
+    Unknown,
+}
+
 /// What is known about a log beside its rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LogFacts {
@@ -47,6 +58,8 @@ pub struct LogFacts {
     pub ambient_sigma_k: Option<f64>,
     /// Whether it is what a battery's own sensor read, and no better known than that.
     pub ambient_is_read: bool,
+    /// What is known of its gaps; as of an accident, nothing, where this says nothing.
+    pub gap_current: Option<GapCurrent>,
     /// What the log is used for.
     pub role: Option<Role>,
     /// Numbers that this logger writes when nothing was measured.
@@ -68,6 +81,7 @@ struct Raw {
     history: Option<History>,
     ambient_degc: Option<toml::Spanned<f64>>,
     ambient_sigma_k: Option<toml::Spanned<f64>>,
+    gap_current: Option<GapCurrent>,
     role: Option<Role>,
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
@@ -113,6 +127,7 @@ impl LogFacts {
             ambient_degc: within("ambient_degc", raw.ambient_degc, DEGC.0, DEGC.1)?,
             ambient_sigma_k: within("ambient_sigma_k", raw.ambient_sigma_k, SIGMA_K.0, SIGMA_K.1)?,
             ambient_is_read: false,
+            gap_current: raw.gap_current,
             role: raw.role,
             missing: raw.missing,
             topic: raw.topic,
@@ -143,6 +158,8 @@ pub struct Overrides {
     pub ambient_degc: Option<f64>,
     /// See [`LogFacts::ambient_sigma_k`].
     pub ambient_sigma_k: Option<f64>,
+    /// See [`LogFacts::gap_current`].
+    pub gap_current: Option<GapCurrent>,
     /// See [`LogFacts::missing`].
     pub missing: Vec<f64>,
     /// See [`LogFacts::topic`].
@@ -189,6 +206,7 @@ impl Overrides {
         facts.soc_initial_sigma = self.soc_initial_sigma.or(facts.soc_initial_sigma);
         facts.ambient_degc = self.ambient_degc.or(facts.ambient_degc);
         facts.ambient_sigma_k = self.ambient_sigma_k.or(facts.ambient_sigma_k);
+        facts.gap_current = self.gap_current.or(facts.gap_current);
         facts.missing.extend(&self.missing);
         facts.topic = self.topic.clone().or(facts.topic);
         for mapping in &self.columns {

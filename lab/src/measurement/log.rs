@@ -11,7 +11,7 @@ use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, unmeasured};
 use super::values::{explaining_step, missing, spikes, within_range, without_given, without_sentinels};
-use super::{LogError, LogFacts, Table};
+use super::{GapCurrent, LogError, LogFacts, Table};
 
 /// The column that every log begins with, in seconds.
 const TIME: &str = "time_s";
@@ -95,7 +95,9 @@ impl Log {
             }
         }
         reader.tell_spikes(&channels);
-        let unmeasured = channels.get(&Channel::CurrentA).map_or_else(Vec::new, |current_a| unmeasured(&time_s, current_a));
+        let stated = facts.gap_current == Some(GapCurrent::Stated);
+        let current_a = channels.get(&Channel::CurrentA).filter(|_| !stated);
+        let unmeasured = current_a.map_or_else(Vec::new, |current_a| unmeasured(&time_s, current_a));
         reader.notes.extend(asked_for(&unmeasured));
         let mut notes = [table.notes.clone(), reader.notes].concat();
         if let (Some(start), None, None) =

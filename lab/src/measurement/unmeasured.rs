@@ -54,7 +54,8 @@ pub(super) fn asked_for(pieces: &[Unmeasured]) -> Option<String> {
     let gaps = pieces.last()?.gap + 1;
     let [of, them] = if gaps == 1 { ["a gap", "it"] } else { ["gaps", "them"] };
     Some(format!(
-        "what flowed in {of} of current_a is asked of the voltage after {them} where effects are looked for; compare and fit go by the row after {them}"
+        "what flowed in {of} of current_a is asked of the voltage after {them} where effects are looked for; compare and fit go by the row after {them}. \
+         Where that row tells of all of {of}, as of a battery that was stored, say gap_current = \"stated\" beside the log, or --gap-current"
     ))
 }
 

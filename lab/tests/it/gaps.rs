@@ -8,7 +8,7 @@ use lab::infer::discover::search;
 use lab::infer::evidence::Evidence;
 use lab::infer::frame::Frame;
 use lab::learned::left_out;
-use lab::measurement::{Log, LogFacts, read_log};
+use lab::measurement::{GapCurrent, Log, LogFacts, read_log};
 use lab::predict::predict;
 use lab::prepare::prepare;
 use rand_distr::{Distribution as _, Normal};
@@ -84,6 +84,35 @@ fn the_charge_of_a_gap_is_told() {
     }
     let rms = (deviations.iter().map(|z| z * z).sum::<f64>() / deviations.len() as f64).sqrt();
     assert!((0.5..1.5).contains(&rms), "{rms}: {deviations:.1?}");
+}
+
+/// A battery that was stored for a month and lost what it lost by itself: whoever says that it was stored learns of it, and
+/// who does not is told how much charge lacks.
+#[test]
+fn what_a_stored_battery_lost_is_an_effect_where_it_is_said_to_have_been_stored() {
+    let leak = "[[effect]]\nid = \"self_discharge\"\nloss_per_month = { value = 0.06, source = \"t\" }\n";
+    let sensors = SENSORS.replace("sigma = 1e-3\n[uncertainty]", "sigma = 1e-3\noffset_sigma = 2e-5\n[uncertainty]");
+    let base = made_up::model(&format!("{sensors}{OHMIC}"));
+    let truth = made_up::model(&format!("{sensors}{OHMIC}{leak}"));
+    let (noise, mut random) = (Normal::new(0.0, 1e-3).unwrap(), Pcg64::new(7, 0));
+    let at_s = |row: usize| row as f64 + if row < 1800 { 0.0 } else { 30.0 * 86_400.0 };
+    let current = |row: usize| if (1500..2100).contains(&row) { 0.0 } else { [1.5, 0.6, -0.4, 0.9][row / 150 % 4] };
+    let rows: String = (0..3600).map(|row| format!("{},{},3.9\n", at_s(row), current(row))).collect();
+    let facts = |gap_current| LogFacts { soc_initial: Some(0.9), gap_current, ..LogFacts::default() };
+    let read = |text: &str, gap_current| read_log("run.csv", text.as_bytes(), facts(gap_current)).unwrap();
+    let exact = read(&format!("time_s,current_a,voltage_v\n{rows}"), Some(GapCurrent::Stated));
+    let volts = predict(&truth, &prepare(&truth, &exact).unwrap(), &truth.values()).of(Channel::VoltageV).unwrap().to_vec();
+    let row = |row: usize| format!("{},{},{}\n", at_s(row), current(row), volts[row] + noise.sample(&mut random));
+    let text = format!("time_s,current_a,voltage_v\n{}", (0..3600).map(row).collect::<String>());
+    let stored = found(&base, &read(&text, Some(GapCurrent::Stated)));
+    assert!(stored.selected.first().is_some_and(|one| stored.equivalent.contains(one)), "{stored:?}");
+    assert!(stored.equivalent.contains(&"self_discharge"), "{:?}", stored.equivalent);
+    let unsaid = prepare(&base, &read(&text, None)).unwrap();
+    let state = search(Arc::clone(&base), Arc::new(Evidence::new(&base, vec![unsaid])), None).last;
+    let told = left_out(&state).into_iter().find(|one| one.what.starts_with("charge from 1799 to 2593799 s of run"));
+    let told = told.unwrap_or_else(|| panic!("{:?}", left_out(&state)));
+    let lost_ah = 0.06 * 30.0 / 30.44 * base.battery().capacity_ah;
+    assert!((told.shift - lost_ah).abs() < 3.0 * told.sigma && told.sigma < 0.2 * lost_ah, "{told:?} {lost_ah}");
 }
 
 /// A derivative by the current of a piece against a difference.

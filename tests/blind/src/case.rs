@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use energy::{Channel, Model, System};
-use lab::measurement::{History, Log, LogFacts, Role, read_log};
+use lab::measurement::{GapCurrent, History, Log, LogFacts, Role, read_log};
 
 /// What a case is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -87,6 +87,9 @@ impl CaseLog {
         if let Some(history) = self.facts.history {
             let name = if history == History::Charged { "charged" } else { "discharged" };
             let _ = writeln!(text, "history = \"{name}\"");
+        }
+        if self.facts.gap_current == Some(GapCurrent::Stated) {
+            text += "gap_current = \"stated\"\n";
         }
         let role = if self.facts.role == Some(Role::Holdout) { "holdout" } else { "train" };
         let _ = writeln!(text, "role = \"{role}\"");

@@ -4,10 +4,10 @@
 //! catalogue, so that a gauge that had them would hide them in every case, nulls among them.
 //! (25 ms between the two readings move a 5 s log of a large pack by 2 mV at every step.)
 
-use energy::units::S_PER_H;
 use energy::{Channel, Sensor};
 
 use crate::random::Stream;
+use crate::world::on_shelf;
 
 /// One specimen of a gauge: what it has of each sensor's stated spread stays the same in all logs.
 #[derive(Debug, Clone)]
@@ -33,7 +33,7 @@ impl Gauge {
         let Some((_, sensor, offset, gain)) = self.sensors.iter().find(|(known, ..)| *known == channel) else { return truth.to_vec() };
         let read = |row: usize| {
             // Over weeks on a shelf the noise of a current averages out.
-            let long = row > 0 && time_s[row] - time_s[row - 1] > S_PER_H;
+            let long = row > 0 && on_shelf(time_s[row] - time_s[row - 1]);
             let noise = if channel == Channel::CurrentA && long { 0.0 } else { random.normal() };
             sensor.shows(truth[row], noise, *offset, *gain)
         };

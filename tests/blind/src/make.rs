@@ -1,7 +1,7 @@
 //! Makes a case of a place in the plan and a seed.
 
 use energy::{Channel, System, Uncertainty};
-use lab::measurement::{History, LogFacts, Role};
+use lab::measurement::{GapCurrent, History, LogFacts, Role};
 
 use crate::case::{Case, CaseLog, Hidden, Right, Truth};
 use crate::draft::{Draft, PackFacts};
@@ -187,7 +187,9 @@ fn as_told(setting: &Setting, truth: &Truth) -> Draft {
 fn measured(system: System, course: &Course, gauge: &Gauge, noise: &mut Stream, starts: &mut Stream) -> CaseLog {
     let shown = |(channel, values): &(Channel, Vec<f64>)| (*channel, gauge.shows(*channel, &course.time_s, values, noise));
     let role = Some(if course.holdout { Role::Holdout } else { Role::Train });
-    let mut facts = LogFacts { role, ..LogFacts::default() };
+    // Who stores a battery says so.
+    let gap_current = course.was_shelved().then_some(GapCurrent::Stated);
+    let mut facts = LogFacts { role, gap_current, ..LogFacts::default() };
     if system == System::Battery {
         facts.soc_initial = Some((course.start.soc + battery::SOC_SIGMA * starts.normal()).clamp(0.0, 1.0));
         facts.soc_initial_sigma = Some(battery::SOC_SIGMA);

@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use energy::load::Terminals as _;
-use energy::units::S_PER_DAY;
+use energy::units::{S_PER_DAY, S_PER_H};
 use energy::{Channel, Channels, Model, Run, Start, System};
 
 use crate::draft::Draft;
@@ -114,6 +114,18 @@ impl Course {
     pub fn of(&self, channel: Channel) -> Option<&[f64]> {
         self.columns.iter().find(|(known, _)| *known == channel).map(|(_, values)| values.as_slice())
     }
+
+    /// Whether a part of it was spent on a shelf.
+    #[must_use]
+    pub fn was_shelved(&self) -> bool {
+        self.time_s.windows(2).any(|pair| on_shelf(pair[1] - pair[0]))
+    }
+}
+
+/// Whether a row so long is of a battery on a shelf.
+#[must_use]
+pub fn on_shelf(row_s: f64) -> bool {
+    row_s > S_PER_H
 }
 
 /// Warming of a cell at a rate of 1/h when no effect of the world predicts it, K.

@@ -5,7 +5,7 @@ use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use lab::measurement::{LOG_BYTES_MAX, Log, LogFacts, Mapping, Overrides, read_log_from};
+use lab::measurement::{GapCurrent, LOG_BYTES_MAX, Log, LogFacts, Mapping, Overrides, read_log_from};
 
 use super::say;
 
@@ -30,6 +30,10 @@ pub(in crate::cmd) struct FactArgs {
     /// Standard deviation of it, K: as if it were known exactly when left out.
     #[arg(long, allow_negative_numbers = true)]
     ambient_sigma_k: Option<f64>,
+    /// Whether the current of the row after a gap held over all of it, as where a battery was
+    /// stored, or nobody knows what flowed, as without this.
+    #[arg(long)]
+    gap_current: Option<GapCurrent>,
     /// A number that the logger writes when nothing was measured.
     #[arg(long, allow_negative_numbers = true)]
     missing: Vec<f64>,
@@ -63,6 +67,7 @@ impl FactArgs {
             rest_voltage_v: self.rest_voltage_v,
             ambient_degc: self.ambient_degc,
             ambient_sigma_k: self.ambient_sigma_k,
+            gap_current: self.gap_current,
             missing: self.missing.clone(),
             topic: self.topic.clone(),
             columns: self.columns.clone(),
