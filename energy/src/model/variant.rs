@@ -63,6 +63,16 @@ impl Model {
         self
     }
 
+    /// The same model with some of an effect's parameters as they are where nobody states them, and not to be fitted.
+    #[must_use]
+    pub fn unstated(mut self, effect: &EffectSpec, names: &[&str]) -> Model {
+        for parameter in self.parameters.iter_mut().filter(|one| one.effect == effect.id && names.contains(&one.name)) {
+            let spec = effect.parameters.iter().find(|spec| spec.name == parameter.name);
+            spec.into_iter().for_each(|spec| *parameter = file::default_parameter(effect.id, spec));
+        }
+        self
+    }
+
     /// The same model with one effect in the place of another that has the same parameters; none
     /// when it lacks the one or has the other already.
     pub(crate) fn exchanged(&self, old: &str, new: &str) -> Option<Model> {

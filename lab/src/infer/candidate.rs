@@ -190,6 +190,24 @@ pub(super) fn onset(parameter: &ParameterSpec) -> f64 {
     parameter.null.map_or(parameter.default, |null| null + ONSET * (usual(parameter) - null))
 }
 
+/// Whether a number of an effect refines it: it is nothing by default, where others of the effect have a size.
+pub(super) fn refines(effect: &EffectSpec, number: &ParameterSpec) -> bool {
+    is_nothing_by_default(number) && effect.parameters.iter().any(|other| other.null.is_some() && !is_nothing_by_default(other))
+}
+
+/// Whether a number does nothing where nobody states it.
+pub(super) fn is_nothing_by_default(number: &ParameterSpec) -> bool {
+    number.null == Some(number.default)
+}
+
+/// Which numbers of an effect do something only once others of it have a size: those that refine it, and do at the onset no more
+/// beside the others than the share of their sizes that the onset is. What a fit makes of such a number there is noise over next
+/// to nothing, and carries it to an end of its range. Each by whether it refines, and the square of what it does by its usual size.
+pub(super) fn acts_through_others(numbers: impl Iterator<Item = (bool, f64)> + Clone) -> Vec<bool> {
+    let most = numbers.clone().fold(0.0, |most: f64, (_, square)| most.max(square));
+    numbers.map(|(refines, square)| refines && square < ONSET * ONSET * most).collect()
+}
+
 fn grid(parameter: &ParameterSpec) -> Vec<f64> {
     let share = |index: usize| (index as f64 + 0.5) / GRID as f64;
     let point = |index| {
@@ -219,5 +237,20 @@ mod tests {
         let robot = Model::parse("r", text, &|_| unreachable!("no table")).unwrap();
         let told = held_at_defaults(&robot).unwrap();
         assert!(told.starts_with("r: held at the catalogue's default") && told.contains("idle."), "{told}");
+    }
+
+    #[test]
+    fn a_number_that_refines_an_effect_waits_for_its_size_and_one_that_acts_alone_does_not() {
+        assert_eq!(acts_through_others([(false, 1.0), (true, 1e-7)].into_iter()), [false, true]);
+        assert_eq!(acts_through_others([(false, 1.0), (true, 1e-2)].into_iter()), [false, false]);
+        assert_eq!(acts_through_others([(false, 1.0), (false, 1e-7)].into_iter()), [false, false]);
+        let refining = |system, id: &str| {
+            let spec = energy::find(system, id).unwrap().1.spec();
+            spec.parameters.iter().filter(|number| refines(spec, number)).map(|number| number.name).collect::<Vec<_>>()
+        };
+        assert_eq!(refining(energy::System::Battery, "self_discharge"), ["activation_kj_per_mol"]);
+        assert!(
+            refining(energy::System::Battery, "ohmic_soc").is_empty() && refining(energy::System::Battery, "current_offset").is_empty()
+        );
     }
 }

@@ -264,7 +264,7 @@ fn simplest(judged: &[(Trial, Vec<Refusal>)], holdout: Option<&Arc<Evidence>>) -
 }
 
 /// Difference of the criterion that rounding can make.
-const TIE: f64 = 0.1;
+pub(super) const TIE: f64 = 0.1;
 
 /// Of those that do as well as the first but for rounding, the one with the fewest numbers, then the first of the catalogue: which
 /// name stands for a set must not hang on the last digits.

@@ -7,10 +7,10 @@
 
 use std::sync::Arc;
 
-use energy::EffectSpec;
+use energy::{EffectSpec, ParameterSpec};
 use nalgebra::{DMatrix, DVector};
 
-use super::candidate::onset;
+use super::candidate::{acts_through_others, onset, refines, usual};
 use super::descent::{Asked, Derived, Place, descend_roughly};
 use super::frame::Frame;
 use super::lens::Lens;
@@ -28,15 +28,15 @@ const BY_DERIVATIVES: f64 = 4.0;
 /// The base with another effect than the one that `has` has at its best, refitted from where that led; none where the
 /// other does not take its work.
 #[must_use]
-pub(super) fn handed_over(base: &State, has: &State, effect: &EffectSpec, other: &EffectSpec) -> Option<State> {
+pub(super) fn handed_over(base: &State, has: &State, effect: &'static EffectSpec, other: &'static EffectSpec) -> Option<State> {
     let evidence = &base.frame.evidence;
     let both = Frame::new(Arc::new(has.frame.model.with(other.id).ok()?), Arc::clone(evidence));
-    let own = |unknown: usize| {
+    let spec_of = |unknown: usize, effect: &'static EffectSpec| {
         let parameter = &both.model.parameters()[*both.free.get(unknown)?];
         effect.parameters.iter().find(|spec| parameter.effect == effect.id && spec.name == parameter.name)
     };
-    let sizes: Vec<(usize, f64)> = (0..both.unknowns()).filter_map(|unknown| Some((unknown, own(unknown)?.null?))).collect();
-    let others: Vec<usize> = (0..both.unknowns()).filter(|&unknown| own(unknown).is_none()).collect();
+    let sizes_of = |effect| (0..both.unknowns()).filter_map(move |unknown| Some((unknown, spec_of(unknown, effect)?)));
+    let sizes: Vec<(usize, f64)> = sizes_of(effect).filter_map(|(unknown, spec)| Some((unknown, spec.null?))).collect();
     let whole = both.as_in(&has.frame, &has.x, Some((other, onset)));
     let at_best = has.lens(&has.noise).cost;
     let rise = NOT_TAKEN_OVER.min(HARDLY_LESS * (base.cost - has.cost));
@@ -44,18 +44,32 @@ pub(super) fn handed_over(base: &State, has: &State, effect: &EffectSpec, other:
         sizes.iter().map(|&(unknown, null)| (unknown, (1.0 - share) * (null - whole[unknown]))).collect()
     };
     let place = Place::at(&both, whole.clone(), has.noise.clone(), &all(&both), Derived::Nearly);
+    // What acts through another's size waits until that is there.
+    let new: Vec<(usize, &ParameterSpec)> = sizes_of(other).filter(|(_, spec)| spec.null.is_some()).collect();
+    let square = |&(unknown, spec): &(usize, &ParameterSpec)| {
+        let size = usual(spec) - spec.null.unwrap_or_default();
+        (refines(other, spec), place.lens.normal[(unknown, unknown)] * size.powi(2))
+    };
+    let quiet = acts_through_others(new.iter().map(square));
+    let waits = |unknown: usize| new.iter().zip(&quiet).any(|(&(one, _), quiet)| one == unknown && *quiet);
+    let others: Vec<usize> = (0..both.unknowns()).filter(|&unknown| spec_of(unknown, effect).is_none() && !waits(unknown)).collect();
     if expected(&place.lens, &kept(SHARES[0]), &others) > at_best + BY_DERIVATIVES * rise {
         return None;
     }
-    let (mut x, mut noise) = (whole.clone(), has.noise.clone());
-    for share in SHARES {
-        kept(share).into_iter().for_each(|(unknown, change)| x[unknown] = whole[unknown] + change);
-        let place = descend_roughly(&both, &x, &noise, &others, Asked::Always);
-        if place.lens.cost > at_best + rise {
-            return None;
+    let way = |asked: Asked| {
+        let (mut x, mut noise) = (whole.clone(), has.noise.clone());
+        for share in SHARES {
+            kept(share).into_iter().for_each(|(unknown, change)| x[unknown] = whole[unknown] + change);
+            let place = descend_roughly(&both, &x, &noise, &others, asked);
+            if place.lens.cost > at_best + rise {
+                return None;
+            }
+            (x, noise) = (place.x, place.noise);
         }
-        (x, noise) = (place.x, place.noise);
-    }
+        Some((x, noise))
+    };
+    // Slow noise that is asked for before the other has grown may take the work from it.
+    let (x, noise) = way(Asked::Always).or_else(|| way(Asked::Never))?;
     let alone = Frame::new(Arc::new(base.frame.model.with(other.id).ok()?), Arc::clone(evidence));
     let start = alone.as_in(&both, &x, None);
     Some(State::fit(Arc::new(alone), &start, &noise))

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use energy::EffectSpec;
 use nalgebra::{DMatrix, DVector};
 
-use super::candidate::{Candidate, usual};
+use super::candidate::{Candidate, refines, usual};
 use super::frame::Frame;
 use super::lens::{product, whiten_all};
 use super::state::{State, filters, likelihood, noises, observed};
@@ -24,7 +24,7 @@ use crate::prepare::predicted_channels;
 
 mod view;
 
-use view::{Look, Onset, View};
+use view::{Look, Onset, Side, View};
 
 /// One absent effect at its best shape.
 #[derive(Debug, Clone)]
@@ -35,7 +35,7 @@ pub struct Score {
     pub statistic: f64,
     /// T, with the sensor's noise alone.
     pub explained: f64,
-    /// Numbers by which the effect was free to explain.
+    /// Numbers by which the effect was free to explain; none where the base does all of its work, or more.
     pub freedom: usize,
     /// Share of the effect that a refit of the base model cannot absorb, 0..1.
     pub uniqueness: f64,
@@ -97,7 +97,7 @@ const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
 struct Asked<'a> {
     candidate: &'a Candidate,
     own: Vec<usize>,
-    sides: Vec<(f64, f64, f64)>,
+    sides: Vec<Side>,
 }
 
 impl<'a> Asked<'a> {
@@ -106,7 +106,9 @@ impl<'a> Asked<'a> {
         let own: Vec<usize> = (0..parameters.len()).filter(|&index| parameters[index].null.is_some()).collect();
         let side = |&index: &usize| {
             let null = parameters[index].null.unwrap_or(parameters[index].default);
-            (null, parameters[index].min - null, parameters[index].max - null)
+            let usual = usual(&parameters[index]) - null;
+            let refines = refines(candidate.spec, &parameters[index]);
+            Side { null, low: parameters[index].min - null, high: parameters[index].max - null, usual, refines }
         };
         Asked { sides: own.iter().map(side).collect(), own, candidate }
     }
@@ -192,21 +194,24 @@ impl<'a> Scoring<'a> {
         onsets.iter().map(|onsets| onsets.iter().filter_map(&mut look).collect()).collect()
     }
 
-    /// Of an effect that the base model, bent as it is, does altogether: the logs say nothing of it beside
+    /// Of an effect that the base model, bent as it is, does altogether or even overdoes: the logs say nothing of it beside
     /// the base, and a refit that puts the base back may.
     fn absorbed(&self, Asked { candidate, own, .. }: &Asked<'_>, onset: &Onset) -> Score {
         let View { lens, base } = &self.white;
         let parameters = candidate.spec.parameters;
         let sizes = own.iter().map(|&index| usual(&parameters[index]) - parameters[index].null.unwrap_or(0.0));
         let seen = whiten_all(&self.state.frame, &lens.filters, onset.slopes.clone());
-        let pull = product(&lens.design, &seen) * DVector::from_iterator(own.len(), sizes);
+        let sizes = DVector::from_iterator(own.len(), sizes);
+        let pull = product(&lens.design, &seen) * &sizes;
+        let absorbed = base.absorbed(DMatrix::from_column_slice(pull.len(), 1, pull.as_slice())).norm_squared();
+        let whole = seen.tr_mul(&sizes).norm_squared();
         let rows = lens.whitened.len();
         Score {
             spec: candidate.spec,
             statistic: 0.0,
             explained: 0.0,
             freedom: 0,
-            uniqueness: 0.0,
+            uniqueness: (1.0 - absorbed / whole.max(f64::MIN_POSITIVE)).max(0.0).sqrt(),
             expected: parameters.iter().map(usual).collect(),
             base_x: self.changed(&-base.solve(pull)),
             gain: 0.0,
@@ -277,7 +282,7 @@ impl<'a> Scoring<'a> {
 
     fn of(&self, Asked { candidate, own, sides }: &Asked<'_>, Seen { white, statistic, at }: &Seen) -> Score {
         let mut expected = at.clone();
-        for ((&index, (null, _, _)), change) in own.iter().zip(sides).zip(&white.change) {
+        for ((&index, Side { null, .. }), change) in own.iter().zip(sides).zip(&white.change) {
             expected[index] = null + change;
         }
         let View { lens, base } = &self.white;

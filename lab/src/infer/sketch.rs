@@ -119,14 +119,13 @@ impl Sketches {
     /// either, the way to the one may be open and that to the other not.
     fn draw_what_is_taken_for_the_best(&mut self) {
         let Some(best) = self.best() else { return };
-        let taken_for = |a: &EffectSpec, b: &EffectSpec| a.confused_with.iter().any(|(id, _)| *id == b.id);
         let spec = self.scored[best.place].0.spec;
         let (begin, delta_bic) = (best.state.clone(), best.delta_bic);
         for place in 0..self.scored.len() {
             let other = self.scored[place].0.spec;
             let known = self.drawn.iter().position(|one| one.place == place);
             let behind = known.is_none_or(|known| delta_bic - self.drawn[known].delta_bic > ALIKE);
-            if !behind || other.id == spec.id || !(taken_for(spec, other) || taken_for(other, spec)) {
+            if !behind || other.id == spec.id || !are_taken_for_each_other(spec, other) {
                 continue;
             }
             let Some(state) = self.base.with(other, &begin, known.map(|known| &self.drawn[known].state)) else { continue };
@@ -155,9 +154,11 @@ impl Sketches {
             let score = &self.scored[place].0;
             let known = self.drawn.iter().position(|one| one.place == place);
             let behind = known.is_none_or(|known| self.drawn[known].state.cost > has.cost + ALIKE);
-            // What a refit of the base absorbs nearly whole looks like everything and nothing.
-            let may =
-                score.freedom > 0 && (score.uniqueness < ABSORBED || score.confounded(&self.scored[place_of_best].0) > MAY_DO_THE_WORK);
+            // What a refit of the base absorbs nearly whole looks like everything and nothing, and of what it does wholly only the catalogue says anything.
+            let may = match score.freedom {
+                0 => are_taken_for_each_other(spec, score.spec),
+                _ => score.uniqueness < ABSORBED || score.confounded(&self.scored[place_of_best].0) > MAY_DO_THE_WORK,
+            };
             if place == place_of_best || !behind || !may || as_good.contains(&score.spec.id) {
                 continue;
             }
@@ -211,6 +212,12 @@ impl Sketches {
     }
 }
 
+/// Whether the catalogue says that one of two effects is taken for the other.
+fn are_taken_for_each_other(one: &EffectSpec, other: &EffectSpec) -> bool {
+    let says = |a: &EffectSpec, b: &EffectSpec| a.confused_with.iter().any(|(id, _)| *id == b.id);
+    says(one, other) || says(other, one)
+}
+
 /// Places of the scores, best gain first, whose effects are refitted for real.
 fn worth_a_refit(base: &State, scored: &[(Score, Candidate)], tried: usize) -> Vec<usize> {
     let by = |of: fn(&Score) -> f64, count: usize| {
@@ -233,9 +240,10 @@ fn worth_a_refit(base: &State, scored: &[(Score, Candidate)], tried: usize) -> V
         let most = scored.iter().map(|(score, _)| score.explained).fold(0.0, f64::max);
         let absorbed = |&place: &usize| scored[place].0.uniqueness < ABSORBED && scored[place].0.explained > SHARE * most;
         places.extend(by(|score| score.explained, scored.len()).into_iter().filter(explains).filter(absorbed).take(ABSORBED_MAX));
-        // Or it does all of an effect's work already.
-        let wholly = |&place: &usize| scored[place].0.freedom == 0;
-        places.extend((0..scored.len()).filter(wholly).take(ABSORBED_MAX));
+        // Or it does all of an effect's work already, or more.
+        let (wholly, overdone): (Vec<usize>, Vec<usize>) =
+            (0..scored.len()).filter(|&place| scored[place].0.freedom == 0).partition(|&place| scored[place].0.uniqueness < ABSORBED);
+        places.extend([wholly, overdone].into_iter().flat_map(|places| places.into_iter().take(ABSORBED_MAX)));
     }
     places
 }

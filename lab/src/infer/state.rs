@@ -332,8 +332,14 @@ fn freedom(normal: &DMatrix<f64>, free: usize) -> usize {
         let cross = normal.view((free, 0), (known, free)).into_owned();
         own -= cross.tr_mul(&cholesky.solve(&cross));
     }
-    let scale: Vec<f64> = (0..free).map(|index| normal[(index, index)].sqrt().max(f64::MIN_POSITIVE)).collect();
-    let scaled = DMatrix::from_fn(free, free, |i, j| own[(i, j)] / (scale[i] * scale[j]));
+    // What does nothing has no scale either.
+    let told: Vec<usize> = (0..free).filter(|&index| normal[(index, index)] > f64::MIN_POSITIVE.sqrt()).collect();
+    if told.is_empty() {
+        return 0;
+    }
+    let scale = |index: usize| normal[(index, index)].sqrt();
+    let scaled = |i: usize, j: usize| own[(told[i], told[j])] / (scale(told[i]) * scale(told[j]));
+    let scaled = DMatrix::from_fn(told.len(), told.len(), scaled);
     scaled.symmetric_eigenvalues().iter().filter(|value| **value > DETERMINED).count()
 }
 

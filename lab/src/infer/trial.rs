@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use energy::{Channel, EffectSpec, Model, Parameter, ParameterSpec};
 
-use super::candidate::{Candidate, usual};
+use super::candidate::{Candidate, is_nothing_by_default, refines, usual};
 use super::descent::{Asked, descend_roughly};
-use super::discover::ALIKE;
+use super::discover::{ALIKE, TIE};
 use super::evidence::Evidence;
 use super::frame::Frame;
 use super::judge::ABSORBED;
@@ -50,16 +50,17 @@ impl Trial {
 
     /// Whether the effect could do with fewer numbers: one of its own rests at an end of its range, or is less than a
     /// deviation from where it does nothing or, where it only shapes the effect, from zero. One that is nothing by default
-    /// refines the effect: without it, that is what it usually is.
+    /// refines the effect: without it, that is what it usually is. Without its only size there is no effect.
     #[must_use]
     pub fn has_a_number_to_spare(&self) -> bool {
         let (frame, held, sigmas) = (&self.state.frame, self.state.held(), self.state.sigmas());
         (0..frame.free.len()).any(|place| {
             let parameter = &frame.model.parameters()[frame.free[place]];
             let spec = self.spec.parameters.iter().find(|spec| parameter.effect == self.spec.id && spec.name == parameter.name);
-            let refines = |spec: &ParameterSpec| spec.null == Some(spec.default);
-            let idle = |spec: &ParameterSpec| (self.state.x[place] - spec.null.unwrap_or(0.0)).abs() < sigmas[place];
-            spec.is_some_and(|spec| !refines(spec) && (held.contains(&place) || idle(spec)))
+            let sizes = self.spec.parameters.iter().filter(|spec| spec.null.is_some() && !is_nothing_by_default(spec)).count();
+            let only_size = |spec: &ParameterSpec| spec.null.is_some() && sizes == 1;
+            let idle = |spec: &ParameterSpec| !only_size(spec) && (self.state.x[place] - spec.null.unwrap_or(0.0)).abs() < sigmas[place];
+            spec.is_some_and(|spec| !is_nothing_by_default(spec) && (held.contains(&place) || idle(spec)))
         })
     }
 
@@ -120,6 +121,7 @@ impl Trial {
     }
 
     pub(super) fn of(base: &State, state: State, spec: &'static EffectSpec, uniqueness: f64, holdout: Option<&Arc<Evidence>>) -> Trial {
+        let state = as_plain_as_may_be(state, spec);
         let parameters = state.frame.model.parameters().iter().enumerate();
         let nulls = parameters.filter(|(_, parameter)| parameter.effect == spec.id).zip(spec.parameters);
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
@@ -128,6 +130,21 @@ impl Trial {
         let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(state.told(), evidence));
         Trial { spec, delta_bic: state.delta_bic(base), uniqueness, change, holdout, state }
     }
+}
+
+/// The state without those numbers that refine an effect, where the logs do not speak for them. What is made of such a number
+/// otherwise is noise: a leak that doubles with every 15 K is easily found in logs of one temperature, and wrong at any other.
+fn as_plain_as_may_be(state: State, spec: &EffectSpec) -> State {
+    let refining: Vec<&str> = spec.parameters.iter().filter(|number| refines(spec, number)).map(|number| number.name).collect();
+    let stands = |name: &&str| state.frame.model.parameters().iter().any(|one| one.effect == spec.id && one.name == *name && one.free);
+    if !refining.iter().any(|name| stands(&name)) {
+        return state;
+    }
+    let model = Model::clone(&state.frame.model).unstated(spec, &refining);
+    let frame = Arc::new(Frame::new(Arc::new(model), Arc::clone(&state.frame.evidence)));
+    let start = frame.like(&state, None);
+    let plain = State::fit(frame, &start, &state.noise);
+    if plain.bic() < state.bic() + TIE { plain } else { state }
 }
 
 /// The base model refitted with the candidate on the base's evidence, from where its score expects it and, if that ends

@@ -2,11 +2,23 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::infer::candidate::acts_through_others;
 use crate::infer::lens::{Absorber, Lens, product_all, square, whiten_all};
 use crate::infer::state::State;
 
-/// Null, and the reach below and above it, of each own parameter.
-pub(super) type Sides = [(f64, f64, f64)];
+/// An own parameter that has a null.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Side {
+    /// Where it does nothing.
+    pub(super) null: f64,
+    /// Reach below and above that.
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// Its usual size, from there.
+    pub(super) usual: f64,
+    /// Whether it refines the effect.
+    pub(super) refines: bool,
+}
 
 /// The rows through one kind of noise, and what a refit leaves of them.
 pub(super) struct View {
@@ -43,13 +55,13 @@ pub(super) struct Look {
 impl View {
     /// What is seen of each onset; none where nothing is. How all of them pull on the base's unknowns is one product: the base's
     /// design is far larger than any of them and gone through once.
-    pub(super) fn looks<'a>(&self, state: &State, onsets: impl Iterator<Item = (&'a Onset, &'a Sides)>) -> Vec<Option<Look>> {
-        let (onsets, sides): (Vec<&Onset>, Vec<&Sides>) = onsets.unzip();
+    pub(super) fn looks<'a>(&self, state: &State, onsets: impl Iterator<Item = (&'a Onset, &'a [Side])>) -> Vec<Option<Look>> {
+        let (onsets, sides): (Vec<&Onset>, Vec<&[Side]>) = onsets.unzip();
         let through = |onset: &&Onset| whiten_all(&state.frame, &self.lens.filters, onset.slopes.clone());
         let seen: Vec<DMatrix<f64>> = onsets.iter().map(through).collect();
         let crosses = product_all(&self.lens.design, &seen);
         let mut first = 0;
-        let look = |(seen, sides): (DMatrix<f64>, &Sides)| {
+        let look = |(seen, sides): (DMatrix<f64>, &[Side])| {
             let cross = crosses.columns(first, seen.nrows()).into_owned();
             first += seen.nrows();
             self.look(seen, cross, sides)
@@ -57,7 +69,7 @@ impl View {
         seen.into_iter().zip(sides).map(look).collect()
     }
 
-    fn look(&self, seen: DMatrix<f64>, cross: DMatrix<f64>, sides: &Sides) -> Option<Look> {
+    fn look(&self, seen: DMatrix<f64>, cross: DMatrix<f64>, sides: &[Side]) -> Option<Look> {
         let base = &self.base;
         let whole = square(&seen);
         let absorbed = base.absorbed(cross.clone());
@@ -65,7 +77,8 @@ impl View {
         let right = &seen * &base.left;
         // Directions that the base absorbs to the last digits are not there.
         let count = whole.nrows();
-        let mut active: Vec<usize> = (0..count).filter(|&c| unique[(c, c)] > 1e-8 * whole[(c, c)]).collect();
+        let quiet = acts_through_others((0..count).map(|c| (sides[c].refines, whole[(c, c)] * sides[c].usual.powi(2))));
+        let mut active: Vec<usize> = (0..count).filter(|&c| unique[(c, c)] > 1e-8 * whole[(c, c)] && !quiet[c]).collect();
         loop {
             if active.is_empty() {
                 return None;
@@ -73,7 +86,7 @@ impl View {
             let (change, freedom) = least(&unique, &right, &active);
             // A size on the wrong side of null is not an effect.
             let wrong = |&place: &usize| {
-                let (_, low, high) = sides[active[place]];
+                let Side { low, high, .. } = sides[active[place]];
                 (change[place] < 0.0 && low >= 0.0) || (change[place] > 0.0 && high <= 0.0)
             };
             let worst = (0..active.len()).filter(wrong).max_by(|&a, &b| {
@@ -86,7 +99,7 @@ impl View {
             }
             let (mut all, mut free) = (vec![0.0; count], DVector::zeros(count));
             for (&place, &change) in active.iter().zip(&change) {
-                let (_, low, high) = sides[place];
+                let Side { low, high, .. } = sides[place];
                 all[place] = change.clamp(low, high);
                 free[place] = change;
             }
