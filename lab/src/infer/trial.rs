@@ -136,8 +136,8 @@ impl Trial {
 /// otherwise is noise: a leak that doubles with every 15 K is easily found in logs of one temperature, and wrong at any other.
 fn as_plain_as_may_be(state: State, spec: &EffectSpec) -> State {
     let refining: Vec<&str> = spec.parameters.iter().filter(|number| refines(spec, number)).map(|number| number.name).collect();
-    let stands = |name: &&str| state.frame.model.parameters().iter().any(|one| one.effect == spec.id && one.name == *name && one.free);
-    if !refining.iter().any(|name| stands(&name)) {
+    let stands = |name: &str| state.frame.model.parameters().iter().any(|one| one.effect == spec.id && one.name == name && one.free);
+    if !refining.iter().any(|name| stands(name)) {
         return state;
     }
     let model = Model::clone(&state.frame.model).unstated(spec, &refining);
