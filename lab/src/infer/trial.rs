@@ -133,11 +133,11 @@ impl Trial {
 }
 
 /// The state without those numbers that refine an effect, where the logs do not speak for them. What is made of such a number
-/// otherwise is noise: a leak that doubles with every 15 K is easily found in logs of one temperature, and wrong at any other.
+/// otherwise is noise: how a leak goes with the temperature is easily found in logs that hardly tell, and wrong at any other temperature.
 fn as_plain_as_may_be(state: State, spec: &EffectSpec) -> State {
     let refining: Vec<&str> = spec.parameters.iter().filter(|number| refines(spec, number)).map(|number| number.name).collect();
     let stands = |name: &str| state.frame.model.parameters().iter().any(|one| one.effect == spec.id && one.name == name && one.free);
-    if !refining.iter().any(|name| stands(name)) {
+    if !refining.iter().any(|name| stands(name)) || !act_through_sizes(&state, spec) {
         return state;
     }
     let model = Model::clone(&state.frame.model).unstated(spec, &refining);
@@ -145,6 +145,23 @@ fn as_plain_as_may_be(state: State, spec: &EffectSpec) -> State {
     let start = frame.like(&state, None);
     let plain = State::fit(frame, &start, &state.noise);
     if plain.bic() < state.bic() + TIE { plain } else { state }
+}
+
+/// Whether the numbers that refine an effect do nothing where its sizes are nothing.
+fn act_through_sizes(state: &State, spec: &EffectSpec) -> bool {
+    let frame = &state.frame;
+    let at = |refined: bool| {
+        let mut x = state.x.clone();
+        for (place, &index) in frame.free.iter().enumerate() {
+            let parameter = &frame.model.parameters()[index];
+            let number = spec.parameters.iter().find(|number| parameter.effect == spec.id && number.name == parameter.name);
+            if let Some((number, null)) = number.and_then(|number| Some((number, number.null?))) {
+                x[place] = if refined && refines(spec, number) { usual(number) } else { null };
+            }
+        }
+        frame.predict(&x)
+    };
+    at(true).iter().zip(at(false)).all(|(with, without)| (with - without).abs() <= SAME * (1.0 + without.abs()))
 }
 
 /// The base model refitted with the candidate on the base's evidence, from where its score expects it and, if that ends
