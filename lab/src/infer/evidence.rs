@@ -86,22 +86,24 @@ pub struct Evidence {
 /// How many rows go into a mean, and into a step of a walk.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grain {
-    /// Rows since an input jumped, for each row of a mean.
-    since: usize,
+    /// Rows of a mean, as a share of those since an input jumped.
+    share: f64,
     /// Rows that a mean takes at most.
     most: usize,
+    /// Whether the last row before a jump is a mean of its own: a late reading shows there what comes.
+    sees_ahead: bool,
     /// Steps that a mean takes at least, where it has as many rows.
     pub(super) steps: usize,
 }
 
 /// What is judged: a quarter of the rows since the jump are a mean.
-const FINE: Grain = Grain { since: 4, most: 12, steps: 2 };
+const FINE: Grain = Grain { share: 0.25, most: 12, sees_ahead: true, steps: 2 };
 /// Judged rows up to which there is nothing to be saved, and means of more rows would leave too few to see by.
 const FEW: usize = 500;
-/// What shows the way: as many rows as have passed since the jump, which is as long as a decay goes on about as it
-/// began, and two steps, on a parabola. On straight lines between the ends of steps the right effect looks worse than one that bends
+/// What shows the way: twice as many rows as have passed since the jump, so that each mean reaches three times as far as the one before,
+/// and two steps, on a parabola. On straight lines between the ends of steps the right effect looks worse than one that bends
 /// where they do not.
-const COARSE: Grain = Grain { since: 1, most: 48, steps: 2 };
+const COARSE: Grain = Grain { share: 2.0, most: 48, sees_ahead: false, steps: 2 };
 /// Change of an input, as a share of its range, after which means begin small again.
 const JUMP: f64 = 0.02;
 
@@ -319,13 +321,12 @@ fn in_means(segment: &Segment, jumps: &[bool], grain: Grain) -> Segment {
     in_blocks(segment, |place| {
         let row = segment.rows[place];
         let apart = place == 0 || segment.rows[place - 1] + 1 != row;
-        // The last row before a jump stands alone as well: a late reading shows what comes.
-        let ends = jumps.get(row + 1) == Some(&true);
+        let ends = grain.sees_ahead && jumps.get(row + 1) == Some(&true);
         since = if jumps[row] || apart { 0 } else { since + 1 };
         let begins = room == 0 || since == 0 || ends;
         if begins {
             // One by one at first, then a share of the rows since the jump.
-            room = if ends { 1 } else { (since / grain.since).clamp(1, grain.most) };
+            room = if ends { 1 } else { ((since as f64 * grain.share) as usize).clamp(1, grain.most) };
         }
         room -= 1;
         begins
