@@ -95,10 +95,15 @@ const NUMBERS: [(&str, &str); 7] = [
 /// The candidate that `wrong` was most likely meant to be, if any is close.
 pub fn nearest<'a>(wrong: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     candidates
-        .map(|candidate| (strsim::jaro_winkler(wrong, candidate), candidate))
+        .map(|candidate| (likeness(wrong, candidate), candidate))
         .filter(|(likeness, _)| *likeness > 0.75)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, candidate)| candidate)
+}
+
+/// Between 0 and 1, which is the same but for capitals.
+fn likeness(a: &str, b: &str) -> f64 {
+    strsim::jaro_winkler(a, b).max(strsim::jaro_winkler(&a.to_lowercase(), &b.to_lowercase()))
 }
 
 /// The end of a sentence about a wrong name: "; did you mean `x`?" or a full stop.
@@ -109,6 +114,11 @@ pub fn hint<'a>(wrong: &str, candidates: impl Iterator<Item = &'a str>) -> Strin
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn capitals_make_no_name_a_different_one() {
+        assert_eq!(nearest("RC1", ["rc2", "rc1", "ohmic"].into_iter()), Some("rc1"));
+    }
 
     #[derive(Debug, serde::Deserialize)]
     #[serde(deny_unknown_fields)]

@@ -7,5 +7,6 @@ use std::process::ExitCode;
 use clap::Parser as _;
 
 fn main() -> ExitCode {
+    lab::output::leave_nothing_behind();
     cmd::main(cmd::Cli::parse())
 }

@@ -52,7 +52,7 @@ impl Whiteness {
             slots: slots.filled,
             empty_slots: slots.values.len() - slots.filled,
             lag1: slots.lag1(),
-            correlation_time_s: correlation.time_s(slots.interval_s),
+            correlation_time_s: slots.filled_between().correlation().time_s(slots.interval_s),
             ljung_box: LjungBox::of(&correlation, slots.filled),
             cumulative_periodogram: spectrum.cumulative(),
             period: spectrum.period(),
@@ -120,6 +120,20 @@ pub(crate) mod tests {
         let white = Whiteness::of(&time_s, &residual).unwrap();
         assert!((white.interval_s - 5.0).abs() < 0.5 && white.empty_slots > 100, "{white:?}");
         assert!(white.is_white(), "{white:?}");
+    }
+
+    /// A slow error that is large where readings are seldom: neighbours are all of the quiet time, and yet no row differs from the next.
+    #[test]
+    fn an_error_of_a_log_that_is_read_often_while_little_happens_lasts_as_long_as_it_does() {
+        let often = (0..400).map(f64::from);
+        let seldom = (1..=200).map(|k| 400.0 + 20.0 * f64::from(k));
+        let time_s: Vec<f64> = often.chain(seldom).collect();
+        let wave = |time_s: f64| (time_s * std::f64::consts::TAU / 2000.0).sin();
+        let residual: Vec<f64> = time_s.iter().map(|&time_s| if time_s < 400.0 { 0.05 } else { 1.0 } * wave(time_s)).collect();
+        let white = Whiteness::of(&time_s, &residual).unwrap();
+        // A wave has fallen below 1/e after a fifth of its period.
+        let lasts_s = white.correlation_time_s.unwrap();
+        assert!(white.lag1 > 0.9 && (200.0..600.0).contains(&lasts_s), "{white:?}");
     }
 
     #[test]

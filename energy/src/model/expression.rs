@@ -15,7 +15,7 @@ use crate::effect::expression::{Definition, Expression, ID, Lag, OwnParameter, P
 use crate::system::{Facts, System};
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(expecting = "a table", deny_unknown_fields)]
 struct RawOwn {
     value: f64,
     #[serde(default)]

@@ -10,7 +10,7 @@ use super::evidence::Evidence;
 use super::exchange::exchanged;
 use super::floors::{fitted, resettled};
 use super::judge::{Court, Refusal, STRONG, explained, falls, hardly_moves, refusals, squared, squares, threshold};
-use super::prune::{shorter, taken};
+use super::prune::{plainer, shorter, taken};
 use super::score::Score;
 use super::sketch::{Sketch, Sketches};
 use super::state::State;
@@ -329,6 +329,12 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
         if let Some(way) = exchanged(&steps, holdout) {
             steps = way;
             state = steps[steps.len() - 1].trials[0].state.clone();
+        }
+        if let Some(trial) = plainer(&steps, holdout)
+            && let Some(newest) = steps.last_mut()
+        {
+            state = trial.state.clone();
+            newest.trials[0] = trial;
         }
     }
     unreachable!("a search ends")

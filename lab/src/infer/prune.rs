@@ -3,7 +3,7 @@
 //! A search adds the effect that explains most by itself. Where two are missing, or where the right one
 //! only shows once its size is right, the first to be taken may be a stand-in: a slow polarisation for a
 //! weak cell, say. So after every effect each of the earlier ones is left out once. What the logs do not
-//! miss by more than they must speak for an effect that is added, goes.
+//! miss by more than they must speak for an effect that is added, goes. So do numbers that refine an effect.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::discover::{Outcome, Step};
 use super::evidence::Evidence;
 use super::judge::threshold;
 use super::state::State;
-use super::trial::Trial;
+use super::trial::{Trial, as_plain_as_may_be};
 
 /// The way to the last state without the earlier effect that the logs miss least; none where they miss
 /// every one of them.
@@ -44,6 +44,16 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
         base = next;
     }
     Some(way)
+}
+
+/// The last trial without numbers that refine earlier effects, where it made them needless: while another effect is missing, a table may
+/// bend to do its work. None where it made none so.
+pub(super) fn plainer(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option<Trial> {
+    let (newest, earlier) = steps.split_last()?;
+    let found = &newest.trials[0];
+    let plain = earlier.iter().fold(found.state.clone(), |state, step| as_plain_as_may_be(state, step.trials[0].spec));
+    let same = Arc::ptr_eq(&plain.frame, &found.state.frame);
+    (!same).then(|| Trial::of(&newest.base, plain, found.spec, found.uniqueness, holdout))
 }
 
 /// A look whose best is this trial.

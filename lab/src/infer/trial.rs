@@ -134,7 +134,7 @@ impl Trial {
 
 /// The state without those numbers that refine an effect, where the logs do not speak for them. What is made of such a number
 /// otherwise is noise: how a leak goes with the temperature is easily found in logs that hardly tell, and wrong at any other temperature.
-fn as_plain_as_may_be(state: State, spec: &EffectSpec) -> State {
+pub(super) fn as_plain_as_may_be(state: State, spec: &EffectSpec) -> State {
     let refining: Vec<&str> = spec.parameters.iter().filter(|number| refines(spec, number)).map(|number| number.name).collect();
     let stands = |name: &str| state.frame.model.parameters().iter().any(|one| one.effect == spec.id && one.name == name && one.free);
     if !refining.iter().any(|name| stands(name)) || !act_through_sizes(&state, spec) {

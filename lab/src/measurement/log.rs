@@ -10,7 +10,7 @@ use super::mapping::Source;
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, unmeasured};
-use super::values::{explaining_step, missing, spikes, within_range, without_given, without_sentinels};
+use super::values::{explaining_step, for_a_shell, missing, spikes, within_range, without_given, without_sentinels};
 use super::{GapCurrent, LogError, LogFacts, Table};
 
 /// The column that every log begins with, in seconds.
@@ -126,6 +126,11 @@ struct Reader<'a> {
     places: Vec<u64>,
 }
 
+/// Whether the name of a column ends in a unit of milliseconds.
+fn in_milliseconds(name: &str) -> bool {
+    name.trim_end_matches([')', ']']).rsplit(|c: char| !c.is_alphanumeric()).next() == Some("ms")
+}
+
 impl Reader<'_> {
     fn row_error(&self, row: usize, message: String) -> LogError {
         LogError::Row { file: self.file.to_owned(), line: self.table.lines[row], message }
@@ -145,7 +150,8 @@ impl Reader<'_> {
                 let near = hint(TIME, names.iter().map(String::as_str));
                 let first = names.first().map_or("SOURCE", String::as_str);
                 return Err(whole(format!(
-                    "no `{TIME}` column{near} The first column must be `{TIME}` in seconds, found `{first}`; map it: --column {TIME}={first}"
+                    "no `{TIME}` column{near} The first column must be `{TIME}` in seconds, found `{first}`; map it: --column {}",
+                    for_a_shell(&format!("{TIME}={first}{}", if in_milliseconds(first) { "/1000" } else { "" }))
                 )));
             }
         };
@@ -172,7 +178,11 @@ impl Reader<'_> {
             self.notes.extend(without_sentinels(channel.name(), &mut values, lines, places));
             values.iter_mut().for_each(|value| *value = *value * scale + offset);
         }
-        let outside = within_range(channel, &mut values, lines, places).map_err(|(row, message)| self.row_error(row, message))?;
+        let from = match source {
+            Source::Column { index, .. } => self.table.names[index].as_str(),
+            Source::Constant(_) => channel.name(),
+        };
+        let outside = within_range(channel, from, &mut values, lines, places).map_err(|(row, message)| self.row_error(row, message))?;
         self.notes.extend(outside);
         Ok(rows.numbers(values))
     }

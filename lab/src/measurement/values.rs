@@ -73,11 +73,17 @@ pub(super) fn without_sentinels(name: &str, raw: &mut [f64], lines: &[u64], plac
     ))
 }
 
-/// Makes values outside a channel's range missing. Returns what is to be said.
+/// Makes values outside a channel's range missing, which come from a column of that name. Returns what is to be said.
 ///
 /// # Errors
 /// When most are outside: then the unit is wrong, not the sensor.
-pub(super) fn within_range(channel: Channel, values: &mut [f64], lines: &[u64], places: &str) -> Result<Option<String>, (usize, String)> {
+pub(super) fn within_range(
+    channel: Channel,
+    source: &str,
+    values: &mut [f64],
+    lines: &[u64],
+    places: &str,
+) -> Result<Option<String>, (usize, String)> {
     let range = plausible(channel);
     let rows: Vec<usize> = (0..values.len()).filter(|&row| !values[row].is_nan() && !range.contains(&values[row])).collect();
     let Some(&first) = rows.first() else { return Ok(None) };
@@ -85,10 +91,10 @@ pub(super) fn within_range(channel: Channel, values: &mut [f64], lines: &[u64], 
     let (name, low, high) = (channel.name(), plain(*range.start()), plain(*range.end()));
     if 2 * rows.len() > known {
         let message = format!(
-            "column `{name}`: {} of {known} values lie outside {low} to {high}, such as {}; is the unit right? Map it, for example --column {name}={name}{}",
+            "column `{name}`: {} of {known} values lie outside {low} to {high}, such as {}; is the unit right? Map it, for example --column {}",
             rows.len(),
             plain(values[first]),
-            likely_unit(channel)
+            for_a_shell(&format!("{name}={source}{}", likely_unit(channel)))
         );
         return Err((first, message));
     }
@@ -100,6 +106,12 @@ pub(super) fn within_range(channel: Channel, values: &mut [f64], lines: &[u64], 
     );
     rows.iter().for_each(|&row| values[row] = f64::NAN);
     Ok(Some(note))
+}
+
+/// A word as it is typed in a shell.
+pub(super) fn for_a_shell(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "_-.=/*+".contains(c);
+    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 /// Makes the numbers missing that the user names as a logger's sign for "not measured".
@@ -211,11 +223,12 @@ mod tests {
     #[test]
     fn what_a_channel_cannot_hold_is_missing_and_most_of_it_a_wrong_unit() {
         let mut values = [3.7, -0.001, 3.6, f64::NAN, 3.7];
-        let note = within_range(Channel::VoltageV, &mut values, &LINES, "lines").unwrap().unwrap();
+        let note = within_range(Channel::VoltageV, "U_mV", &mut values, &LINES, "lines").unwrap().unwrap();
         assert!(values[1].is_nan());
         assert_eq!(note, "`voltage_v`: 1 value outside 0 to 2000, such as -0.001: taken as missing (line 3)");
-        let (row, error) = within_range(Channel::TemperatureDegc, &mut [298.15; 5], &LINES, "lines").unwrap_err();
+        let (row, error) = within_range(Channel::TemperatureDegc, "T [K]", &mut [298.15; 5], &LINES, "lines").unwrap_err();
         assert!(row == 0 && error.contains("5 of 5 values lie outside -80 to 200, such as 298.15; is the unit right?"), "{error}");
+        assert!(error.ends_with("for example --column 'temperature_degc=T [K]*1-273.15'"), "{error}");
     }
 
     #[test]

@@ -95,6 +95,25 @@ impl Slots {
         let value = |(product, pairs): (f64, &f64)| if *pairs > 0.0 { product / pairs / variance } else { 0.0 };
         Correlation { values: products.into_iter().zip(&pairs).map(value).collect(), pairs }
     }
+
+    /// The same slots with those between two rows filled on a straight line, but for pauses: as the residual goes on over time, however
+    /// often it is read.
+    pub(super) fn filled_between(&self) -> Slots {
+        let mut values = self.values.clone();
+        let mut last = 0;
+        for slot in (1..values.len()).filter(|&slot| self.values[slot].is_finite()) {
+            if slot - last < LONGEST_GAP {
+                let (from, to, wide) = (values[last], values[slot], (slot - last) as f64);
+                (last + 1..slot).for_each(|between| values[between] = from + (to - from) * (between - last) as f64 / wide);
+            }
+            last = slot;
+        }
+        let known = || values.iter().filter(|value| value.is_finite());
+        let filled = known().count();
+        let mean = known().sum::<f64>() / filled as f64;
+        values.iter_mut().for_each(|value| *value -= mean);
+        Slots { filled, values, ..*self }
+    }
 }
 
 /// Correlation by lag in slots: mean product of pairs over variance.

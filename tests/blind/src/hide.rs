@@ -16,6 +16,8 @@ const SHAPES: &[(System, &str, &[f64])] = &[
     (System::Battery, "ohmic_soc", &[6.0, 3.5, 2.0, 0.8, 0.2, 0.0, 0.1]),
     // The asinh bends within the currents of the logs.
     (System::Battery, "butler_volmer", &[1.0, 0.0]),
+    // One amplitude at all states of charge; what goes with the charge is a case of its own (`hysteresis-lopsided`).
+    (System::Battery, "hysteresis", &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
 ];
 
 /// Values of shape parameters that the logs can show, where the catalogue's default is none:

@@ -13,16 +13,6 @@ pub(crate) struct OhmicSoc;
 /// State of charge of each knot: dense near empty, where the knee is.
 const KNOTS: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
 
-/// One over the distance from each knot to the next.
-const PER_WIDTH: [f64; KNOTS.len() - 1] = {
-    let mut per_width = [0.0; KNOTS.len() - 1];
-    let mut low = 0;
-    while low < per_width.len() {
-        per_width[low] = 1.0 / (KNOTS[low + 1] - KNOTS[low]);
-        low += 1;
-    }
-    per_width
-};
 
 macro_rules! knot {
     ($name:literal) => {
@@ -70,15 +60,22 @@ impl Physics for OhmicSoc {
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let soc = channels[Channel::Soc];
-        let knots: &[S; KNOTS.len()] = own.parameters.try_into().expect("one parameter per knot");
-        // A few comparisons without branches are faster than a search.
-        let low = KNOTS[1..KNOTS.len() - 1].iter().map(|&knot| usize::from(soc.re() >= knot)).sum::<usize>().min(KNOTS.len() - 2);
-        let share =
-            if (0.0..=1.0).contains(&soc.re()) { (soc - KNOTS[low]) * PER_WIDTH[low] } else { S::from(soc.re().clamp(0.0, 1.0).round()) };
-        let resistance_ohm = knots[low] + (knots[low + 1] - knots[low]) * share;
-        channels.add(Channel::OverpotentialV, resistance_ohm * channels[Channel::CellCurrentA]);
+        let knots_ohm: &[S; KNOTS.len()] = own.parameters.try_into().expect("one parameter per knot");
+        channels.add(Channel::OverpotentialV, between(&KNOTS, knots_ohm, channels[Channel::Soc]) * channels[Channel::CellCurrentA]);
     }
+}
+
+/// The value at a state of charge on straight lines between knots from 0 to 1, and that of the nearest outside.
+#[inline(always)]
+pub(super) fn between<S: Real, const COUNT: usize>(knots: &[f64; COUNT], values: &[S; COUNT], soc: S) -> S {
+    // A few comparisons without branches are faster than a search.
+    let low = knots[1..COUNT - 1].iter().map(|&knot| usize::from(soc.re() >= knot)).sum::<usize>().min(COUNT - 2);
+    let share = if (0.0..=1.0).contains(&soc.re()) {
+        (soc - knots[low]) * (knots[low + 1] - knots[low]).recip()
+    } else {
+        S::from(soc.re().clamp(0.0, 1.0).round())
+    };
+    values[low] + (values[low + 1] - values[low]) * share
 }
 
 #[cfg(test)]
