@@ -49,6 +49,8 @@ macro_rules! real {
         pub trait Real: Arithmetic + Copy + Debug + From<f64> + PartialOrd + PartialOrd<f64> + Send + Sync + 'static {
             /// The value without derivatives.
             fn re(&self) -> f64;
+            /// Whether it has no derivative but zero.
+            fn stands_still(&self) -> bool;
             /// A function of the number that has this value and this slope there.
             #[must_use]
             fn chain(&self, value: f64, slope: f64) -> Self;
@@ -74,6 +76,10 @@ macro_rules! real {
             #[inline(always)]
             fn re(&self) -> f64 {
                 *self
+            }
+            #[inline(always)]
+            fn stands_still(&self) -> bool {
+                true
             }
             #[inline(always)]
             fn chain(&self, value: f64, _: f64) -> f64 {
@@ -109,6 +115,10 @@ macro_rules! real {
             #[inline(always)]
             fn re(&self) -> f64 {
                 self.re
+            }
+            #[inline]
+            fn stands_still(&self) -> bool {
+                self.lanes().iter().all(|eps| *eps == 0.0)
             }
             #[inline(always)]
             fn chain(&self, value: f64, slope: f64) -> Dual {

@@ -100,9 +100,9 @@ impl Physics for Hysteresis {
         std::f64::consts::LN_2 / SPEC.parameters[1].default
     }
 
-    /// The amplitude at each knot, and what the exponent of a reversal is multiplied by.
+    /// The amplitude at each knot, what the exponent of a reversal is multiplied by, and 1 where all amplitudes are one and the same.
     fn prepared_len(&self) -> usize {
-        KNOTS.len() + 1
+        KNOTS.len() + 2
     }
 
     fn prepare<S: Real>(&self, _: &Facts, _dt_s: f64, parameters: &[S], prepared: &mut [S]) {
@@ -114,6 +114,8 @@ impl Physics for Hysteresis {
         };
         (0..KNOTS.len()).for_each(|knot| prepared[knot] = amplitude_v * (share(knot) + 1.0));
         prepared[KNOTS.len()] = -parameters[1];
+        let flat = shares.iter().all(|share| share.re() == 0.0 && share.stands_still());
+        prepared[KNOTS.len() + 1] = S::from(if flat { 1.0 } else { 0.0 });
     }
 
     #[inline]
@@ -123,7 +125,9 @@ impl Physics for Hysteresis {
         let kept = exp(own.prepared[KNOTS.len()] * (current_a * branch) * channels[Channel::SocPerA]);
         *state = (*state - branch) * kept + branch;
         let amplitudes_v: &[S; KNOTS.len()] = own.prepared[..KNOTS.len()].try_into().expect("one amplitude per knot");
-        channels.add(Channel::OverpotentialV, between(&KNOTS, amplitudes_v, channels[Channel::Soc]) * *state);
+        let flat = own.prepared[KNOTS.len() + 1].re() != 0.0;
+        let amplitude_v = if flat { amplitudes_v[MIDDLE] } else { between(&KNOTS, amplitudes_v, channels[Channel::Soc]) };
+        channels.add(Channel::OverpotentialV, amplitude_v * *state);
     }
 }
 
