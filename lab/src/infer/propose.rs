@@ -85,6 +85,20 @@ impl Proposal {
     pub fn slow(&self, name: &str) -> Option<&str> {
         self.terms.iter().find(|term| term.name == name)?.slow.as_deref()
     }
+
+    /// Drops earlier terms whose work the newest does: a multiple of the true period, say, once that was found.
+    fn drop_what_became_needless(&mut self, holdout: &Arc<Evidence>) {
+        let Some(newest) = self.terms.last().map(|term| term.name.clone()) else { return };
+        for name in loose(&self.state).into_iter().filter(|name| *name != newest) {
+            let (frame, x) = extended(&self.state, fitted(&self.state).without(|id| id == name));
+            let without = State::fit(Arc::new(frame), &x, &self.state.noise);
+            if without.bic() < self.state.bic() {
+                self.terms.retain(|term| term.name != name);
+                self.holdout = held_out(&without, holdout);
+                self.state = without;
+            }
+        }
+    }
 }
 
 /// Looks for terms that lower the error on `holdout`.
@@ -137,6 +151,7 @@ pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Eviden
         let words = term.words.clone() + &rhythm(|wanted| Some(state.x[unknown(&state.frame, &name, wanted)?]));
         found.terms.push(Proposed { name, words, slow: term.slow.clone(), delta_bic });
         (found.state, found.holdout) = (state, after);
+        found.drop_what_became_needless(holdout);
     }
     if !explained(&found.state)
         && let Some(switching) = comes_and_goes(&found.base, holdout)

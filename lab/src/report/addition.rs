@@ -13,8 +13,9 @@ use crate::infer::state::State;
 use crate::infer::trial::Trial;
 use crate::learned::LeftOut;
 
+use super::discovery::tables::parameter_table;
 use super::discovery::{decisions, ladder, learned_lines, refusal};
-use super::quantity::{digits, quantity, unit_of, with_sigma};
+use super::quantity::{digits, quantity, unit_of};
 use super::table::{numbers_from, table, text};
 
 /// What the files of three models leave of the logs, as `lab compare` sees them.
@@ -181,12 +182,8 @@ impl Addition {
             format!("the logs do NOT speak for {}: {}", self.effect, reasons.join(", "))
         };
         let mut parts = vec![format!("{}: {verdict} (delta BIC {}).\n", self.model, digits(self.delta_bic)), ladder(&self.ladder)];
-        let mut parameters = table(&["parameter", "value"]);
-        for (name, value) in &self.parameters {
-            parameters.add_row([format!("{}.{name}", self.effect), with_sigma(value.value, value.sigma, unit_of(name))]);
-        }
-        numbers_from(&mut parameters, 1);
-        parts.push(text(&parameters));
+        let parameters = self.parameters.iter().map(|(name, value)| (format!("{}.{name}", self.effect), *name, *value));
+        parts.push(text(&parameter_table(parameters)));
         parts.push(format!("RMS by log, as `lab compare` sees the written model:\n{}", self.log_table()));
         if !self.regimes.is_empty() {
             parts.push(format!("Where it changes most:\n{}", self.regime_table()));

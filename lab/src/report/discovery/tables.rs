@@ -1,12 +1,10 @@
 //! Tables of a search.
 
-use std::collections::BTreeMap;
-
 use comfy_table::Table;
 
 use super::{FileErrors, named, perhaps_sigma, refusal};
 use crate::decision::Decisions;
-use crate::infer::answer::{ByChannel, Discovery, Ranked, Rung};
+use crate::infer::answer::{ByChannel, Discovery, Ranked, Rung, Value};
 use crate::report::comparison::chance;
 use crate::report::quantity::{digits, quantity, unit_of, with_sigma};
 use crate::report::table::{numbers_from, table};
@@ -127,16 +125,21 @@ pub fn fall(before: &ByChannel, after: &ByChannel) -> String {
 
 /// Free parameters at the end.
 pub(super) fn parameters(found: &Discovery) -> Table {
-    let ends = found.parameters.values().flat_map(BTreeMap::values).any(|value| value.at_end_of_range);
+    let all = found.parameters.iter().flat_map(|(effect, own)| own.iter().map(move |(name, value)| (effect, *name, *value)));
+    parameter_table(all.map(|(effect, name, value)| (format!("{effect}.{name}"), name, value)))
+}
+
+/// Parameters by their full and their own names.
+pub(in crate::report) fn parameter_table(parameters: impl Iterator<Item = (String, &'static str, Value)>) -> Table {
+    let parameters: Vec<_> = parameters.collect();
+    let ends = parameters.iter().any(|(_, _, value)| value.at_end_of_range);
     let mut rows = table(if ends { &["parameter", "value", ""] } else { &["parameter", "value"] });
-    for (effect, own) in &found.parameters {
-        for (name, value) in own {
-            let mut row = vec![format!("{effect}.{name}"), with_sigma(value.value, value.sigma, unit_of(name))];
-            if ends {
-                row.push(if value.at_end_of_range { "at the end of its range" } else { "" }.to_owned());
-            }
-            rows.add_row(row);
+    for (full, name, value) in parameters {
+        let mut row = vec![full, with_sigma(value.value, value.sigma, unit_of(name))];
+        if ends {
+            row.push(if value.at_end_of_range { "at the end of its range" } else { "" }.to_owned());
         }
+        rows.add_row(row);
     }
     numbers_from(&mut rows, 1);
     if let Some(words) = rows.column_mut(2) {

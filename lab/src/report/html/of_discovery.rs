@@ -104,6 +104,8 @@ fn parameters(given: &Model, found: &Discovery) -> Vec<ParameterRow> {
     for (effect, own) in &found.parameters {
         for (name, value) in own {
             let before = given.parameter(effect, name);
+            let remarks = [(before.is_none(), "new"), (value.at_end_of_range, "at the end of its range")];
+            let remarks: Vec<&str> = remarks.iter().filter(|(holds, _)| *holds).map(|(_, remark)| *remark).collect();
             rows.push(ParameterRow {
                 effect: (*effect).to_owned(),
                 name: (*name).to_owned(),
@@ -111,7 +113,7 @@ fn parameters(given: &Model, found: &Discovery) -> Vec<ParameterRow> {
                 before: before.map(|parameter| parameter.value),
                 value: value.value,
                 sigma: value.sigma,
-                remark: if before.is_none() { "new".to_owned() } else { String::new() },
+                remark: remarks.join(", "),
             });
         }
     }
