@@ -13,7 +13,6 @@ pub(crate) struct OhmicSoc;
 /// State of charge of each knot: dense near empty, where the knee is.
 const KNOTS: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
 
-
 macro_rules! knot {
     ($name:literal) => {
         ParameterSpec {
