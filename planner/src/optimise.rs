@@ -55,9 +55,13 @@ impl<F: FnMut(u64) -> f64> Budget for F {
     }
 }
 
-/// Share of the budget after which the stranded are as few as they will be, in a small fleet that has some time and in any other: four of
-/// 1,000 robots ended with as many stranded by either share, and with less missed by the smaller one.
+/// Share of the budget in which nothing counts but how few are stranded, in a small fleet that has some time and in any other.
 const STRAND_SHARE: [f64; 2] = [0.6, 0.3];
+/// In a large fleet it is only this share where every robot has had so many moves by then: the search that follows strands fewer too. With
+/// 1,000 robots and 5 s the gap is then 0.1 points less and as many are stranded; 10,000 need the whole share.
+const STRAND_SHARE_LARGE: f64 = 0.15;
+/// See [`STRAND_SHARE_LARGE`].
+const STRAND_MOVES: u64 = 160;
 /// The largest fleet for which orders are searched: beyond that, turning one into a plan takes too long.
 const TURNS_MAX: u64 = 64;
 /// Share of the time for few stranded that goes to orders.
@@ -74,7 +78,7 @@ const LENIENT_SHARE: f64 = 0.3;
 /// Share of the search's time that goes to prices.
 const PRICES_SHARE: f64 = 0.25;
 /// Temperatures at the beginning of a search for a small and for a large fleet, in units of cost.
-const HOT: [f64; 2] = [20.0, 64.0];
+const HOT: [f64; 2] = [20.0, 160.0];
 /// The same at its end. So many more moves are made in a large fleet that below this nothing is accepted any more.
 const COLD: [f64; 2] = [0.3, 1.0];
 /// A search of a small fleet is over long before its time: it is heated again so often, from its best plan.
@@ -270,9 +274,11 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
         let mut search = Search::new(few);
         let start = self.used();
+        let (early, enough) = (start + STRAND_SHARE_LARGE * (1.0 - start), self.clock.moves + STRAND_MOVES * robots);
         loop {
             let at = self.used();
-            if at >= until || search.best_score.stranded <= least {
+            let is_enough = self.is_large() && at >= early && self.clock.moves >= enough;
+            if at >= until || is_enough || search.best_score.stranded <= least {
                 break;
             }
             let heat = heat(THRIFTY_HEAT, (at - start) / (until - start));

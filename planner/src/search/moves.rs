@@ -7,7 +7,6 @@ use rand::{Rng, RngExt};
 use crate::draft::{NONE, Score};
 use crate::guide::{Guide, Spot};
 use crate::search::Search;
-use crate::way::SHARED_MIN;
 
 /// Robots that one move may release for the sake of others.
 const RELEASED_MAX: usize = 8;
@@ -130,11 +129,6 @@ impl Search<'_, '_> {
         let place = rng.random::<f32>().powi(2 + self.size() as i32);
         let way = listed[((place * listed.len() as f32) as usize).min(listed.len() - 1)];
         self.may_have(robot, way).then_some(way)
-    }
-
-    /// 0 for a small fleet, 1 for a large one.
-    fn size(&self) -> usize {
-        usize::from(self.draft.chosen.len() >= SHARED_MIN)
     }
 
     /// Whether a robot does not have a way, and its station is open.
