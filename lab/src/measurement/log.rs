@@ -77,7 +77,10 @@ impl Log {
         let (mut channels, mut extra) = (BTreeMap::new(), BTreeMap::new());
         let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
         let unmapped = table.names.iter().enumerate().map(|(index, name)| (name.as_str(), own(index)));
-        let unmapped = unmapped.filter(|(name, _)| !mapped.contains_key(name));
+        // Dates that became the time are said by it.
+        let dates =
+            mapped.get(TIME).and_then(|source| source.column()).filter(|&index| matches!(table.columns[index].seconds(), Ok(Some(_))));
+        let unmapped = unmapped.filter(|(name, source)| !mapped.contains_key(name) && (dates.is_none() || source.column() != dates));
         for (name, source) in unmapped.chain(mapped.iter().map(|(&name, &source)| (name, source))) {
             if name == TIME {
                 continue;
@@ -155,7 +158,10 @@ impl Reader<'_> {
                 )));
             }
         };
-        let time_s = self.numbers(TIME, source)?;
+        let time_s = match self.moments(source)? {
+            Some(time_s) => time_s,
+            None => self.numbers(TIME, source)?,
+        };
         let (rows, note) = Rows::of(&time_s, &self.table.lines, self.table.places)
             .map_err(|(row, message)| self.row_error(row, format!("column `{TIME}`: {message}")))?;
         let time_s = rows.numbers(time_s);
@@ -166,6 +172,20 @@ impl Reader<'_> {
         self.notes.extend(note);
         self.notes.extend(gaps(&time_s, &self.places, self.table.places));
         Ok((time_s, rows))
+    }
+
+    /// Seconds since the first row, where times are dates.
+    fn moments(&self, source: Source) -> Result<Option<Vec<f64>>, LogError> {
+        let Source::Column { index, scale, offset } = source else { return Ok(None) };
+        let name = &self.table.names[index];
+        let odd =
+            |(row, text): (usize, String)| self.row_error(row, format!("column `{name}`: `{text}` is no date with a time, as others are"));
+        let seconds = self.table.columns[index].seconds().map_err(odd)?;
+        if seconds.is_some() && (scale, offset) != (1.0, 0.0) {
+            let message = format!("column `{name}` holds dates with times, which become seconds by themselves: --column {TIME}={name}");
+            return Err(LogError::Whole { file: self.file.to_owned(), message });
+        }
+        Ok(seconds)
     }
 
     /// A channel's values, with what cannot be a measurement made missing.
@@ -213,7 +233,8 @@ impl Reader<'_> {
         if let Some((row, text)) = cells.first_text() {
             let from = &self.table.names[index];
             let via = if from == name { String::new() } else { format!(" (made from `{from}`)") };
-            return Err(self.row_error(row, format!("column `{name}`{via}: `{text}` is not a number")));
+            let nor = if name == TIME { ", nor a date with a time such as 2026-03-01T10:00:00Z" } else { "" };
+            return Err(self.row_error(row, format!("column `{name}`{via}: `{text}` is not a number{nor}")));
         }
         let mut values = cells.numbers().to_vec();
         if name == TIME {
@@ -263,6 +284,32 @@ mod tests {
         assert!(log.channels[&Channel::CurrentA][1].is_nan());
         assert_eq!(log.extra["floor"], Column::Text(vec!["mud".to_owned(), "grass".to_owned(), String::new()]));
         assert!(log.extra.contains_key("temp_K"));
+    }
+
+    #[test]
+    fn dates_with_times_become_seconds() {
+        let times = |[first, second, third]: [&str; 3], column: &str| {
+            let log = read(&format!("when,a\n{first},1\n{second},1\n{third},1\n"), &[column]);
+            log.inspect(|log| assert!(log.extra.keys().eq(["a"]))).map(|log| log.time_s)
+        };
+        let column = "time_s=when";
+        // Offsets count, a leap day too, and spaces do for the T.
+        let dated = times(["2024-02-28T23:59:59Z", "2024-02-29 01:00:00.25+01:00", "2024-03-01T00:00:00Z"], column);
+        assert_eq!(dated.unwrap(), [0.0, 1.25, 86_401.0]);
+        let without_a_zone = times(["2026-03-29 01:59:59", "2026-03-29 03:00:00", "2026-03-29 03:00:01"], column);
+        assert_eq!(without_a_zone.unwrap(), [0.0, 3601.0, 3602.0]);
+        let error = |rows, column| times(rows, column).unwrap_err();
+        let odd = error(["2024-03-01T10:00:00Z", "2024-03-01T10:00:01Z", "noon"], column);
+        assert_eq!(odd, "dir/a.csv:4: column `when`: `noon` is no date with a time, as others are");
+        let number = error(["2024-03-01T10:00:00Z", "5", "2024-03-01T10:00:01Z"], column);
+        assert_eq!(number, "dir/a.csv:3: column `when`: `5` is no date with a time, as others are");
+        let neither = error(["10:00", "10:01", "10:02"], column);
+        assert!(neither.ends_with("`10:00` is not a number, nor a date with a time such as 2026-03-01T10:00:00Z"), "{neither}");
+        let scaled = error(["2024-03-01T10:00:00Z", "2024-03-01T10:00:01Z", "2024-03-01T10:00:02Z"], "time_s=when/1000");
+        assert!(scaled.ends_with("which become seconds by themselves: --column time_s=when"), "{scaled}");
+        let backwards = error(["2024-03-01T10:00:00Z", "2024-03-01T09:59:59Z", "2024-03-01T10:00:01Z"], column);
+        assert_eq!(backwards, "dir/a.csv:3: column `time_s`: time goes backwards: -1 s after 0 s");
+        assert!(error(["2024-03-01T10:00:00Z", "", "2024-03-01T10:00:01Z"], column).contains("every row needs a time"));
     }
 
     #[test]

@@ -23,6 +23,16 @@ pub(super) enum Source {
     Constant(f64),
 }
 
+impl Source {
+    /// The column, if it is one.
+    pub(super) fn column(self) -> Option<usize> {
+        match self {
+            Source::Column { index, .. } => Some(index),
+            Source::Constant(_) => None,
+        }
+    }
+}
+
 impl FromStr for Mapping {
     type Err = String;
 

@@ -2,6 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use jiff::Timestamp;
+use jiff::civil::DateTime;
+use jiff::tz::TimeZone;
+
 /// More different texts than this in one column are no categories but times or messages, which
 /// nothing here can use; they would only fill the memory.
 const TEXTS_MAX: usize = 10_000;
@@ -51,6 +55,15 @@ pub struct Cells {
     known: BTreeMap<String, u32>,
     /// Texts that were not kept, since there were too many different ones.
     dropped: usize,
+    /// Rows of dates with a time, for as long as every text was one.
+    moments: Vec<(u32, Timestamp)>,
+    /// The first text that was none.
+    odd: Option<(u32, String)>,
+}
+
+/// A date with a time as in RFC 3339. One without a zone is taken as it stands, as if there were no others.
+fn moment(text: &str) -> Option<Timestamp> {
+    text.parse().ok().or_else(|| text.parse::<DateTime>().ok()?.to_zoned(TimeZone::UTC).ok().map(|zoned| zoned.timestamp()))
 }
 
 impl Cells {
@@ -63,6 +76,12 @@ impl Cells {
     pub fn push_text(&mut self, text: &str) {
         let row = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
         self.numbers.push(f64::NAN);
+        if self.odd.is_none() {
+            match moment(text) {
+                Some(moment) => self.moments.push((row, moment)),
+                None => self.odd = Some((row, text.to_owned())),
+            }
+        }
         let id = match self.known.get(text) {
             Some(&id) => id,
             None if self.texts.len() >= TEXTS_MAX => {
@@ -101,6 +120,24 @@ impl Cells {
     #[must_use]
     pub fn first_text(&self) -> Option<(usize, &str)> {
         self.at.first().map(|&(row, id)| (row as usize, self.texts[id as usize].as_str()))
+    }
+
+    /// Seconds since the first cell, where all are dates with times; NaN where missing. None where there is none.
+    ///
+    /// # Errors
+    /// The first row and text that is something else, where others are dates.
+    pub fn seconds(&self) -> Result<Option<Vec<f64>>, (usize, String)> {
+        let Some(&(_, first)) = self.moments.first() else { return Ok(None) };
+        let number = self.numbers.iter().position(|number| !number.is_nan()).map(|row| (row, self.numbers[row].to_string()));
+        let text = self.odd.as_ref().map(|(row, text)| (*row as usize, text.clone()));
+        if let Some(odd) = number.into_iter().chain(text).min_by_key(|(row, _)| *row) {
+            return Err(odd);
+        }
+        let mut seconds = vec![f64::NAN; self.numbers.len()];
+        for &(row, moment) in &self.moments {
+            seconds[row as usize] = moment.duration_since(first).as_secs_f64();
+        }
+        Ok(Some(seconds))
     }
 
     /// Whether so many different texts came that they were not all kept.
