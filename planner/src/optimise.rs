@@ -57,11 +57,6 @@ impl<F: FnMut(u64) -> f64> Budget for F {
 
 /// Share of the budget in which nothing counts but how few are stranded, in a small fleet that has some time and in any other.
 const STRAND_SHARE: [f64; 2] = [0.6, 0.3];
-/// In a large fleet it is only this share where every robot has had so many moves by then: the search that follows strands fewer too. With
-/// 1,000 robots and 5 s the gap is then 0.1 points less and as many are stranded; 10,000 need the whole share.
-const STRAND_SHARE_LARGE: f64 = 0.15;
-/// See [`STRAND_SHARE_LARGE`].
-const STRAND_MOVES: u64 = 160;
 /// The largest fleet for which orders are searched: beyond that, turning one into a plan takes too long.
 const TURNS_MAX: u64 = 64;
 /// Share of the time for few stranded that goes to orders.
@@ -274,10 +269,10 @@ impl<'w, 'p> Run<'w, 'p, '_> {
         let guide = Guide::by_cost(&thrifty, 0..few.chosen.len());
         let mut search = Search::new(few);
         let start = self.used();
-        let (early, enough) = (start + STRAND_SHARE_LARGE * (1.0 - start), self.clock.moves + STRAND_MOVES * robots);
+        let enough = (start + large::STRAND_SHARE * (1.0 - start), self.clock.moves + large::STRAND_MOVES * robots);
         loop {
             let at = self.used();
-            let is_enough = self.is_large() && at >= early && self.clock.moves >= enough;
+            let is_enough = self.is_large() && at >= enough.0 && self.clock.moves >= enough.1;
             if at >= until || is_enough || search.best_score.stranded <= least {
                 break;
             }
