@@ -56,7 +56,7 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let capacity = planner::capacity(&instance.problem);
     let json = planner::solution::to_json(&instance, &args.policy, &plan, &capacity);
     if let Some(path) = &args.output {
-        std::fs::write(path, format!("{json}\n")).with_context(|| format!("cannot write {}", path.display()))?;
+        node::files::write_text(path, &format!("{json}\n"))?;
     }
     match args.format {
         Format::Json => say!("{json}"),

@@ -6,6 +6,7 @@ mod commands;
 mod faults;
 mod fuzz;
 mod import;
+mod plan;
 mod scenarios;
 mod settings;
 mod stories;
