@@ -89,6 +89,16 @@ impl Comparison {
     }
 }
 
+impl Comparison {
+    /// What calibration leaves of each of the errors, in their order; none where it leaves all of them as they are.
+    #[must_use]
+    pub fn left_by_calibration(&self) -> Option<&[Calibrated]> {
+        let left = &self.calibration.as_ref()?.errors;
+        let differs = left.iter().zip(&self.errors).any(|(left, error)| left.rms != error.size.rms);
+        differs.then_some(left)
+    }
+}
+
 fn lines(found: &[LeftOut]) -> Vec<String> {
     learned_lines(found).lines().map(str::to_owned).collect()
 }

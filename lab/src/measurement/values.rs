@@ -156,19 +156,26 @@ pub(super) fn spikes(channel: Channel, values: &[f64], moves: impl Fn(usize) -> 
     }
     let middle = (differences.len() - 1) / 2;
     let usual = *differences.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let spike = |row: &usize| {
-        let (up, down) = (values[*row] - values[*row - 1], values[*row + 1] - values[*row]);
-        let least = (SPIKE_DIFFERENCES * usual).max(SPIKE_SHARE * values[*row - 1].abs());
-        up * down < 0.0 && up.abs().min(down.abs()) > least && !moves(*row) && !moves(*row + 1)
+    // A logger that stumbles over a reading may well lose the one beside it.
+    let known = |row: usize| values.get(row).is_some_and(|value| value.is_finite()).then_some(row);
+    let before = |row: usize| known(row - 1).or_else(|| known(row.checked_sub(2)?));
+    let after = |row: usize| known(row + 1).or_else(|| known(row + 2));
+    let spike = |row: usize| {
+        let (before, after) = before(row).zip(after(row))?;
+        let (up, down) = (values[row] - values[before], values[after] - values[row]);
+        let least = (SPIKE_DIFFERENCES * usual).max(SPIKE_SHARE * values[before].abs());
+        let leaves_both = up * down < 0.0 && up.abs().min(down.abs()) > least && !(before + 1..=after).any(&moves);
+        leaves_both.then_some((row, before))
     };
-    let rows: Vec<usize> = (1..values.len() - 1).filter(spike).collect();
-    let first = *rows.first()?;
+    let found: Vec<(usize, usize)> = (1..values.len() - 1).filter_map(spike).collect();
+    let &(first, before) = found.first()?;
+    let rows: Vec<usize> = found.iter().map(|&(row, _)| row).collect();
     Some(format!(
         "`{}`: {} far from both neighbours (by more than {SPIKE_DIFFERENCES} usual differences), such as {} after {}; not removed ({})",
         channel.name(),
         count(rows.len(), "single value"),
         plain(values[first]),
-        plain(values[first - 1]),
+        plain(values[before]),
         at(&rows, lines, places)
     ))
 }
@@ -237,6 +244,15 @@ mod tests {
         assert!(spikes(Channel::VoltageV, &values, |_| false, &LINES, "lines").unwrap().contains("such as 2.9 after 3.701"));
         assert_eq!(spikes(Channel::VoltageV, &values, |row| row == 2, &LINES, "lines"), None);
         assert_eq!(spikes(Channel::CurrentA, &values, |_| false, &LINES, "lines"), None);
+        // Also beside a reading that is missing, but not alone among such.
+        for missing in [1, 3] {
+            let mut gone = values;
+            gone[missing] = f64::NAN;
+            assert!(spikes(Channel::VoltageV, &gone, |_| false, &LINES, "lines").unwrap().contains("such as 2.9 after 3.7"), "{gone:?}");
+            assert_eq!(spikes(Channel::VoltageV, &gone, |row| row == 3, &LINES, "lines"), None, "{gone:?}");
+        }
+        let alone = [f64::NAN, f64::NAN, 2.9, f64::NAN, 3.7];
+        assert_eq!(spikes(Channel::VoltageV, &alone, |_| false, &LINES, "lines"), None);
         // Noise of a current explains nothing, a step of it does, and one in a current that else holds still as well.
         assert_eq!(explaining_step(&[0.0, 0.001, 0.0, 2.0, 2.001]), 0.01);
         assert_eq!(explaining_step(&[0.0, 0.0, 0.0, 0.001]), 0.0);

@@ -2,7 +2,7 @@
 
 use comfy_table::Table;
 
-use crate::compare::{Calibrated, ChannelError, Comparison, RegimeError};
+use crate::compare::{ChannelError, Comparison, RegimeError};
 use crate::floor::FloorCheck;
 
 use super::quantity::{digits, quantity};
@@ -50,8 +50,7 @@ pub fn human(comparison: &Comparison) -> String {
 }
 
 fn errors(comparison: &Comparison) -> Table {
-    let differs = |errors: &&Vec<Calibrated>| errors.iter().zip(&comparison.errors).any(|(left, error)| left.rms != error.size.rms);
-    let calibrated = comparison.calibration.as_ref().map(|calibration| &calibration.errors).filter(differs);
+    let calibrated = comparison.left_by_calibration();
     let mut titles = vec!["log", "channel", "rows", "RMS", "mean", "max", "floor", "RMS/floor", "95 %"];
     titles.extend(calibrated.map(|_| "calibrated"));
     let mut overall = table(&titles);

@@ -14,7 +14,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 pub use of_comparison::{log_lines, page_of};
 pub use sections::{
-    Answer, Confounding, DecisionRow, Epc, Evidence, Header, Ladder, LadderStep, LogLine, Page, ParameterRow, SpectrumCurve, Tone,
+    Answer, Confounding, DecisionRow, Epc, Errors, Evidence, Header, Ladder, LadderStep, LogLine, Page, ParameterRow, SpectrumCurve, Tone,
 };
 
 use crate::plot::axis::time_unit;
@@ -30,7 +30,7 @@ pub fn render(page: &Page) -> String {
         ("ladder", "How the error fell", charts::ladders(&page.ladders)),
         ("evidence", "What speaks for each effect", tables::evidence(&page.evidence)),
         ("confounding", "Which effects look alike here", charts::confounding(page.confounding.as_ref())),
-        ("spectrum", "Is the residual white?", charts::spectra(&page.spectra, &page.errors)),
+        ("spectrum", "Is the residual white?", charts::spectra(&page.spectra, &page.errors.all)),
         ("parameters", "Parameters", tables::parameters(&page.parameters)),
         ("decisions", "What it changes", tables::decisions(&page.decisions)),
     ];

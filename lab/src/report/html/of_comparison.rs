@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use energy::Model;
 
-use super::sections::{Answer, Header, LogLine, Page, SpectrumCurve, Tone};
+use super::sections::{Answer, Errors, Header, LogLine, Page, SpectrumCurve, Tone};
 use crate::compare::{Comparison, Verdict};
 use crate::plot::traces;
 use crate::predict::predict;
@@ -46,7 +46,7 @@ pub fn page_of(model: &Arc<Model>, values: &[f64], logs: &[Prepared], comparison
             version: env!("CARGO_PKG_VERSION").to_owned(),
         },
         verdict,
-        errors: comparison.errors.clone(),
+        errors: Errors::of(comparison),
         traces: traces(model, values, logs),
         regimes: comparison.regimes.clone(),
         spectra: spectra(model, values, logs, comparison),
@@ -58,7 +58,7 @@ impl Page {
     /// Adds what a comparison with held-out logs found.
     pub fn add_holdout(&mut self, model: &Arc<Model>, values: &[f64], logs: &[Prepared], comparison: &Comparison) {
         self.header.logs.extend(log_lines(logs, true));
-        self.holdout_errors.extend(comparison.errors.iter().cloned());
+        self.holdout_errors = Errors::of(comparison);
         self.traces.extend(traces(model, values, logs));
         if let (Some(verdict), Some(words)) = (&mut self.verdict, comparison.words.first()) {
             verdict.words.push(format!("Held-out logs: {words}"));

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::compare::{ChannelError, RegimeError};
+use crate::compare::{Calibrated, ChannelError, Comparison, RegimeError};
 use crate::plot::Trace;
 
 /// A whole report.
@@ -13,9 +13,9 @@ pub struct Page {
     /// The answer.
     pub verdict: Option<Answer>,
     /// Error by log and channel against the sensor floor.
-    pub errors: Vec<ChannelError>,
+    pub errors: Errors,
     /// The same for the held-out logs.
-    pub holdout_errors: Vec<ChannelError>,
+    pub holdout_errors: Errors,
     /// Measured and predicted over time.
     pub traces: Vec<Trace>,
     /// Error by regime, as in a comparison: bands of a regime follow each other.
@@ -32,6 +32,23 @@ pub struct Page {
     pub parameters: Vec<ParameterRow>,
     /// What the coordinator would decide otherwise.
     pub decisions: Vec<DecisionRow>,
+}
+
+/// Error by log and channel.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Errors {
+    /// As the logs are.
+    pub all: Vec<ChannelError>,
+    /// What is left of each with sensors and starts calibrated; none where that changes nothing.
+    pub calibrated: Option<Vec<Calibrated>>,
+}
+
+impl Errors {
+    /// Of a comparison.
+    #[must_use]
+    pub fn of(comparison: &Comparison) -> Errors {
+        Errors { all: comparison.errors.clone(), calibrated: comparison.left_by_calibration().map(<[Calibrated]>::to_vec) }
+    }
 }
 
 /// What was looked at, with what, and when.

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::sections::{DecisionRow, Evidence, ParameterRow};
+use super::sections::{DecisionRow, Errors, Evidence, ParameterRow};
 use crate::compare::ChannelError;
 use crate::report::comparison::{chance, interval};
 use crate::report::quantity::{digits, quantity, unit_of, with_sigma};
@@ -34,11 +34,29 @@ fn or_dash<T>(value: Option<T>, words: impl FnOnce(T) -> String) -> String {
     value.map_or_else(|| "\u{2013}".to_owned(), words)
 }
 
-pub(super) fn errors(errors: &[ChannelError], holdout: &[ChannelError]) -> Option<Markup> {
-    let header = ["log", "channel", "rows", "RMS", "mean", "largest", "sensor floor", "RMS / floor", "95 %"];
-    let row = |error: &ChannelError| {
+pub(super) fn errors(errors: &Errors, holdout: &Errors) -> Option<Markup> {
+    (!errors.all.is_empty()).then(|| {
+        html! {
+            (errors_of("Measured minus predicted, by log and channel", errors))
+            @if !holdout.all.is_empty() { (errors_of("The same for the logs that were held out", holdout)) }
+            p.note { "The floor is what the sensor's noise and rounding explain. A model that explains a log has a ratio near 1." }
+            @if errors.calibrated.is_some() || holdout.calibrated.is_some() {
+                p.note {
+                    "Calibrated is what stays of the RMS once offsets, gains and delays of sensors and the start of each log are at their best "
+                    "within what is stated of them."
+                }
+            }
+        }
+    })
+}
+
+fn errors_of(caption: &str, errors: &Errors) -> Markup {
+    let mut header = vec!["log", "channel", "rows", "RMS", "mean", "largest", "sensor floor", "RMS / floor", "95 %"];
+    let calibrated = errors.calibrated.as_ref();
+    header.extend(calibrated.map(|_| "calibrated"));
+    let row = |(place, error): (usize, &ChannelError)| {
         let (size, unit) = (error.size, error.unit);
-        vec![
+        let mut row = vec![
             error.log.clone(),
             error.channel.to_owned(),
             size.rows.to_string(),
@@ -48,16 +66,11 @@ pub(super) fn errors(errors: &[ChannelError], holdout: &[ChannelError]) -> Optio
             error.floor.map_or_else(|| "unknown".to_owned(), |floor| quantity(floor, unit)),
             or_dash(error.ratio, |ratio| format!("{ratio:.2}")),
             or_dash(error.floor_check, interval),
-        ]
+        ];
+        row.extend(calibrated.map(|all| quantity(all[place].rms, unit)));
+        row
     };
-    let rows = |errors: &[ChannelError]| -> Vec<Vec<String>> { errors.iter().map(row).collect() };
-    (!errors.is_empty()).then(|| {
-        html! {
-            (table("Measured minus predicted, by log and channel", &header, 2, &rows(errors)))
-            @if !holdout.is_empty() { (table("The same for the logs that were held out", &header, 2, &rows(holdout))) }
-            p.note { "The floor is what the sensor's noise and rounding explain. A model that explains a log has a ratio near 1." }
-        }
-    })
+    table(caption, &header, 2, &errors.all.iter().enumerate().map(row).collect::<Vec<_>>())
 }
 
 pub(super) fn whiteness(errors: &[ChannelError]) -> Option<Markup> {

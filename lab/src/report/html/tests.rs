@@ -6,7 +6,7 @@ use html5ever::tendril::StrTendril;
 use html5ever::tokenizer::{BufferQueue, TagKind, Token, TokenSink, TokenSinkResult, Tokenizer, TokenizerOpts};
 
 use super::*;
-use crate::compare::RegimeError;
+use crate::compare::{Calibrated, RegimeError};
 use crate::floor::FloorCheck;
 use crate::plot::Trace;
 use crate::residual::Size;
@@ -143,8 +143,17 @@ pub(crate) fn full(name: &str) -> Page {
             words: vec![name.to_owned(), "It is the second RC pair.".to_owned()],
             experiment: Some("a rest over one hour".to_owned()),
         }),
-        holdout_errors: vec![error.clone()],
-        errors: vec![error],
+        holdout_errors: Errors { all: vec![error.clone()], calibrated: None },
+        errors: Errors {
+            calibrated: Some(vec![Calibrated {
+                log: name.to_owned(),
+                channel: error.channel,
+                unit: error.unit,
+                rms: 0.0012,
+                ratio: Some(1.2),
+            }]),
+            all: vec![error],
+        },
         traces: vec![Trace {
             log: name.to_owned(),
             channel: "voltage_v".to_owned(),
@@ -206,6 +215,7 @@ fn every_section_parses_loads_nothing_and_escapes_names() {
     assert!(images >= 10 && images == described, "{images} pictures, {described} described");
     assert!(text.contains("prefers-color-scheme:dark") && text.contains("width=device-width"));
     assert!(!text.contains("NaN"), "a number that is none has slipped through");
+    assert!(text.contains("1.20 mV") && text.matches(">calibrated</th>").count() == 1, "only where calibration changes something");
 }
 
 #[test]
