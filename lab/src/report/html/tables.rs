@@ -50,10 +50,14 @@ pub(super) fn errors(errors: &Errors, holdout: &Errors) -> Option<Markup> {
     })
 }
 
+/// Where its column stands.
+const CALIBRATED: usize = 4;
+
 fn errors_of(caption: &str, errors: &Errors) -> Markup {
     let mut header = vec!["log", "channel", "rows", "RMS", "mean", "largest", "sensor floor", "RMS / floor", "95 %"];
+    // Beside what it makes smaller: the last columns may have to be scrolled to.
     let calibrated = errors.calibrated.as_ref();
-    header.extend(calibrated.map(|_| "calibrated"));
+    calibrated.iter().for_each(|_| header.insert(CALIBRATED, "calibrated"));
     let row = |(place, error): (usize, &ChannelError)| {
         let (size, unit) = (error.size, error.unit);
         let mut row = vec![
@@ -67,7 +71,7 @@ fn errors_of(caption: &str, errors: &Errors) -> Markup {
             or_dash(error.ratio, |ratio| format!("{ratio:.2}")),
             or_dash(error.floor_check, interval),
         ];
-        row.extend(calibrated.map(|all| quantity(all[place].rms, unit)));
+        calibrated.iter().for_each(|all| row.insert(CALIBRATED, quantity(all[place].rms, unit)));
         row
     };
     table(caption, &header, 2, &errors.all.iter().enumerate().map(row).collect::<Vec<_>>())
