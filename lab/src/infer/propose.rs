@@ -157,7 +157,7 @@ pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Eviden
         && let Some(switching) = comes_and_goes(&found.base, holdout)
     {
         // The mean of what comes and goes is a formula, too, and a poor one.
-        let with_formula = found.holdout.iter().find(|(channel, _)| *channel == switching.channel);
+        let with_formula = found.holdout.iter().find(|(channel, _)| *channel == switching.judged);
         if with_formula.is_none_or(|(_, rms)| switching.holdout.1 < (1.0 - PERIODIC_FALL) * rms) {
             found.terms.clear();
             (found.state, found.holdout) = (found.base.clone(), found.base_holdout.clone());

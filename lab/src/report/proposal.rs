@@ -75,7 +75,7 @@ pub struct Fall {
 /// What comes and goes, for JSON. Errors are those with every log, a held-out one too, asked when it was there.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SwitchingReport {
-    /// The channel that it adds to.
+    /// The channel that it adds to: the one that is judged (see `training`), or an input that its sensor does not see all of.
     pub channel: &'static str,
     /// Whether it is single readings, each off by another amount: their mean and scatter are `size` and `sigma` then.
     pub readings: bool,
@@ -102,7 +102,7 @@ pub struct SwitchingReport {
 impl SwitchingReport {
     fn of(switching: &Switching, evidence: &Evidence, holdout: &Evidence) -> SwitchingReport {
         let name = switching.channel.name();
-        let fall = |evidence, (before, after)| falls(evidence, &[(switching.channel, before)], &[(switching.channel, after)]).remove(0);
+        let fall = |evidence, (before, after)| falls(evidence, &[(switching.judged, before)], &[(switching.judged, after)]).remove(0);
         let unit = match (unit_of(name), switching.times.map(|times| unit_of(times.name()))) {
             (unit, None | Some("")) => unit.to_owned(),
             ("V", Some("A")) => "ohm".to_owned(),
@@ -125,8 +125,9 @@ impl SwitchingReport {
     }
 
     fn words(&self) -> Vec<String> {
-        let (size, unit) = (with_sigma(self.size, Some(self.sigma), &self.unit), unit_of(self.channel));
+        let (size, unit) = (with_sigma(self.size, Some(self.sigma), &self.unit), unit_of(self.training.channel));
         let times = self.times.map_or_else(String::new, |times| format!(" times {times}"));
+        let beside = if self.channel == self.training.channel { "" } else { " beside what its sensor sees" };
         let errors = |fall: &Fall| format!("{} to {}", quantity(fall.rms_before, unit), quantity(fall.rms_after, unit));
         if self.readings {
             return vec![
@@ -147,7 +148,7 @@ impl SwitchingReport {
         }
         vec![
             format!(
-                "Something comes and goes at times that no formula says: {size}{times} on {}, in {:.1} % of the rows, {} times, for {:.0} s on average.",
+                "Something comes and goes at times that no formula says: {size}{times} on {}{beside}, in {:.1} % of the rows, {} times, for {:.0} s on average.",
                 self.channel,
                 100.0 * self.share,
                 self.visits,

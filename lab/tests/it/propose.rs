@@ -16,6 +16,11 @@ const ROBOT: &str = "schema = 1\nsystem = \"robot\"\nname = \"robot\"\n[sensor.p
 
 /// A log of 4000 s every 5 s, of a model in motion with white noise on its target.
 fn log(truth: &str, seed: u64) -> String {
+    log_beside(truth, seed, |_| 0.0)
+}
+
+/// The same with more of its input than the log says, at a time, s.
+fn log_beside(truth: &str, seed: u64, unseen: impl Fn(u64) -> f64) -> String {
     let model = Model::parse("truth", truth, &|_| unreachable!("no table")).unwrap_or_else(|error| panic!("{error}"));
     let battery = model.system == energy::System::Battery;
     let (input, target) = if battery { (Channel::CurrentA, Channel::VoltageV) } else { (Channel::SpeedMps, Channel::PowerW) };
@@ -26,12 +31,13 @@ fn log(truth: &str, seed: u64) -> String {
     for row in 0..800_u64 {
         // Levels that hold for some rows, in another order in every log.
         let level = (((row / 9 + 5 * seed) * 7919) % 13) as f64 / 13.0;
-        run.channels[input] = if battery { 3.2 * level } else { 1.2 * level };
+        let seen = if battery { 3.2 * level } else { 1.2 * level };
+        run.channels[input] = seen + unseen(5 * row);
         if row > 0 {
             run.step(5.0);
         }
         let noise: f64 = StandardNormal.sample(&mut random);
-        let _ = writeln!(text, "{},{},{:.6}", 5 * row, run.channels[input], run.channels[target] + sigma * noise);
+        let _ = writeln!(text, "{},{},{:.6}", 5 * row, seen, run.channels[target] + sigma * noise);
     }
     text
 }
@@ -180,6 +186,34 @@ fn what_comes_and_goes_is_told_with_its_size() {
     assert!((number("stays_s") - 150.0).abs() < 15.0 && (number("share") - 180.0 / 1598.0).abs() < 0.01, "{json}");
     let held = &found["holdout"];
     assert!(held["rms_before"].as_f64().unwrap() > 0.5 && (0.045..0.055).contains(&held["rms_after"].as_f64().unwrap()), "{json}");
+}
+
+/// A load of 0.4 A beside the ammeter, at times that follow from nothing. It drops the voltage while it is there, which is what comes
+/// and goes; what it has drained by then, and a polarisation that has a minute to fade, stays.
+#[test]
+fn what_is_drawn_beside_the_ammeter_is_told_as_a_current() {
+    let folder = tempfile::tempdir().unwrap();
+    let base = CELL.replace("capacity_ah = 2.0", "capacity_ah = 3.0")
+        + "[uncertainty]\nocv_sigma_v = 0.003\nsoc_initial_sigma = 0.01\n[[effect]]\nid = \"rc1\"\nresistance_ohm = { value = 0.03, source = \"guess\", free = true }\ntau_s = { value = 60.0, source = \"guess\", free = true }\n";
+    fs::write(folder.path().join("base.toml"), &base).unwrap();
+    let begins_s = [("a", 1, [600, 1400, 2450]), ("b", 2, [300, 1500, 3500]), ("h", 3, [900, 1250, 3000])];
+    for (name, seed, begins_s) in begins_s {
+        let is_there = move |time_s: u64| begins_s.iter().any(|begin_s| (begin_s + 1..=begin_s + 250).contains(&time_s));
+        let text = log_beside(&base, seed, |time_s| if is_there(time_s) { 0.4 } else { 0.0 });
+        fs::write(folder.path().join(format!("{name}.csv")), text).unwrap();
+    }
+    let arguments = ["propose", "--model", "base.toml", "--log", "a.csv", "b.csv", "--holdout", "h.csv", "--soc-initial", "1"];
+    let told = lab_in(folder.path(), &arguments);
+    assert!(told.code == 1 && told.stdout.contains(" on current_a beside what its sensor sees"), "{}{}", told.stdout, told.stderr);
+    let json = lab_in(folder.path(), &[&arguments[..], &["--format", "json"]].concat()).json();
+    let found = &json["switching"];
+    let number = |key: &str| found[key].as_f64().unwrap_or_else(|| panic!("{key}: {json}"));
+    assert_eq!((found["channel"].as_str(), found["unit"].as_str(), found["visits"].as_u64()), (Some("current_a"), Some("A"), Some(6)));
+    assert_eq!(found["holdout"]["channel"].as_str(), Some("voltage_v"));
+    assert!((number("size") - 0.4).abs() < 3.0 * number("sigma") && number("sigma") < 0.005, "{json}");
+    assert!((number("stays_s") - 250.0).abs() < 5.0 && (number("share") - 300.0 / 1598.0).abs() < 0.005, "{json}");
+    let held = &found["holdout"];
+    assert!(held["rms_before"].as_f64().unwrap() > 0.005 && (0.0009..0.0011).contains(&held["rms_after"].as_f64().unwrap()), "{json}");
 }
 
 /// With a drag for half of the time its mean, a multiple of the speed, lowers the held-out error by a good part, and is not told.
