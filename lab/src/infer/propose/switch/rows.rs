@@ -220,7 +220,7 @@ impl Rows {
     }
 
     /// The same from where it is thought to be on.
-    pub(super) fn from_there(&self, frame: &Frame, act: Act, there: &[bool], begin: f64, given: Option<f64>) -> Found {
+    pub(super) fn begun_there(&self, frame: &Frame, act: Act, there: &[bool], begin: f64, given: Option<f64>) -> Found {
         let answer = self.answer(frame, act, there, begin);
         let settled = self.settled(&answer.whole, given);
         let size = settled.size;
@@ -296,7 +296,7 @@ impl Rows {
             };
             let again = match act {
                 Act::Shown(_) => moved.from(frame, act, found.size, given),
-                Act::Driving(_) => moved.from_there(frame, act, &found.there, found.size, given),
+                Act::Driving(_) => moved.begun_there(frame, act, &found.there, found.size, given),
             };
             // What the model remembers bends the way: a cost by straight lines may rise before it falls.
             if again.cost > found.cost && matches!(act, Act::Shown(_)) {
