@@ -10,6 +10,7 @@
 //! looked for from where the shown voltage seems to come and go, as more of the current that drives the model.
 
 mod act;
+mod readings;
 mod rows;
 
 use std::sync::Arc;

@@ -11,9 +11,9 @@ use crate::infer::state::{State, filters, observed};
 use crate::prepare::Prepared;
 
 /// Rounds in which size and times are asked for in turn.
-const ROUNDS: usize = 30;
+pub(super) const ROUNDS: usize = 30;
 /// Times that derivatives are taken anew.
-const REFITS: usize = 8;
+pub(super) const REFITS: usize = 8;
 /// Rows of a stretch that is asked alone, and how often.
 const STRETCH: usize = 40;
 const TURNS: usize = 5;
@@ -21,10 +21,6 @@ const TURNS: usize = 5;
 const BEGINS: [f64; 4] = [0.01, 0.05, 0.15, 0.3];
 /// Share of what is measured, of its largest size, below which a row says nothing of a first size.
 const SAYS: f64 = 0.2;
-/// Rows one behind the other that still are single readings, and share of all that must be such.
-const TOGETHER: usize = 2;
-const MOST: f64 = 0.8;
-
 /// Cost of a change between the states, and of another term, in logarithms of the number of rows: each is a number that is asked for, and
 /// it is the best of many.
 const PER_CHANGE: f64 = 2.0;
@@ -35,14 +31,14 @@ const PER_TERM: f64 = 6.0;
 pub(super) struct Rows {
     /// The unknowns, and which of them may move.
     pub(super) x: Vec<f64>,
-    by: Vec<usize>,
-    channel: Channel,
+    pub(super) by: Vec<usize>,
+    pub(super) channel: Channel,
     lens: Lens,
     base: Absorber,
     /// Rows of the channel among all, and the log and row of each.
     pub(super) judged: Vec<(usize, usize, usize)>,
     /// White noise of one row.
-    floor: f64,
+    pub(super) floor: f64,
 }
 
 /// What a linear refit leaves beside something that is there in some rows.
@@ -53,8 +49,8 @@ pub(super) struct Settled {
     /// Of the unknowns.
     change: DVector<f64>,
     /// Of every row of the channel that counts, without what comes and goes, and with it, in floors.
-    alone: Vec<f64>,
-    left: Vec<f64>,
+    pub(super) alone: Vec<f64>,
+    pub(super) left: Vec<f64>,
 }
 
 pub(super) struct Found {
@@ -127,7 +123,7 @@ impl Rows {
     }
 
     /// A linear refit beside what does this to every row for each unit of its size; of a size that is asked for, or given.
-    fn settled(&self, answer: &[f64], size: Option<f64>) -> Settled {
+    pub(super) fn settled(&self, answer: &[f64], size: Option<f64>) -> Settled {
         let mut column = DVector::zeros(self.lens.whitened.len());
         for (&(place, ..), answer) in self.judged.iter().zip(answer) {
             column[place] = answer / self.floor;
@@ -146,55 +142,6 @@ impl Rows {
     /// A linear refit alone.
     pub(super) fn without(&self) -> Settled {
         self.settled(&vec![0.0; self.judged.len()], Some(0.0))
-    }
-
-    /// Single readings that are off, each by its own amount: what is left is left of all others.
-    pub(super) fn readings_off(&self) -> Found {
-        // A reading takes all that is left of it; what that was follows once more from what the others say.
-        let without = |mut settled: Settled, rows: &[bool]| {
-            for _ in 0..REFITS {
-                let amount = |(alone, off): (&f64, &bool)| if *off { alone * self.floor } else { 0.0 };
-                let amounts: Vec<f64> = settled.alone.iter().zip(rows).map(amount).collect();
-                settled = self.settled(&amounts, Some(1.0));
-            }
-            settled
-        };
-        let (mut settled, mut there) = (self.without(), Vec::new());
-        for _ in 0..ROUNDS {
-            let now: Vec<bool> = settled.alone.iter().map(|alone| alone.powi(2) > 2.0 * self.per_change()).collect();
-            if now == there {
-                break;
-            }
-            settled = without(settled, &now);
-            there = now;
-        }
-        // Only in the end is it clear which stand alone: readings that are off bend all others at first.
-        if !self.are_single(&there) {
-            (settled, there) = (self.without(), vec![false; there.len()]);
-        }
-        let amounts: Vec<f64> =
-            settled.alone.iter().zip(&there).filter(|(_, there)| **there).map(|(alone, _)| alone * self.floor).collect();
-        let count = amounts.len().max(1) as f64;
-        let size = amounts.iter().sum::<f64>() / count;
-        settled.sigma = (amounts.iter().map(|amount| (amount - size).powi(2)).sum::<f64>() / count).sqrt();
-        let cost = self.cost(&settled, 2 * amounts.len());
-        settled.left = settled.left.iter().zip(&there).filter(|(_, there)| !**there).map(|(left, _)| *left).collect();
-        Found { cost, settled, size, there }
-    }
-
-    /// Whether most of some rows stand alone, or two by two: what goes on for longer is no reading that is off.
-    fn are_single(&self, rows: &[bool]) -> bool {
-        let goes_on = |index: usize| rows[index] && rows[index - 1] && self.judged[index].1 == self.judged[index - 1].1;
-        let (mut begin, mut single, mut all) = (0, 0, 0_usize);
-        for index in 1..=rows.len() {
-            if index == rows.len() || !goes_on(index) {
-                let count = if rows[begin] { index - begin } else { 0 };
-                all += count;
-                single += if count <= TOGETHER { count } else { 0 };
-                begin = index;
-            }
-        }
-        single as f64 > MOST * all as f64
     }
 
     /// The best that comes and goes as a multiple of what is measured; none when nothing does.
@@ -328,20 +275,6 @@ impl Rows {
         rows
     }
 
-    /// The same for single readings.
-    pub(super) fn settle_readings(self, frame: &Frame, mut found: Found) -> (Rows, Found) {
-        let mut rows = self;
-        for _ in 0..REFITS {
-            let moved = Rows::new(frame, rows.moved(frame, &found.settled), rows.by.clone(), rows.channel);
-            let again = moved.readings_off();
-            if again.cost > found.cost {
-                break;
-            }
-            (rows, found) = (moved, again);
-        }
-        (rows, found)
-    }
-
     /// In which rows it is there: the way of least cost. What an earlier row left behind is as where it was thought to be.
     fn there(&self, alone: &[f64], answer: &Answer, before: &[bool], size: f64) -> Vec<bool> {
         let logs: Vec<usize> = self.judged.iter().map(|&(_, log, _)| log).collect();
@@ -358,7 +291,7 @@ impl Rows {
         PER_TERM * (self.judged.len() as f64).ln()
     }
 
-    fn per_change(&self) -> f64 {
+    pub(super) fn per_change(&self) -> f64 {
         PER_CHANGE * (self.judged.len().max(2) as f64).ln()
     }
 
