@@ -17,45 +17,45 @@ pub(super) enum Act {
     Driving(Channel),
 }
 
-/// What one unit of it does to the rows of a channel.
-pub(super) struct Answer {
-    /// In all.
-    pub(super) whole: Vec<f64>,
-    /// By being there in that row: the rest comes of the rows before.
-    pub(super) at_once: Vec<f64>,
-}
-
 /// What may be drawn beside the sensor of a system so that it is not shown at once only: of a battery, a current.
 pub(super) fn remembered(system: System) -> Option<Channel> {
     (system == System::Battery).then_some(Channel::CurrentA)
 }
 
 impl Rows {
-    /// What one unit does where it is there, looked at with this size of it.
-    pub(super) fn answer(&self, frame: &Frame, act: Act, there: &[bool], size: f64) -> Answer {
+    /// What one unit does to every row by being there in that row, looked at with this size of it: what it does beyond that comes
+    /// of the rows before.
+    pub(super) fn at_once(&self, frame: &Frame, act: Act, size: f64) -> Vec<f64> {
         let channel = match act {
-            Act::Shown(times) => {
-                let at_once = self.measured(frame, times);
-                let whole = at_once.iter().zip(there).map(|(one, there)| if *there { *one } else { 0.0 }).collect();
-                return Answer { whole, at_once };
-            }
+            Act::Shown(times) => return self.measured(frame, times),
             Act::Driving(channel) => channel,
         };
-        let plain = frame.predict(&self.x);
-        let of = |there: &[bool]| -> Vec<f64> {
-            let moved = self.driven(frame, channel, there, size).predict(&self.x);
-            self.judged.iter().map(|&(place, ..)| (moved[place] - plain[place]) / size).collect()
-        };
-        // There in every other row, it shows by the difference to the row before what it does at once.
-        let every_other: Vec<bool> = (0..there.len()).map(|row| row % 2 == 1).collect();
-        let turns = of(&every_other);
+        // There in every other row, it shows by the difference to the row before.
+        let every_other: Vec<bool> = (0..self.judged.len()).map(|row| row % 2 == 1).collect();
+        let turns = self.answer_of(frame, channel, &every_other, size);
         let step = |row: usize| if every_other[row] { turns[row] - turns[row - 1] } else { turns[row - 1] - turns[row] };
         let is_first = |row: usize| row == 0 || self.judged[row].1 != self.judged[row - 1].1;
-        let mut at_once: Vec<f64> = (0..there.len()).map(|row| if is_first(row) { 0.0 } else { step(row) }).collect();
-        for row in (0..there.len().saturating_sub(1)).rev().filter(|&row| is_first(row)) {
+        let mut at_once: Vec<f64> = (0..turns.len()).map(|row| if is_first(row) { 0.0 } else { step(row) }).collect();
+        for row in (0..turns.len().saturating_sub(1)).rev().filter(|&row| is_first(row)) {
             at_once[row] = at_once[row + 1];
         }
-        Answer { whole: of(there), at_once }
+        at_once
+    }
+
+    /// What one unit does to every row in all where it is there.
+    pub(super) fn whole(&self, frame: &Frame, act: Act, there: &[bool], size: f64) -> Vec<f64> {
+        match act {
+            Act::Shown(times) => {
+                self.measured(frame, times).into_iter().zip(there).map(|(one, there)| if *there { one } else { 0.0 }).collect()
+            }
+            Act::Driving(channel) => self.answer_of(frame, channel, there, size),
+        }
+    }
+
+    /// The answer of the model to more of an input, for each unit of it.
+    fn answer_of(&self, frame: &Frame, channel: Channel, there: &[bool], size: f64) -> Vec<f64> {
+        let moved = self.driven(frame, channel, there, size).predict(&self.x);
+        self.judged.iter().map(|&(place, ..)| (moved[place] - self.predicted[place]) / size).collect()
     }
 
     /// The model on the same logs with so much more of an input where it is there; between judged rows, as in the next one.

@@ -3,7 +3,7 @@
 use energy::Channel;
 use nalgebra::{DMatrix, DVector};
 
-use super::act::{Act, Answer};
+use super::act::Act;
 use crate::infer::frame::Frame;
 use crate::infer::lens::{Absorber, Lens};
 use crate::infer::propose::cheapest::cheapest;
@@ -14,8 +14,9 @@ use crate::prepare::Prepared;
 pub(super) const ROUNDS: usize = 30;
 /// Times that derivatives are taken anew.
 pub(super) const REFITS: usize = 8;
-/// Rows of a stretch that is asked alone, and how often.
+/// Rows of a stretch that is asked alone, how many such there are at most, and how often each is asked.
 const STRETCH: usize = 40;
+const STRETCHES_MAX: usize = 100;
 const TURNS: usize = 5;
 /// Shares of the rows, from either end of what one unit leaves, at which sizes begin.
 const BEGINS: [f64; 4] = [0.01, 0.05, 0.15, 0.3];
@@ -33,6 +34,8 @@ pub(super) struct Rows {
     pub(super) x: Vec<f64>,
     pub(super) by: Vec<usize>,
     pub(super) channel: Channel,
+    /// What the model predicts there for every row of all.
+    pub(super) predicted: Vec<f64>,
     lens: Lens,
     base: Absorber,
     /// Rows of the channel among all, and the log and row of each.
@@ -97,7 +100,7 @@ impl Rows {
         let held = (0..by.len()).filter(|&index| x[by[index]] <= bounds[by[index]].0 || x[by[index]] >= bounds[by[index]].1).collect();
         let own = frame.evidence.segments.iter().filter(|segment| segment.channel == channel);
         let judged = own.flat_map(|segment| segment.range().zip(&segment.rows).map(|(place, &row)| (place, segment.log, row))).collect();
-        Rows { base: Absorber::new(&lens, held), lens, judged, floor: frame.evidence.floor(channel), x, by, channel }
+        Rows { predicted, base: Absorber::new(&lens, held), lens, judged, floor: frame.evidence.floor(channel), x, by, channel }
     }
 
     /// Inputs that every log has and that move.
@@ -161,34 +164,35 @@ impl Rows {
 
     /// The same from a size on, or with a size that is given.
     pub(super) fn from(&self, frame: &Frame, act: Act, begin: f64, given: Option<f64>) -> Found {
-        let nowhere = self.nowhere();
-        let answer = self.answer(frame, act, &nowhere, begin);
-        self.in_turn(frame, act, (self.without(), nowhere, answer), given.unwrap_or(begin), given)
+        let nothing = vec![0.0; self.judged.len()];
+        self.in_turn(frame, act, (self.without(), self.nowhere(), nothing), given.unwrap_or(begin), given)
     }
 
     /// The same from where it is thought to be on.
     pub(super) fn begun_there(&self, frame: &Frame, act: Act, there: &[bool], begin: f64, given: Option<f64>) -> Found {
-        let answer = self.answer(frame, act, there, begin);
-        let settled = self.settled(&answer.whole, given);
+        let whole = self.whole(frame, act, there, begin);
+        let settled = self.settled(&whole, given);
         let size = settled.size;
-        self.in_turn(frame, act, (settled, there.to_vec(), answer), size, given)
+        self.in_turn(frame, act, (settled, there.to_vec(), whole), size, given)
     }
 
     /// Asks where it is and how large in turn, until neither changes; the best on the way.
-    fn in_turn(&self, frame: &Frame, act: Act, first: (Settled, Vec<bool>, Answer), mut size: f64, given: Option<f64>) -> Found {
-        let (mut settled, mut there, mut answer) = first;
+    fn in_turn(&self, frame: &Frame, act: Act, first: (Settled, Vec<bool>, Vec<f64>), mut size: f64, given: Option<f64>) -> Found {
+        let (mut settled, mut there, mut whole) = first;
+        let at_once = self.at_once(frame, act, size);
         let mut best: Option<Found> = None;
         for _ in 0..ROUNDS {
-            let now = self.there(&settled.alone, &answer, &there, size);
+            let now = self.there(&settled.alone, (&whole, &at_once), &there, size);
             if now == there && best.is_some() {
                 break;
             }
-            answer = self.answer(frame, act, &now, size);
-            settled = self.settled(&answer.whole, given);
+            whole = self.whole(frame, act, &now, size);
+            settled = self.settled(&whole, given);
             (there, size) = (now, settled.size);
-            let changes = self.changes(&there);
-            let found = Found { cost: self.cost(&settled, changes), settled: settled.clone(), size, there: there.clone() };
-            best = best.filter(|best| best.cost <= found.cost).or(Some(found));
+            let cost = self.cost(&settled, self.changes(&there));
+            if best.as_ref().is_none_or(|best| cost < best.cost) {
+                best = Some(Found { cost, settled: settled.clone(), size, there: there.clone() });
+            }
         }
         best.unwrap_or_else(|| unreachable!("there is a first round"))
     }
@@ -196,18 +200,21 @@ impl Rows {
     /// Where something of this size is there, asked for stretch by stretch from the beginning of every log: what is remembered of it
     /// in a stretch is then known but for what came in the stretch itself.
     pub(super) fn forward(&self, frame: &Frame, act: Act, size: f64) -> Vec<bool> {
-        let mut there = self.nowhere();
+        let (mut there, at_once) = (self.nowhere(), self.at_once(frame, act, size));
         let alone: Vec<f64> = self.judged.iter().map(|&(place, ..)| self.lens.whitened[place]).collect();
         let mut first = 0;
         let stretches: Vec<usize> = (0..there.len())
             .map(|row| {
                 first = if row > 0 && self.judged[row].1 == self.judged[row - 1].1 { first } else { row };
-                (row - first) / STRETCH
+                row - first
             })
             .collect();
+        let longest = stretches.iter().copied().max().unwrap_or(0) + 1;
+        let stretches: Vec<usize> = stretches.into_iter().map(|row| row / STRETCH.max(longest / STRETCHES_MAX)).collect();
         for stretch in 0..=stretches.iter().copied().max().unwrap_or(0) {
             for _ in 0..TURNS {
-                let now = self.there(&alone, &self.answer(frame, act, &there, size), &there, size);
+                let whole = self.whole(frame, act, &there, size);
+                let now = self.there(&alone, (&whole, &at_once), &there, size);
                 let own = (0..there.len()).filter(|&row| stretches[row] == stretch && now[row] != there[row]).collect::<Vec<_>>();
                 if own.is_empty() {
                     break;
@@ -259,9 +266,9 @@ impl Rows {
     fn driven_to(&self, frame: &Frame, channel: Channel, x: Vec<f64>, found: &Found) -> Rows {
         let driven = self.driven(frame, channel, &found.there, found.size);
         let mut rows = Rows::along((frame, &driven), x, self.by.clone(), self.channel);
-        let answer = rows.answer(frame, Act::Driving(channel), &found.there, found.size);
+        let whole = rows.whole(frame, Act::Driving(channel), &found.there, found.size);
         let mut left = rows.lens.whitened.clone();
-        for (&(place, ..), answer) in rows.judged.iter().zip(answer.whole) {
+        for (&(place, ..), answer) in rows.judged.iter().zip(whole) {
             left[place] -= answer * found.size / rows.floor;
         }
         let pull = &rows.lens.pull + &rows.lens.design * (left - &rows.lens.whitened);
@@ -276,10 +283,10 @@ impl Rows {
     }
 
     /// In which rows it is there: the way of least cost. What an earlier row left behind is as where it was thought to be.
-    fn there(&self, alone: &[f64], answer: &Answer, before: &[bool], size: f64) -> Vec<bool> {
+    fn there(&self, alone: &[f64], (whole, at_once): (&[f64], &[f64]), before: &[bool], size: f64) -> Vec<bool> {
         let logs: Vec<usize> = self.judged.iter().map(|&(_, log, _)| log).collect();
         let unit = size / self.floor;
-        let costs = alone.iter().zip(before).zip(answer.whole.iter().zip(&answer.at_once)).map(|((alone, before), (whole, at_once))| {
+        let costs = alone.iter().zip(before).zip(whole.iter().zip(at_once)).map(|((alone, before), (whole, at_once))| {
             let left = alone - unit * if *before { whole - at_once } else { *whole };
             [left.powi(2), (left - unit * at_once).powi(2)]
         });
