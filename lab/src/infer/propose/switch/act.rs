@@ -54,6 +54,9 @@ impl Rows {
 
     /// The answer of the model to more of an input, for each unit of it.
     fn answer_of(&self, frame: &Frame, channel: Channel, there: &[bool], size: f64) -> Vec<f64> {
+        if size == 0.0 {
+            return vec![0.0; there.len()];
+        }
         let moved = self.driven(frame, channel, there, size).predict(&self.x);
         self.judged.iter().map(|&(place, ..)| (moved[place] - self.predicted[place]) / size).collect()
     }

@@ -64,11 +64,25 @@ pub(super) struct Found {
 }
 
 impl Rows {
+    /// At these unknowns, of which some may move.
     pub(super) fn new(frame: &Frame, x: Vec<f64>, by: Vec<usize>, channel: Channel) -> Rows {
         Rows::along((frame, frame), x, by, channel)
     }
 
-    /// The same with all that is only roughly known as it is stated.
+    /// The same with the derivatives that another frame has, where the model takes another way.
+    fn along((frame, way): (&Frame, &Frame), x: Vec<f64>, by: Vec<usize>, channel: Channel) -> Rows {
+        let predicted = frame.predict(&x);
+        let slopes = way.linearise(&x, &by).1;
+        let residual: Vec<f64> = observed(frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect();
+        let lens = Lens::new(frame, &x, &by, &slopes, &residual, filters(frame, &State::white(frame)));
+        let bounds = frame.bounds();
+        let held = (0..by.len()).filter(|&index| x[by[index]] <= bounds[by[index]].0 || x[by[index]] >= bounds[by[index]].1).collect();
+        let own = frame.evidence.segments.iter().filter(|segment| segment.channel == channel);
+        let judged = own.flat_map(|segment| segment.range().zip(&segment.rows).map(|(place, &row)| (place, segment.log, row))).collect();
+        Rows { predicted, base: Absorber::new(&lens, held), lens, judged, floor: frame.evidence.floor(channel), x, by, channel }
+    }
+
+    /// The same rows with all that is only roughly known as it is stated.
     pub(super) fn unbent(&self, frame: &Frame) -> Rows {
         let mut x = self.x.clone();
         x[frame.free.len()..].fill(0.0);
@@ -88,19 +102,6 @@ impl Rows {
     /// It is there in no row.
     pub(super) fn nowhere(&self) -> Vec<bool> {
         vec![false; self.judged.len()]
-    }
-
-    /// The same with the derivatives that another frame has, where the model takes another way.
-    fn along((frame, way): (&Frame, &Frame), x: Vec<f64>, by: Vec<usize>, channel: Channel) -> Rows {
-        let predicted = frame.predict(&x);
-        let slopes = way.linearise(&x, &by).1;
-        let residual: Vec<f64> = observed(frame).zip(&predicted).map(|(observed, predicted)| observed - predicted).collect();
-        let lens = Lens::new(frame, &x, &by, &slopes, &residual, filters(frame, &State::white(frame)));
-        let bounds = frame.bounds();
-        let held = (0..by.len()).filter(|&index| x[by[index]] <= bounds[by[index]].0 || x[by[index]] >= bounds[by[index]].1).collect();
-        let own = frame.evidence.segments.iter().filter(|segment| segment.channel == channel);
-        let judged = own.flat_map(|segment| segment.range().zip(&segment.rows).map(|(place, &row)| (place, segment.log, row))).collect();
-        Rows { predicted, base: Absorber::new(&lens, held), lens, judged, floor: frame.evidence.floor(channel), x, by, channel }
     }
 
     /// Inputs that every log has and that move.
