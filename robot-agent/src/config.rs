@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
+use device::Log;
 use energy::gauge::{Kind, soc_at_rest};
 use energy::{Channel, Model, System};
 use node::files::{ModelRef, read_text};
@@ -136,12 +137,12 @@ impl Config {
             SourceConfig::Replay { file } => {
                 let battery = self.battery.load_as(System::Battery, "battery", path)?;
                 let file = path.and_then(Path::parent).map_or_else(|| file.clone(), |folder| folder.join(file));
-                let replay = Replay::read(&file)?;
+                let replay = Log::read(&file)?;
                 let soc = soc_at_rest(&battery, replay.rest_voltage_v());
                 let gauge = self.gauge.open(Arc::clone(&battery), soc, replay.temperature_degc());
                 let drain_w = energy::Estimate::new(replay.mean_power_w(), 0.1 * replay.mean_power_w().abs());
                 let load = self.load.as_ref().map(|load| load.load_as(System::Robot, "load", path)).transpose()?;
-                Ok((Agent::new(self.profile(path, &battery, load.as_ref(), Some(drain_w), "replay")?, gauge), Box::new(replay)))
+                Ok((Agent::new(self.profile(path, &battery, load.as_ref(), Some(drain_w), "replay")?, gauge), Box::new(Replay(replay))))
             }
             _ => self.build_measured(path),
         }

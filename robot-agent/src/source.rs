@@ -1,29 +1,21 @@
 //! Where a robot's samples come from and its actions go to.
 //!
 //! ```text
-//!   simulated.rs      a simulated body
-//!   replay.rs         a measured log
-//!   device.rs         a gauge of the world outside, one plug-in each:
-//!     power_supply.rs   /sys/class/power_supply of Linux
-//!     sbs.rs            a Smart Battery over I2C
-//!     ros2.rs           sensor_msgs/msg/BatteryState through rmw_zenoh
-//!     vda5050.rs        VDA 5050 over MQTT
-//!   body.rs           the program that drives a real robot, and where it is
+//!   simulated.rs   a simulated body
+//!   replay.rs      a measured log
+//!   measured.rs    a gauge of the world outside (crate `device`), or
+//!     vda5050.rs     a vehicle of VDA 5050 over MQTT
+//!     body.rs        the program that drives a real robot, and where it is
 //! ```
-//!
-//! Adding a gauge is one file here that implements [`Device`] and a line in `config/source.rs`.
 
 pub mod body;
-pub mod device;
-pub mod power_supply;
+mod measured;
 mod replay;
-pub mod ros2;
-pub mod sbs;
 mod simulated;
 pub mod vda5050;
 
 pub use body::Body;
-pub use device::{Device, Measured, Report, Supply};
+pub use measured::Measured;
 pub use replay::Replay;
 pub use simulated::{RobotBody, World};
 

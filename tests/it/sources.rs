@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use device::{power_supply, ros2};
 use proto::EventKind;
 use robot_agent::SourceConfig;
-use robot_agent::source::{Body, power_supply, ros2, vda5050};
+use robot_agent::source::{Body, vda5050};
 use rumqttc::{Client, Event, MqttOptions, Packet, QoS};
 use serde_json::{Value, json};
 use tests::{Fleet, Running, start, workspace};
@@ -63,7 +64,7 @@ fn a_ros_2_robot_is_a_robot_of_ours_without_code() {
     let _agents = fleet.agents().unwrap();
     let mut robot = Command::new(python);
     robot.arg(workspace().join("tests/fixtures/ros2_robot.py")).arg(&fleet.network().connect[0]).arg(topic).arg(&acts);
-    robot.arg(workspace().join("robot-agent/tests/data"));
+    robot.arg(workspace().join("device/tests/data"));
     let _robot = start(robot).unwrap();
 
     let done = |event: &proto::Event| event.kind == EventKind::ServiceDone && event.text.starts_with("explorer-1");

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
+use device::{Device, power_supply, ros2, sbs};
 use node::files::ModelRef;
 use node::{Age, NetworkConfig};
 use proto::{RobotId, SiteId};
@@ -10,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::charger::ChargerConfig;
 use crate::radio::Radio;
-use crate::source::{Device, power_supply, ros2, sbs, vda5050};
+use crate::source::vda5050;
 
 /// `[source]`: where samples come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -120,8 +121,8 @@ impl SourceConfig {
                 Ok(())
             }
             Self::Replay { .. } | Self::PowerSupply(_) => Ok(()),
-            Self::Sbs(config) => config.check(),
-            Self::Ros2(config) => config.check(),
+            Self::Sbs(config) => config.check().context("source"),
+            Self::Ros2(config) => config.check().context("source"),
             Self::Vda5050(config) => config.check(),
         }
     }
@@ -133,9 +134,9 @@ impl SourceConfig {
     pub fn device(&self, network: &NetworkConfig, site: &SiteId, robot: &RobotId) -> anyhow::Result<Option<Box<dyn Device>>> {
         Ok(Some(match self {
             Self::Sim { .. } | Self::Replay { .. } => return Ok(None),
-            Self::PowerSupply(config) => config.open()?,
-            Self::Sbs(config) => config.open()?,
-            Self::Ros2(config) => config.open(network, site)?,
+            Self::PowerSupply(config) => config.open().context("source")?,
+            Self::Sbs(config) => config.open().context("source")?,
+            Self::Ros2(config) => config.open(network, site).context("source")?,
             Self::Vda5050(config) => config.open(robot)?,
         }))
     }

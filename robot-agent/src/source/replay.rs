@@ -1,108 +1,12 @@
-//! A measured log, replayed as a gauge would have seen it.
-//!
-//! Columns `time_s`, `current_a`, `voltage_v` and, where it was measured, `temperature_degc`.
-//! The current at row k flowed over (t[k-1], t[k]]; rows without a voltage are passed over.
+//! A measured log, replayed as a gauge would have seen it; the robot in it is at work.
 
-use std::path::Path;
-
-use anyhow::{Context, bail, ensure};
-use energy::document::hint;
-use energy::gauge::Sample;
-use energy::units::REFERENCE_DEGC;
+use device::Log;
 
 use super::{Act, Observation, Place, Source};
 
-/// Beyond this, a number in a log is no time, current, voltage or temperature.
-const READING_MAX: f64 = 1e9;
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Row {
-    time_s: f64,
-    current_a: f64,
-    voltage_v: f64,
-    temperature_degc: f64,
-}
-
 /// A log being replayed.
 #[derive(Debug, Clone)]
-pub struct Replay {
-    rows: Vec<Row>,
-    next: usize,
-    time_s: f64,
-}
-
-impl Replay {
-    /// Reads a log.
-    ///
-    /// # Errors
-    /// Names file, line and column of what is missing, not a number, or backwards in time.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path);
-        let mut reader = reader.with_context(|| format!("cannot read {}", path.display()))?;
-        let header = reader.headers().with_context(|| format!("{}:1: no header row", path.display()))?.clone();
-        let find = |name: &str| header.iter().position(|column| column == name);
-        let need = |name: &str| {
-            find(name).with_context(|| {
-                let have = header.iter().collect::<Vec<_>>().join(", ");
-                format!("{}:1: no column `{name}`, which a replay needs{} The log has: {have}", path.display(), hint(name, header.iter()))
-            })
-        };
-        let [time, current, voltage] = [need("time_s")?, need("current_a")?, need("voltage_v")?];
-        let temperature = find("temperature_degc");
-        let mut rows: Vec<Row> = Vec::new();
-        for record in reader.records() {
-            let record = record.with_context(|| format!("{}", path.display()))?;
-            let line = record.position().map_or(0, csv::Position::line);
-            let number = |column: usize| -> anyhow::Result<Option<f64>> {
-                let text = &record[column];
-                if text.is_empty() {
-                    return Ok(None);
-                }
-                let at = || format!("{}:{line}: column `{}`: `{text}` is not a number", path.display(), &header[column]);
-                let value: f64 = text.parse().ok().with_context(at)?;
-                ensure!(
-                    value.abs() <= READING_MAX,
-                    "{}:{line}: column `{}`: {text} is no reading: beyond ±{READING_MAX}",
-                    path.display(),
-                    &header[column]
-                );
-                Ok(Some(value))
-            };
-            let time_s = number(time)?.with_context(|| format!("{}:{line}: `time_s` is empty", path.display()))?;
-            if let Some(last) = rows.last()
-                && time_s <= last.time_s
-            {
-                bail!("{}:{line}: time_s = {time_s} after {}; time must increase", path.display(), last.time_s);
-            }
-            let (Some(current_a), Some(voltage_v)) = (number(current)?, number(voltage)?) else { continue };
-            let temperature_degc = temperature.map(number).transpose()?.flatten().unwrap_or(REFERENCE_DEGC);
-            rows.push(Row { time_s, current_a, voltage_v, temperature_degc });
-        }
-        ensure!(rows.len() >= 2, "{}: {} rows with current and voltage; at least 2 are needed", path.display(), rows.len());
-        let time_s = rows[0].time_s;
-        Ok(Self { rows, next: 1, time_s })
-    }
-
-    /// Voltage of the first row, before any interval of current: the rested voltage.
-    #[must_use]
-    pub fn rest_voltage_v(&self) -> f64 {
-        self.rows[0].voltage_v
-    }
-
-    /// Temperature of the first row, °C.
-    #[must_use]
-    pub fn temperature_degc(&self) -> f64 {
-        self.rows[0].temperature_degc
-    }
-
-    /// Mean power over the log, W (discharge positive).
-    #[must_use]
-    pub fn mean_power_w(&self) -> f64 {
-        let span_s = self.rows[self.rows.len() - 1].time_s - self.rows[0].time_s;
-        let energy_ws: f64 = self.rows.windows(2).map(|w| w[1].current_a * w[1].voltage_v * (w[1].time_s - w[0].time_s)).sum();
-        energy_ws / span_s
-    }
-}
+pub struct Replay(pub Log);
 
 impl Source for Replay {
     fn act(&mut self, _: &Act) {
@@ -110,62 +14,10 @@ impl Source for Replay {
     }
 
     fn advance(&mut self, dt_s: f64) -> Option<Observation> {
-        if self.next >= self.rows.len() {
+        if self.0.has_ended() {
             return None;
         }
-        self.time_s += dt_s;
-        let (mut charge_as, mut passed_s, mut last) = (0.0, 0.0, None);
-        while let Some(row) = self.rows.get(self.next)
-            && row.time_s <= self.time_s
-        {
-            let interval_s = row.time_s - self.rows[self.next - 1].time_s;
-            charge_as += row.current_a * interval_s;
-            passed_s += interval_s;
-            last = Some(*row);
-            self.next += 1;
-        }
-        let sample = last.map(|row| Sample {
-            dt_s: passed_s,
-            current_a: charge_as / passed_s,
-            voltage_v: row.voltage_v,
-            temperature_degc: row.temperature_degc,
-        });
+        let sample = self.0.advance(dt_s);
         Some(Observation { sample, place: Place::Mission, powered: false, exchanged: None, depleted: false, why_down: None })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::io::Write;
-
-    fn log(text: &str) -> anyhow::Result<Replay> {
-        let mut file = tempfile::NamedTempFile::new().unwrap();
-        file.write_all(text.as_bytes()).unwrap();
-        Replay::read(file.path())
-    }
-
-    #[test]
-    fn charge_is_kept_whatever_the_step() {
-        let text = "time_s,current_a,voltage_v\n0,9,4\n10,1,3.9\n30,2,3.8\n40,0,3.85\n";
-        for dt_s in [1.0, 7.0, 40.0] {
-            let mut replay = log(text).unwrap();
-            let mut charge_as = 0.0;
-            while let Some(seen) = replay.advance(dt_s) {
-                charge_as += seen.sample.map_or(0.0, |s| s.current_a * s.dt_s);
-            }
-            // The first row's current flowed before the log: 10 s of 1 A and 20 s of 2 A.
-            assert!((charge_as - 50.0).abs() < 1e-9, "{dt_s}: {charge_as}");
-        }
-    }
-
-    #[test]
-    fn bad_logs_are_refused_with_the_place() {
-        let message = |text| format!("{:#}", log(text).unwrap_err());
-        assert!(message("time_s,current_a,volts\n0,1,4\n").contains("no column `voltage_v`"));
-        assert!(message("time_s,current_a,voltage_v\n0,1,4\n5,one,4\n").contains(":3: column `current_a`: `one` is not a number"));
-        assert!(message("time_s,current_a,voltage_v\n5,1,4\n4,1,4\n").contains(":3: time_s = 4 after 5"));
-        assert!(message("time_s,current_a,voltage_v\n5,NaN,4\n").contains("NaN is no reading"));
-        assert!(message("").contains("no column"));
     }
 }

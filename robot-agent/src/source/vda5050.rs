@@ -6,13 +6,13 @@ mod message;
 mod mqtt;
 
 use anyhow::{anyhow, bail, ensure};
+use device::{Device, Report};
 use proto::RobotId;
 use serde::{Deserialize, Serialize};
 use tracing::warn;
 
 use self::message::{Action, Header, InstantActions, State};
 use self::mqtt::Broker;
-use super::device::{Device, Report};
 
 /// `[source] kind = "vda5050"`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -147,7 +147,7 @@ impl Device for Vehicle {
         format!("vda5050 {}/{}", self.config.manufacturer, self.config.serial_number)
     }
 
-    fn read(&mut self) -> anyhow::Result<Vec<Report>> {
+    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
         let (mut reports, mut wrong) = (Vec::new(), None);
         while let Some((topic, bytes)) = self.broker.next() {
             if topic.ends_with("/connection") {

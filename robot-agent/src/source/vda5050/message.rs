@@ -4,7 +4,7 @@ use anyhow::{Context, ensure};
 use proto::Timestamp;
 use serde::{Deserialize, Serialize};
 
-use crate::source::device::{Report, Supply};
+use device::{Report, Supply};
 
 /// The fields of `state` that are read; all others are left alone.
 #[derive(Debug, Deserialize)]

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use tracing::{info, warn};
 
 use self::bus::LinuxBus;
-use super::device::{Device, Report, Supply};
+use crate::report::{Device, Report, Supply};
 
 /// `[source] kind = "sbs"`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,7 +44,7 @@ impl Config {
     /// # Errors
     /// Names the key and what is allowed.
     pub fn check(&self) -> anyhow::Result<()> {
-        ensure!((0x08..=0x77).contains(&self.address), "source.address = {}: must be between 8 (0x08) and 119 (0x77)", self.address);
+        ensure!((0x08..=0x77).contains(&self.address), "address = {}: must be between 8 (0x08) and 119 (0x77)", self.address);
         Ok(())
     }
 
@@ -54,7 +54,7 @@ impl Config {
     /// When the bus cannot be opened or nobody answers there.
     pub fn open(&self) -> anyhow::Result<Box<dyn Device>> {
         let bus = self.bus.display();
-        let i2c = LinuxBus::open(&self.bus).with_context(|| format!("source.bus: cannot open {bus}"))?;
+        let i2c = LinuxBus::open(&self.bus).with_context(|| format!("bus: cannot open {bus}"))?;
         let mut battery = SmartBattery::new(i2c, self.address, format!("sbs {bus}"));
         battery.greet().with_context(|| format!("no Smart Battery answers at {bus}, address {:#04x}", self.address))?;
         Ok(Box::new(battery))
@@ -197,7 +197,7 @@ impl<B: I2c + Send> Device for SmartBattery<B> {
         self.name.clone()
     }
 
-    fn read(&mut self) -> anyhow::Result<Vec<Report>> {
+    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
         let report = self.report();
         if report.is_err() {
             self.specification = None;
@@ -243,7 +243,7 @@ mod tests {
     #[test]
     fn words_of_the_specification_become_our_units_and_signs() {
         let (mut battery, mut mock) = battery(&discharging(0x0021));
-        let report = battery.read().unwrap()[0];
+        let report = battery.read(1.0).unwrap()[0];
         assert_eq!((report.voltage_v, report.current_a, report.soc), (Some(12.0), Some(1.5), Some(0.5)));
         assert!((report.temperature_degc.unwrap() - 25.05).abs() < 1e-9);
         assert_eq!((report.soc_sigma, report.supply), (Some(0.02), Supply::Unknown));
@@ -254,7 +254,7 @@ mod tests {
     fn scales_hold_for_voltages_and_for_currents() {
         // IPScale 1, VScale 1, version 1.1, revision 1.
         let (mut battery, mut mock) = battery(&discharging(0x1121));
-        let report = battery.read().unwrap()[0];
+        let report = battery.read(1.0).unwrap()[0];
         assert_eq!((report.voltage_v, report.current_a, report.soc), (Some(120.0), Some(15.0), Some(0.5)));
         mock.done();
     }
@@ -266,7 +266,7 @@ mod tests {
         transactions[3] = word(0x0a, 800);
         *transactions.last_mut().unwrap() = word(0x16, INITIALIZED);
         let (mut battery, mut mock) = battery(&transactions);
-        let report = battery.read().unwrap()[0];
+        let report = battery.read(1.0).unwrap()[0];
         assert_eq!((report.current_a, report.soc, report.supply), (Some(-0.8), Some(0.47), Supply::Connected));
         mock.done();
     }
@@ -290,16 +290,16 @@ mod tests {
         transactions.push(gone);
         transactions.extend(discharging(0x0121));
         let (mut battery, mut mock) = battery(&transactions);
-        battery.read().unwrap();
-        assert_eq!(battery.read().unwrap_err().to_string(), "command 0x09: NoAcknowledge(Address)");
-        assert_eq!(battery.read().unwrap()[0].voltage_v, Some(120.0));
+        battery.read(1.0).unwrap();
+        assert_eq!(battery.read(1.0).unwrap_err().to_string(), "command 0x09: NoAcknowledge(Address)");
+        assert_eq!(battery.read(1.0).unwrap()[0].voltage_v, Some(120.0));
         mock.done();
     }
 
     #[test]
     fn a_bus_that_is_not_there_is_named() {
         let error = format!("{:#}", Config::on("/dev/i2c-none".into()).open().err().unwrap());
-        assert!(error.starts_with("source.bus: cannot open /dev/i2c-none: "), "{error}");
+        assert!(error.starts_with("bus: cannot open /dev/i2c-none: "), "{error}");
         let wrong = Config { address: 0x80, ..Config::on("/dev/i2c-1".into()) };
         assert!(wrong.check().unwrap_err().to_string().contains("between 8 (0x08) and 119 (0x77)"));
     }

@@ -1,6 +1,6 @@
 use std::collections::VecDeque;
 
-use energy::gauge::Kind;
+use device::Report;
 use proto::StationId;
 
 use super::*;
@@ -14,7 +14,7 @@ impl Device for Script {
         "script".to_owned()
     }
 
-    fn read(&mut self) -> anyhow::Result<Vec<Report>> {
+    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
         self.0.pop_front().ok_or_else(|| anyhow::anyhow!("unplugged"))
     }
 }
@@ -29,94 +29,6 @@ fn measured(script: impl IntoIterator<Item = Vec<Report>>) -> Measured {
 
 fn report(current_a: f64, soc: f64) -> Report {
     Report { voltage_v: Some(11.5), current_a: Some(current_a), soc: Some(soc), ..Report::default() }
-}
-
-/// Charge in all samples, As, and their time, s.
-fn counted(source: &mut Measured, seconds: usize) -> (f64, f64) {
-    let samples = (0..seconds).filter_map(|_| source.advance(1.0).unwrap().sample);
-    samples.fold((0.0, 0.0), |(charge, time), sample| (charge + sample.current_a * sample.dt_s, time + sample.dt_s))
-}
-
-#[test]
-fn a_reading_a_second_is_a_sample_a_second_and_the_first_is_where_the_gauge_begins() {
-    let mut source = measured((0..11).map(|_| vec![report(2.0, 0.6)]));
-    let first = source.advance(1.0).unwrap();
-    assert_eq!((first.sample.unwrap().current_a, first.exchanged), (2.0, Some(Estimate::new(0.6, 0.05))));
-    assert_eq!(counted(&mut source, 10), (20.0, 10.0));
-}
-
-#[test]
-fn messages_that_come_late_and_together_are_counted_by_their_own_clock() {
-    let at = |at_s: f64, current_a: f64| Report { at_s: Some(at_s), ..report(current_a, 0.6) };
-    let late: Vec<Report> = vec![at(110.0, 1.0), at(120.0, 3.0), at(130.0, 3.0)];
-    let mut source = measured([vec![at(100.0, 1.0)], vec![], vec![], late]);
-    source.advance(1.0);
-    assert_eq!(counted(&mut source, 3), (70.0, 30.0));
-    // A clock that was set, or stamps of nothing: then ours counts.
-    let mut source = measured([vec![at(100.0, 1.0)], vec![at(5.0, 1.0)], vec![at(1e6, 1.0)]]);
-    source.advance(1.0);
-    assert_eq!(counted(&mut source, 2), (2.0, 2.0));
-}
-
-#[test]
-fn after_a_silence_the_gauge_starts_anew_from_what_the_device_says() {
-    let silence = std::iter::repeat_n(Vec::new(), 90);
-    let mut source = measured([vec![report(1.0, 0.6)]].into_iter().chain(silence).chain([vec![report(1.0, 0.4)], vec![report(1.0, 0.4)]]));
-    source.advance(1.0);
-    let last = (0..90).map(|_| source.advance(1.0).unwrap()).last().unwrap();
-    assert_eq!(last.why_down.as_deref(), Some("no reading of script for 90 s"));
-    let after = source.advance(1.0).unwrap();
-    assert_eq!((after.sample.unwrap().dt_s, after.exchanged, after.why_down), (1.0, Some(Estimate::new(0.4, 0.05)), None));
-}
-
-#[test]
-fn what_keeps_a_device_from_being_read_is_told() {
-    let mut source = measured([]);
-    let last = (0..61).map(|_| source.advance(1.0).unwrap()).last().unwrap();
-    assert_eq!(last.why_down.as_deref(), Some("no reading of script for 61 s: unplugged"));
-}
-
-#[test]
-fn without_a_current_the_steps_of_the_charge_are_counted_and_none_is_lost() {
-    // A percent every 90 s: 1.32 Ah * 0.01 in 90 s are 0.528 A.
-    let soc = |second: usize| 0.8 - 0.01 * (second / 90) as f64;
-    let mut source = measured((0..=900).map(|s| vec![Report { current_a: None, ..report(0.0, soc(s)) }]));
-    let mut gauge = Kind::CoulombCounter.open(explorer(), Estimate::new(0.5, 0.29), 25.0);
-    let mut currents = Vec::new();
-    for _ in 0..=900 {
-        let seen = source.advance(1.0).unwrap();
-        if let Some(sample) = seen.sample {
-            gauge.update(&sample);
-            currents.push(sample.current_a);
-        }
-        if let Some(soc) = seen.exchanged {
-            gauge.exchange(soc);
-        }
-    }
-    // The first says that the robot is there.
-    assert_eq!((currents.len(), currents.remove(0)), (11, 0.0));
-    assert!(currents.iter().all(|current_a| (current_a - 0.528).abs() < 1e-9), "{currents:?}");
-    assert!((gauge.soc().value - 0.7).abs() < 1e-4, "{:?}", gauge.soc());
-    // At rest the charge does not move: a sample of nothing every five minutes.
-    let mut source = measured((0..700).map(|_| vec![Report { current_a: None, ..report(0.0, 0.5) }]));
-    assert_eq!(counted(&mut source, 700), (0.0, 601.0));
-}
-
-#[test]
-fn without_a_charge_of_its_own_the_voltage_tells_less_of_it_the_more_current_flows() {
-    let model = explorer();
-    let mut run = Run::new(Arc::clone(&model), Start::at_soc(0.6));
-    let start = |voltage_v: f64, current_a: f64| {
-        let said = Report { voltage_v: Some(voltage_v), current_a: Some(current_a), ..Report::default() };
-        measured([vec![said]]).advance(1.0).unwrap().exchanged.unwrap()
-    };
-    let rested = start(run.channels[Channel::VoltageV], 0.0);
-    assert!((rested.value - 0.6).abs() < 0.01, "{rested:?}");
-    run.channels[Channel::CurrentA] = 1.3;
-    run.step(60.0);
-    let loaded = start(run.channels[Channel::VoltageV], 1.3);
-    // A minute at 1C took 1.6 % of the charge out.
-    assert!((loaded.value - 0.583).abs() < loaded.sigma && loaded.sigma > rested.sigma, "{loaded:?} {rested:?}");
 }
 
 #[test]

@@ -9,9 +9,9 @@ use energy::document::hint;
 use serde::{Deserialize, Serialize};
 use tracing::info;
 
-use super::device::{Device, Report, Supply};
+use crate::report::{Device, Report, Supply};
 
-/// `[source] kind = "power_supply"`.
+/// A battery that the kernel shows: `kind = "power_supply"`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
@@ -50,11 +50,7 @@ impl Config {
         let name = match (&self.device, batteries.as_slice()) {
             (Some(device), known) => {
                 let near = hint(device, known.iter().copied());
-                ensure!(
-                    known.contains(&device.as_str()),
-                    "source.device = \"{device}\": no such battery{near} In {root}: {}",
-                    listed(known)
-                );
+                ensure!(known.contains(&device.as_str()), "device = \"{device}\": no such battery{near} In {root}: {}", listed(known));
                 device.as_str()
             }
             (None, [only]) => only,
@@ -62,7 +58,7 @@ impl Config {
                 let supplies: Vec<&str> = supplies.iter().map(String::as_str).collect();
                 bail!("{root} shows no battery. Power supplies there: {}", listed(&supplies))
             }
-            (None, several) => bail!("{root} shows several batteries; choose one with source.device: {}", several.join(", ")),
+            (None, several) => bail!("{root} shows several batteries; choose one with device: {}", several.join(", ")),
         };
         let folder = self.root.join(name);
         let (found, missing): (Vec<&str>, Vec<&str>) = READ.iter().partition(|file| folder.join(file).exists());
@@ -83,7 +79,7 @@ impl Device for Battery {
         format!("power_supply {}", self.name)
     }
 
-    fn read(&mut self) -> anyhow::Result<Vec<Report>> {
+    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
         ensure!(self.folder.exists(), "{} is gone", self.folder.display());
         if self.number("present")? == Some(0.0) {
             bail!("no battery is present");
@@ -194,7 +190,7 @@ mod tests {
     }
 
     fn read(root: &tempfile::TempDir) -> Report {
-        config(root, Some("BAT0")).open().unwrap().read().unwrap()[0]
+        config(root, Some("BAT0")).open().unwrap().read(1.0).unwrap()[0]
     }
 
     /// What a bq27441 shows, as published by one of its users.
@@ -283,7 +279,7 @@ mod tests {
         };
         assert!(refused(&mouse, None).ends_with("shows no battery. Power supplies there: AC, hid-1"));
         files.push(("BAT1", "type", "Battery"));
-        assert!(refused(&files, None).ends_with("choose one with source.device: BAT0, BAT1"));
+        assert!(refused(&files, None).ends_with("choose one with device: BAT0, BAT1"));
         let error = refused(&files, Some("BAT"));
         assert!(error.contains("no such battery; did you mean `BAT") && error.ends_with(": BAT0, BAT1"), "{error}");
     }
@@ -293,10 +289,10 @@ mod tests {
         let root = tree(&BQ27441);
         let mut battery = config(&root, None).open().unwrap();
         std::fs::write(root.path().join("BAT0/temp"), "warm").unwrap();
-        assert!(battery.read().unwrap_err().to_string().contains("temp: `warm` is not a number"));
+        assert!(battery.read(1.0).unwrap_err().to_string().contains("temp: `warm` is not a number"));
         std::fs::write(root.path().join("BAT0/present"), "0\n").unwrap();
-        assert_eq!(battery.read().unwrap_err().to_string(), "no battery is present");
+        assert_eq!(battery.read(1.0).unwrap_err().to_string(), "no battery is present");
         std::fs::remove_dir_all(root.path().join("BAT0")).unwrap();
-        assert!(battery.read().unwrap_err().to_string().ends_with("BAT0 is gone"));
+        assert!(battery.read(1.0).unwrap_err().to_string().ends_with("BAT0 is gone"));
     }
 }

@@ -1,15 +1,16 @@
-//! A battery gauge of the world outside: what it says, and how that becomes what a robot's agent
-//! observes. A plug-in implements [`Device`]; everything else is the same for all.
+//! What a device says, as what a gauge is fed with: samples in which no charge is lost or counted twice, and where the
+//! gauge begins.
 
 use std::sync::Arc;
 
+use anyhow::ensure;
 use energy::gauge::{Sample, soc_at_rest};
-use energy::units::S_PER_H;
+use energy::units::{REFERENCE_DEGC, S_PER_H};
 use energy::{Channel, Estimate, Model, Run, Start};
+use serde::{Deserialize, Serialize};
 use tracing::{info, warn};
 
-use super::body::{Body, Hands};
-use super::{Act, Observation, Source};
+use crate::report::{Device, Report, Supply};
 
 /// Without a report for this long, what was drawn meanwhile is not known: the gauge starts anew from
 /// what the device says, s.
@@ -20,65 +21,53 @@ const UNMOVED_S: f64 = 300.0;
 /// Time under load after which a voltage tells a state of charge as well as it can, s.
 const SETTLED_S: f64 = 60.0;
 
-/// Whether something outside the robot feeds it, as far as the device can tell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Supply {
-    /// A charger or another supply is connected.
-    Connected,
-    /// The robot lives on its battery.
-    Absent,
-    /// The current decides.
-    #[default]
-    Unknown,
+/// What stands in for what a device does not measure.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Unmeasured {
+    /// Temperature taken where nothing measures the battery's, °C.
+    pub ambient_degc: f64,
+    /// How far a device's own state of charge may be off (standard deviation) where it does not say.
+    pub soc_sigma: f64,
 }
 
-/// What a device says of its battery at one instant. What it does not measure is none.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Report {
-    /// When, by the device's clock, s since any instant; none where it has no clock.
-    pub at_s: Option<f64>,
-    /// Terminal voltage, V.
-    pub voltage_v: Option<f64>,
-    /// Current, A (discharge positive).
-    pub current_a: Option<f64>,
-    /// Temperature, °C.
-    pub temperature_degc: Option<f64>,
-    /// State of charge by the device's own gauge, 0..1.
-    pub soc: Option<f64>,
-    /// How far that may be off (standard deviation), when the device says so.
-    pub soc_sigma: Option<f64>,
-    /// Whether something feeds the robot.
-    pub supply: Supply,
-}
-
-/// A battery gauge of the world outside. Adding one is a file that implements this and a line in
-/// `config/source.rs`.
-pub trait Device: Send {
-    /// What it is, for people: `power_supply BAT0`.
-    fn name(&self) -> String;
-
-    /// What it has said since the last call, oldest first; called about once a second. It must not
-    /// wait.
-    ///
-    /// # Errors
-    /// Why nothing can be read now: told to people, and tried again.
-    fn read(&mut self) -> anyhow::Result<Vec<Report>>;
-
-    /// Switches the charger on or off, where the device can.
-    fn charge(&mut self, _on: bool) {}
-
-    /// What went wrong with that.
-    fn trouble(&self) -> Option<String> {
-        None
+impl Default for Unmeasured {
+    fn default() -> Self {
+        Self { ambient_degc: REFERENCE_DEGC, soc_sigma: 0.05 }
     }
 }
 
-/// A robot whose battery a device measures.
-pub struct Measured {
+impl Unmeasured {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Names the key and what is allowed.
+    pub fn check(&self) -> anyhow::Result<()> {
+        let ambient_degc = self.ambient_degc;
+        ensure!((-60.0..=100.0).contains(&ambient_degc), "ambient_degc = {ambient_degc}: must be between -60 and 100");
+        ensure!((0.0001..=0.5).contains(&self.soc_sigma), "soc_sigma = {}: must be between 0.0001 and 0.5", self.soc_sigma);
+        Ok(())
+    }
+}
+
+/// What a device showed since it was read before.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Reading {
+    /// What a gauge is to be fed with; none where nothing new was shown.
+    pub sample: Option<Sample>,
+    /// The gauge begins anew, from this state of charge.
+    pub exchanged: Option<Estimate>,
+    /// What each report said of what feeds the battery's load, oldest first.
+    pub supplies: Vec<Supply>,
+    /// Why nothing has been heard for long.
+    pub silent: Option<String>,
+}
+
+/// A device beside the model of what it measures.
+pub struct Reader {
     device: Box<dyn Device>,
     model: Arc<Model>,
-    body: Body,
-    hands: Hands,
+    unmeasured: Unmeasured,
     now_s: f64,
     last: Option<Last>,
     /// From when a charge is counted whose current nobody measures.
@@ -109,12 +98,72 @@ struct Counted {
     temperature_degc: f64,
 }
 
-impl Measured {
-    /// A robot whose battery is believed to be `model` and measured by `device`.
+impl Reader {
+    /// Reads a battery that is believed to be `model`.
     #[must_use]
-    pub fn new(device: Box<dyn Device>, model: Arc<Model>, body: Body) -> Self {
-        let hands = Hands::new(body.drive.clone());
-        Self { device, model, body, hands, now_s: 0.0, last: None, anchor: None, trouble: None, told_missing: false }
+    pub fn new(device: Box<dyn Device>, model: Arc<Model>, unmeasured: Unmeasured) -> Self {
+        Self { device, model, unmeasured, now_s: 0.0, last: None, anchor: None, trouble: None, told_missing: false }
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn device(&self) -> &dyn Device {
+        self.device.as_ref()
+    }
+
+    /// Switches the charger on or off, where the device can.
+    pub fn charge(&mut self, on: bool) {
+        self.device.charge(on);
+    }
+
+    /// The least current that its sensor can tell from none, A.
+    #[must_use]
+    pub fn least_a(&self) -> f64 {
+        let sensor = self.model.sensor(Channel::CurrentA);
+        3.0 * sensor.floor().hypot(sensor.offset_sigma)
+    }
+
+    /// What was shown in the last `dt_s` seconds.
+    pub fn advance(&mut self, dt_s: f64) -> Reading {
+        self.now_s += dt_s;
+        let reports = self.device.read(dt_s).unwrap_or_else(|error| {
+            let trouble = format!("{error:#}");
+            if self.trouble.as_ref() != Some(&trouble) {
+                warn!("{}: {trouble}", self.device.name());
+                self.trouble = Some(trouble);
+            }
+            Vec::new()
+        });
+        let (mut counted, mut exchanged, mut supplies) = (Counted::default(), None, Vec::new());
+        for report in &reports {
+            self.trouble = None;
+            self.tell_missing(report);
+            match self.since_last(report) {
+                Some(since_s) => self.count(report, since_s, &mut counted),
+                None => {
+                    counted = Counted::default();
+                    self.anchor = report.soc.map(|soc| Anchor { soc, waited_s: 0.0 });
+                    exchanged = self.state_of_charge(report);
+                    // Said at once, so that the battery is known; what a device without a current draws
+                    // will show.
+                    let first = Report { current_a: Some(report.current_a.unwrap_or(0.0)), ..*report };
+                    self.count(&first, dt_s, &mut counted);
+                }
+            }
+            supplies.push(self.fed(report));
+        }
+        let sample = (counted.passed_s > 0.0).then(|| Sample {
+            dt_s: counted.passed_s,
+            current_a: counted.charge_as / counted.passed_s,
+            voltage_v: counted.voltage_v,
+            temperature_degc: counted.temperature_degc,
+        });
+        let silent_s = self.now_s - self.last.map_or(0.0, |last| last.now_s);
+        let silent = (silent_s > HISTORY_LOST_S).then(|| {
+            let why = self.trouble.as_ref().map(|why| format!(": {why}")).unwrap_or_default();
+            format!("no reading of {} for {silent_s:.0} s{why}", self.device.name())
+        });
+        Reading { sample, exchanged, supplies, silent }
     }
 
     /// Time since the report before, s; none when what was drawn meanwhile is not known.
@@ -131,7 +180,7 @@ impl Measured {
     /// State of charge from what the device says: its own gauge's, or by the voltage.
     fn state_of_charge(&self, report: &Report) -> Option<Estimate> {
         if let Some(soc) = report.soc {
-            return Some(Estimate::new(soc, report.soc_sigma.unwrap_or(self.body.soc_sigma)));
+            return Some(Estimate::new(soc, report.soc_sigma.unwrap_or(self.unmeasured.soc_sigma)));
         }
         let voltage_v = report.voltage_v?;
         let at_rest = soc_at_rest(&self.model, voltage_v);
@@ -159,7 +208,7 @@ impl Measured {
     /// Charge that has flowed since the report before, as far as it can be told now.
     fn count(&mut self, report: &Report, since_s: f64, counted: &mut Counted) {
         let Some(voltage_v) = report.voltage_v else { return };
-        let temperature_degc = report.temperature_degc.unwrap_or(self.body.ambient_degc);
+        let temperature_degc = report.temperature_degc.unwrap_or(self.unmeasured.ambient_degc);
         let interval = match (report.current_a, report.soc) {
             (Some(current_a), _) => Some((current_a * since_s, since_s)),
             (None, Some(soc)) => self.by_charge(soc, since_s),
@@ -185,11 +234,10 @@ impl Measured {
         Some((charge_as, passed_s))
     }
 
-    /// Whether something feeds the robot: by the device's word, or by a current that its sensor can
-    /// tell from none.
+    /// Whether something feeds what the battery feeds: by the device's word, or by a current that its
+    /// sensor can tell from none.
     fn fed(&self, report: &Report) -> Supply {
-        let sensor = self.model.sensor(Channel::CurrentA);
-        let none_a = 3.0 * sensor.floor().hypot(sensor.offset_sigma);
+        let none_a = self.least_a();
         match (report.supply, report.current_a) {
             (Supply::Unknown, Some(current_a)) if current_a < -none_a => Supply::Connected,
             (Supply::Unknown, Some(current_a)) if current_a > none_a => Supply::Absent,
@@ -211,7 +259,7 @@ impl Measured {
             warn!("{name} measures neither current nor state of charge: the gauge has nothing to count");
         }
         if report.temperature_degc.is_none() {
-            warn!("{name} measures no temperature: taken as {} degC (body.ambient_degc)", self.body.ambient_degc);
+            warn!("{name} measures no temperature: taken as {} degC (ambient_degc)", self.unmeasured.ambient_degc);
         }
         if report.soc.is_none() {
             warn!("{name} has no state of charge of its own: the gauge starts from the voltage");
@@ -222,68 +270,5 @@ impl Measured {
     }
 }
 
-impl Source for Measured {
-    fn act(&mut self, act: &Act) {
-        match act {
-            Act::Charge => self.device.charge(true),
-            Act::StopCharging => self.device.charge(false),
-            Act::TravelTo { .. } | Act::Resume => {}
-        }
-        self.hands.begin(act);
-    }
-
-    fn advance(&mut self, dt_s: f64) -> Option<Observation> {
-        self.now_s += dt_s;
-        let reports = self.device.read().unwrap_or_else(|error| {
-            let trouble = format!("{error:#}");
-            if self.trouble.as_ref() != Some(&trouble) {
-                warn!("{}: {trouble}", self.device.name());
-                self.trouble = Some(trouble);
-            }
-            Vec::new()
-        });
-        let (mut counted, mut exchanged) = (Counted::default(), None);
-        for report in &reports {
-            self.trouble = None;
-            self.tell_missing(report);
-            match self.since_last(report) {
-                Some(since_s) => self.count(report, since_s, &mut counted),
-                None => {
-                    counted = Counted::default();
-                    self.anchor = report.soc.map(|soc| Anchor { soc, waited_s: 0.0 });
-                    exchanged = self.state_of_charge(report);
-                    // Said at once, so that the robot is known; what a device without a current draws
-                    // will show.
-                    let first = Report { current_a: Some(report.current_a.unwrap_or(0.0)), ..*report };
-                    self.count(&first, dt_s, &mut counted);
-                }
-            }
-            self.hands.feel(self.fed(report));
-        }
-        let sample = (counted.passed_s > 0.0).then(|| Sample {
-            dt_s: counted.passed_s,
-            current_a: counted.charge_as / counted.passed_s,
-            voltage_v: counted.voltage_v,
-            temperature_degc: counted.temperature_degc,
-        });
-        let silent_s = self.now_s - self.last.map_or(0.0, |last| last.now_s);
-        let silent = (silent_s > HISTORY_LOST_S).then(|| {
-            let why = self.trouble.as_ref().map(|why| format!(": {why}")).unwrap_or_default();
-            format!("no reading of {} for {silent_s:.0} s{why}", self.device.name())
-        });
-        let place = self.hands.place();
-        let powered = self.hands.powered();
-        Some(Observation {
-            sample,
-            place,
-            powered,
-            exchanged,
-            depleted: false,
-            why_down: silent.or_else(|| self.device.trouble()).or_else(|| self.hands.trouble()),
-        })
-    }
-}
-
 #[cfg(test)]
-#[path = "device/tests.rs"]
 mod tests;

@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::sample::Sample;
 
-use super::device::{Device, Report, Supply};
+use crate::report::{Device, Report, Supply};
 
 /// `[source] kind = "ros2"`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,8 +44,8 @@ impl Config {
     /// # Errors
     /// Names the key and what is allowed.
     pub fn check(&self) -> anyhow::Result<()> {
-        ros2::key_expression(self.domain, &self.topic).map_err(|error| anyhow!("source.topic: {error}"))?;
-        ensure!(self.domain <= 232, "source.domain = {}: must be between 0 and 232", self.domain);
+        ros2::key_expression(self.domain, &self.topic).map_err(|error| anyhow!("topic: {error}"))?;
+        ensure!(self.domain <= 232, "domain = {}: must be between 0 and 232", self.domain);
         Ok(())
     }
 
@@ -54,7 +54,7 @@ impl Config {
     /// # Errors
     /// When the topic is no topic.
     pub fn open(&self, network: &NetworkConfig, site: &SiteId) -> anyhow::Result<Box<dyn Device>> {
-        let key = ros2::key_expression(self.domain, &self.topic).map_err(|error| anyhow!("source.topic: {error}"))?;
+        let key = ros2::key_expression(self.domain, &self.topic).map_err(|error| anyhow!("topic: {error}"))?;
         let (messages_in, messages) = mpsc::channel(QUEUE);
         let network = if self.connect.is_empty() {
             // A second session beside the agent's own: that one may be a robot's only link.
@@ -62,7 +62,7 @@ impl Config {
         } else {
             NetworkConfig { connect: self.connect.clone(), ..NetworkConfig::agent() }
         };
-        ensure!(!network.connect.is_empty(), "source.connect: the address of the robot's Zenoh router is needed");
+        ensure!(!network.connect.is_empty(), "connect: the address of the robot's Zenoh router is needed");
         let status = Arc::new(Mutex::new(format!("nobody answers at {} yet", network.connect.join(", "))));
         tokio::spawn(listen(network, site.clone(), key, messages_in, Arc::clone(&status)));
         Ok(Box::new(Topic { config: self.clone(), messages, status, told: Told::default() }))
@@ -110,7 +110,7 @@ impl Device for Topic {
         format!("ros2 {}", self.config.topic)
     }
 
-    fn read(&mut self) -> anyhow::Result<Vec<Report>> {
+    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
         let (mut reports, mut wrong, mut any) = (Vec::new(), None, false);
         while let Ok(sample) = self.messages.try_recv() {
             any = true;
@@ -141,7 +141,7 @@ fn report(message: &BatteryState, invert_current: bool, told: &mut Told) -> anyh
     if status == Status::Discharging && current_a.is_some_and(|drawn_a| drawn_a < 0.0) && !std::mem::replace(&mut told.sign, true) {
         warn!(
             "the robot says that it discharges, with a current of {} A that charges: its driver counts the other way; \
-             set source.invert_current = {}",
+             set invert_current = {}",
             message.current, !invert_current
         );
     }
@@ -225,7 +225,7 @@ mod tests {
     fn a_topic_is_checked() {
         let config = |topic: &str, domain| Config { topic: topic.to_owned(), domain, connect: Vec::new(), invert_current: false };
         config("/battery_state", 0).check().unwrap();
-        assert!(config("/battery-state", 0).check().unwrap_err().to_string().starts_with("source.topic: topic `/battery-state`"));
+        assert!(config("/battery-state", 0).check().unwrap_err().to_string().starts_with("topic: topic `/battery-state`"));
         assert!(config("/b", 233).check().unwrap_err().to_string().contains("between 0 and 232"));
     }
 }

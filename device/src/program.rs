@@ -1,0 +1,151 @@
+//! A program of the user's that acts for an agent. It is started anew for every act, with the act as its last arguments,
+//! and ends when that is done, with exit status 0; what it prints may say more.
+
+use std::io::Read as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use anyhow::ensure;
+use rustix::process::{Pid, Signal, kill_process};
+use tracing::{info, warn};
+
+/// What is kept of what a program prints: the end of it matters.
+const PRINTED_MAX: usize = 4096;
+
+/// A program and its first arguments, and what it is doing.
+#[derive(Debug)]
+pub struct Program {
+    key: &'static str,
+    command: Vec<String>,
+    running: Option<Doing>,
+}
+
+/// An act under way.
+#[derive(Debug)]
+struct Doing {
+    said: String,
+    child: Child,
+    printed: String,
+}
+
+/// An act that has ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ended {
+    /// What it was asked to do.
+    pub said: String,
+    /// The end of what it printed.
+    pub printed: String,
+    /// Or what went wrong.
+    pub result: Result<(), String>,
+}
+
+impl Program {
+    /// A program that the configuration names under `key`; an empty `command` does nothing.
+    #[must_use]
+    pub fn new(key: &'static str, command: Vec<String>) -> Self {
+        Self { key, command, running: None }
+    }
+
+    /// Warns where the program is not there.
+    pub fn look_for(&self) {
+        if let Some(name) = self.command.first().filter(|name| !is_found(name)) {
+            warn!("{}: there is no program {name}: nothing that is asked of it will be done", self.key);
+        }
+    }
+
+    /// Checks that there is a program where there is something.
+    ///
+    /// # Errors
+    /// Names the key.
+    pub fn check(key: &str, command: &[String]) -> anyhow::Result<()> {
+        ensure!(command.first().is_none_or(|program| !program.is_empty()), "{key}: its first entry is a program");
+        Ok(())
+    }
+
+    /// Whether there is one.
+    #[must_use]
+    pub fn is_set(&self) -> bool {
+        !self.command.is_empty()
+    }
+
+    /// Begins an act, in place of the one under way.
+    ///
+    /// # Errors
+    /// Why it cannot be started.
+    pub fn begin(&mut self, arguments: &[String]) -> Result<(), String> {
+        self.stop();
+        let said = arguments.join(" ");
+        let Some((program, first)) = self.command.split_first() else {
+            info!("asked to {said}: no {} is set, so nobody does it", self.key);
+            return Ok(());
+        };
+        let command = Command::new(program).args(first).args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
+        let child = command.map_err(|error| format!("{}: {program} {said}: {error}", self.key))?;
+        if let Some(stdout) = &child.stdout {
+            let _ = rustix::io::ioctl_fionbio(stdout, true);
+        }
+        self.running = Some(Doing { said, child, printed: String::new() });
+        Ok(())
+    }
+
+    /// Whether an act is under way.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// The act, when it has ended since this was asked before.
+    pub fn ended(&mut self) -> Option<Ended> {
+        let doing = self.running.as_mut()?;
+        let ended = doing.child.try_wait();
+        doing.hear();
+        if matches!(ended, Ok(None)) {
+            return None;
+        }
+        let Doing { said, printed, .. } = self.running.take()?;
+        let result = match ended {
+            Ok(Some(status)) if !status.success() => Err(format!("{}: `{said}` failed: {status}", self.key)),
+            Err(error) => Err(format!("{}: `{said}`: {error}", self.key)),
+            Ok(_) => Ok(()),
+        };
+        Some(Ended { said, printed, result })
+    }
+
+    /// Asks it to end, and waits for it no longer than it needs.
+    pub fn stop(&mut self) {
+        let Some(Doing { said, mut child, .. }) = self.running.take() else { return };
+        info!("`{said}` is not waited for any longer");
+        if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+            let _ = kill_process(pid, Signal::TERM);
+        }
+        // Reaped apart, so that nobody waits for a program that does not listen.
+        std::thread::spawn(move || child.wait());
+    }
+}
+
+impl Doing {
+    /// Takes what has been printed by now.
+    fn hear(&mut self) {
+        let Some(stdout) = &mut self.child.stdout else { return };
+        let mut bytes = [0; PRINTED_MAX];
+        // It does not wait: `begin` has said so, and what the program has started may hold the pipe.
+        while let Ok(read @ 1..) = stdout.read(&mut bytes) {
+            self.printed.push_str(&String::from_utf8_lossy(&bytes[..read]));
+            let beyond = self.printed.len().saturating_sub(PRINTED_MAX);
+            self.printed.drain(..self.printed.ceil_char_boundary(beyond));
+        }
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Whether a program is there, by its path or in the folders of PATH.
+fn is_found(name: &str) -> bool {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    name.contains('/') && Path::new(name).is_file()
+        || !name.contains('/') && std::env::split_paths(&folders).any(|at| at.join(name).is_file())
+}

@@ -1,0 +1,118 @@
+use std::collections::VecDeque;
+
+use energy::gauge::Kind;
+
+use super::*;
+
+/// A device that says what the test has laid out: one entry a second.
+struct Script(VecDeque<Vec<Report>>);
+
+impl Device for Script {
+    fn name(&self) -> String {
+        "script".to_owned()
+    }
+
+    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
+        self.0.pop_front().ok_or_else(|| anyhow::anyhow!("unplugged"))
+    }
+}
+
+fn explorer() -> Arc<Model> {
+    Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap())
+}
+
+fn read_from(script: impl IntoIterator<Item = Vec<Report>>) -> Reader {
+    Reader::new(Box::new(Script(script.into_iter().collect())), explorer(), Unmeasured::default())
+}
+
+fn report(current_a: f64, soc: f64) -> Report {
+    Report { voltage_v: Some(11.5), current_a: Some(current_a), soc: Some(soc), ..Report::default() }
+}
+
+/// Charge in all samples, As, and their time, s.
+fn counted(reader: &mut Reader, seconds: usize) -> (f64, f64) {
+    let samples = (0..seconds).filter_map(|_| reader.advance(1.0).sample);
+    samples.fold((0.0, 0.0), |(charge, time), sample| (charge + sample.current_a * sample.dt_s, time + sample.dt_s))
+}
+
+#[test]
+fn a_reading_a_second_is_a_sample_a_second_and_the_first_is_where_the_gauge_begins() {
+    let mut reader = read_from((0..11).map(|_| vec![report(2.0, 0.6)]));
+    let first = reader.advance(1.0);
+    assert_eq!((first.sample.unwrap().current_a, first.exchanged), (2.0, Some(Estimate::new(0.6, 0.05))));
+    assert_eq!(counted(&mut reader, 10), (20.0, 10.0));
+}
+
+#[test]
+fn messages_that_come_late_and_together_are_counted_by_their_own_clock() {
+    let at = |at_s: f64, current_a: f64| Report { at_s: Some(at_s), ..report(current_a, 0.6) };
+    let late: Vec<Report> = vec![at(110.0, 1.0), at(120.0, 3.0), at(130.0, 3.0)];
+    let mut reader = read_from([vec![at(100.0, 1.0)], vec![], vec![], late]);
+    reader.advance(1.0);
+    assert_eq!(counted(&mut reader, 3), (70.0, 30.0));
+    // A clock that was set, or stamps of nothing: then ours counts.
+    let mut reader = read_from([vec![at(100.0, 1.0)], vec![at(5.0, 1.0)], vec![at(1e6, 1.0)]]);
+    reader.advance(1.0);
+    assert_eq!(counted(&mut reader, 2), (2.0, 2.0));
+}
+
+#[test]
+fn after_a_silence_the_gauge_starts_anew_from_what_the_device_says() {
+    let silence = std::iter::repeat_n(Vec::new(), 90);
+    let mut reader = read_from([vec![report(1.0, 0.6)]].into_iter().chain(silence).chain([vec![report(1.0, 0.4)], vec![report(1.0, 0.4)]]));
+    reader.advance(1.0);
+    let last = (0..90).map(|_| reader.advance(1.0)).last().unwrap();
+    assert_eq!(last.silent.as_deref(), Some("no reading of script for 90 s"));
+    let after = reader.advance(1.0);
+    assert_eq!((after.sample.unwrap().dt_s, after.exchanged, after.silent), (1.0, Some(Estimate::new(0.4, 0.05)), None));
+}
+
+#[test]
+fn what_keeps_a_device_from_being_read_is_told() {
+    let mut reader = read_from([]);
+    let last = (0..61).map(|_| reader.advance(1.0)).last().unwrap();
+    assert_eq!(last.silent.as_deref(), Some("no reading of script for 61 s: unplugged"));
+}
+
+#[test]
+fn without_a_current_the_steps_of_the_charge_are_counted_and_none_is_lost() {
+    // A percent every 90 s: 1.32 Ah * 0.01 in 90 s are 0.528 A.
+    let soc = |second: usize| 0.8 - 0.01 * (second / 90) as f64;
+    let mut reader = read_from((0..=900).map(|s| vec![Report { current_a: None, ..report(0.0, soc(s)) }]));
+    let mut gauge = Kind::CoulombCounter.open(explorer(), Estimate::new(0.5, 0.29), 25.0);
+    let mut currents = Vec::new();
+    for _ in 0..=900 {
+        let seen = reader.advance(1.0);
+        if let Some(sample) = seen.sample {
+            gauge.update(&sample);
+            currents.push(sample.current_a);
+        }
+        if let Some(soc) = seen.exchanged {
+            gauge.exchange(soc);
+        }
+    }
+    // The first says that the robot is there.
+    assert_eq!((currents.len(), currents.remove(0)), (11, 0.0));
+    assert!(currents.iter().all(|current_a| (current_a - 0.528).abs() < 1e-9), "{currents:?}");
+    assert!((gauge.soc().value - 0.7).abs() < 1e-4, "{:?}", gauge.soc());
+    // At rest the charge does not move: a sample of nothing every five minutes.
+    let mut reader = read_from((0..700).map(|_| vec![Report { current_a: None, ..report(0.0, 0.5) }]));
+    assert_eq!(counted(&mut reader, 700), (0.0, 601.0));
+}
+
+#[test]
+fn without_a_charge_of_its_own_the_voltage_tells_less_of_it_the_more_current_flows() {
+    let model = explorer();
+    let mut run = Run::new(Arc::clone(&model), Start::at_soc(0.6));
+    let start = |voltage_v: f64, current_a: f64| {
+        let said = Report { voltage_v: Some(voltage_v), current_a: Some(current_a), ..Report::default() };
+        read_from([vec![said]]).advance(1.0).exchanged.unwrap()
+    };
+    let rested = start(run.channels[Channel::VoltageV], 0.0);
+    assert!((rested.value - 0.6).abs() < 0.01, "{rested:?}");
+    run.channels[Channel::CurrentA] = 1.3;
+    run.step(60.0);
+    let loaded = start(run.channels[Channel::VoltageV], 1.3);
+    // A minute at 1C took 1.6 % of the charge out.
+    assert!((loaded.value - 0.583).abs() < loaded.sigma && loaded.sigma > rested.sigma, "{loaded:?} {rested:?}");
+}

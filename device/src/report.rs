@@ -1,0 +1,53 @@
+//! What a battery gauge of the world outside says, whichever it is.
+
+/// Whether something outside feeds what the battery feeds, as far as the device can tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Supply {
+    /// A charger or another supply is connected.
+    Connected,
+    /// The battery feeds it alone.
+    Absent,
+    /// The current decides.
+    #[default]
+    Unknown,
+}
+
+/// What a device says of its battery at one instant. What it does not measure is none.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Report {
+    /// When, by the device's clock, s since any instant; none where it has no clock.
+    pub at_s: Option<f64>,
+    /// Terminal voltage, V.
+    pub voltage_v: Option<f64>,
+    /// Current, A (discharge positive).
+    pub current_a: Option<f64>,
+    /// Temperature, °C.
+    pub temperature_degc: Option<f64>,
+    /// State of charge by the device's own gauge, 0..1.
+    pub soc: Option<f64>,
+    /// How far that may be off (standard deviation), when the device says so.
+    pub soc_sigma: Option<f64>,
+    /// Whether something feeds what it feeds.
+    pub supply: Supply,
+}
+
+/// A battery gauge of the world outside.
+pub trait Device: Send {
+    /// What it is, for people: `power_supply BAT0`.
+    fn name(&self) -> String;
+
+    /// What it has said since the last call, `dt_s` seconds ago, oldest first; called about once a second.
+    /// It must not wait.
+    ///
+    /// # Errors
+    /// Why nothing can be read now: told to people, and tried again.
+    fn read(&mut self, dt_s: f64) -> anyhow::Result<Vec<Report>>;
+
+    /// Switches the charger on or off, where the device can.
+    fn charge(&mut self, _on: bool) {}
+
+    /// What went wrong with that.
+    fn trouble(&self) -> Option<String> {
+        None
+    }
+}
