@@ -205,6 +205,10 @@ impl ServiceRun {
                 Some(BayPhase::Failed) | None => Step::Fail(format!("bay {bay} is out of order")),
                 Some(_) => Step::Wait,
             },
+            // The lift gave up: the robot is still before it.
+            (How::Recharge { bay, .. }, Stage::Loading, RobotPhase::Waiting) if station.bay_phase(bay) == Some(BayPhase::Failed) => {
+                Step::Fail(format!("bay {bay} is out of order"))
+            }
             (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked | RobotPhase::Charging) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::Charging)
             }

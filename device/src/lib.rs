@@ -21,5 +21,5 @@ pub mod sbs;
 
 pub use log::Log;
 pub use program::Program;
-pub use reader::{Reader, Unmeasured};
+pub use reader::{Reader, Reading, Unmeasured};
 pub use report::{Device, Report, Supply};

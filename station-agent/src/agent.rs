@@ -121,6 +121,8 @@ pub struct Agent {
     here: BTreeMap<RobotId, (Timestamp, RobotPhase)>,
     /// It was restarted, and has not seen yet whether lift and exchange go on.
     restored: bool,
+    /// What goes wrong with the station, as its source says.
+    trouble: Option<String>,
     kept: Option<memory::Sketch>,
     gauge_due: Due,
     state_due: Due,
@@ -155,6 +157,7 @@ impl Agent {
             silence: Silence::default(),
             here: BTreeMap::new(),
             restored: false,
+            trouble: None,
             kept: None,
             gauge_due: Due::default(),
             state_due: Due::default(),
@@ -308,6 +311,29 @@ impl Agent {
         }
     }
 
+    /// Takes in what the lift has done, and what it cannot do.
+    fn moved(&mut self, lifted: Option<Lifted>, given_up: Option<Lifted>, mended: &[BayId]) {
+        // What an agent before this one had begun and seen is not taken twice.
+        let is_own = |done: &Lifted| self.lifting && self.lifts.front() == Some(done);
+        let ended = lifted.iter().chain(&given_up).any(is_own);
+        for bay in &mut self.bays {
+            let about = |done: &&Lifted| done.bay == bay.id;
+            let robot = bay.robot.clone();
+            if let Some(done) = given_up.as_ref().filter(about).filter(|_| ended) {
+                // Whom it could not let out it still holds.
+                (bay.phase, bay.robot) = (BayPhase::Failed, robot.filter(|_| !done.into));
+            } else if let Some(done) = lifted.as_ref().filter(about).filter(|done| ended || bay.phase == BayPhase::Failed && !done.into) {
+                (bay.phase, bay.robot) = if done.into { (BayPhase::Occupied, robot) } else { (BayPhase::Free, None) };
+            } else if bay.phase == BayPhase::Failed && bay.robot.is_none() && mended.contains(&bay.id) {
+                bay.phase = BayPhase::Free;
+            }
+        }
+        if ended {
+            self.lifts.pop_front();
+            self.lifting = false;
+        }
+    }
+
     fn observed(&mut self, now: Timestamp, observation: Observation) {
         for reading in observation.packs {
             if let Some(pack) = self.packs.iter_mut().find(|pack| pack.id == reading.pack) {
@@ -317,13 +343,11 @@ impl Agent {
                 if let Some(soc) = reading.exchanged {
                     pack.gauge.exchange(soc);
                 }
-                if !reading.connected {
-                    continue;
-                }
-                pack.gauge.update(&reading.sample);
-                pack.last = Some(reading.sample);
+                let Some(sample) = reading.sample.filter(|_| reading.connected) else { continue };
+                pack.gauge.update(&sample);
+                pack.last = Some(sample);
                 if observation.active_pack.as_ref() == Some(&pack.id) {
-                    self.pack_power_w = reading.sample.current_a * reading.sample.voltage_v;
+                    self.pack_power_w = sample.current_a * sample.voltage_v;
                 }
             }
         }
@@ -331,14 +355,8 @@ impl Agent {
         self.powered = observation.powered;
         self.arrives = observation.arrives_s.map(|in_s| tell::again(self.arrives, now.plus_s(in_s)));
         self.leave_a_low_pack();
-        // What an agent before this one had begun and seen is not taken twice.
-        if let Some(done) = observation.lifted.filter(|done| self.lifting && self.lifts.front() == Some(done)) {
-            self.lifts.pop_front();
-            self.lifting = false;
-            if let Some(bay) = self.bays.iter_mut().find(|bay| bay.id == done.bay) {
-                (bay.phase, bay.robot) = if done.into { (BayPhase::Occupied, Some(done.robot)) } else { (BayPhase::Free, None) };
-            }
-        }
+        self.moved(observation.lifted, observation.given_up, &observation.mended);
+        self.trouble = observation.trouble;
         let own = |swapped: &Swapped| self.swapping.as_ref() == Some(&(swapped.robot.clone(), swapped.spare.clone()));
         if let Some(swapped) = observation.swapped.filter(own) {
             self.swapping = None;

@@ -1,18 +1,22 @@
-//! The station agent's configuration file.
+//! The station agent's configuration file; `measured.rs` has the `[source]` of a real station.
+
+mod measured;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use energy::System;
 use energy::gauge::Kind;
+use energy::selector::Rule;
 use node::files::{ModelRef, read_text};
 use node::{Age, Charging, ClockConfig, Depot, NetworkConfig, Publish, SelectorConfig, UNTIL_EMPTY, Vehicle};
 use proto::{BayId, Estimate, PackId, SiteId, SpareId, SpareState, StationId};
 use serde::{Deserialize, Serialize};
 
+pub use self::measured::{GaugeConfig, MeasuredConfig};
 use crate::agent::{Agent, Alone, Profile};
-use crate::source::{StationBody, World, WorldPack};
+use crate::source::{Source, StationBody, World, WorldPack};
 
 /// Everything a station agent is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -88,6 +92,7 @@ impl SpareConfig {
 /// `[source]`: where samples come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[allow(clippy::large_enum_variant, reason = "there is one to a station")]
 pub enum SourceConfig {
     /// A simulated station; what is true of it may differ from what the gauges believe.
     Sim {
@@ -123,6 +128,8 @@ pub enum SourceConfig {
         /// Chooses the gauge ICs' specimens and noise.
         seed: u64,
     },
+    /// A real station: a device beside each of its packs, and a program that works it.
+    Measured(MeasuredConfig),
 }
 
 /// What is true of a pack.
@@ -136,6 +143,12 @@ pub struct TruePack {
     /// What it has lived through.
     #[serde(default)]
     pub age: Age,
+}
+
+/// Checks a share.
+fn fraction(key: &str, value: f64) -> anyhow::Result<()> {
+    ensure!((0.0..=1.0).contains(&value), "{key} = {value}: must be between 0 and 1");
+    Ok(())
 }
 
 /// Longest time that a configuration may state, s: a day.
@@ -182,15 +195,23 @@ impl Config {
         distinct("bays", self.bays.iter().map(AsRef::as_ref).collect())?;
         distinct("packs", self.packs.iter().map(|pack| pack.id.as_ref()).collect())?;
         distinct("spares", self.spares.iter().map(|spare| spare.id.as_ref()).collect())?;
-        let fraction = |key: String, value: f64| {
-            ensure!((0.0..=1.0).contains(&value), "{key} = {value}: must be between 0 and 1");
-            Ok(())
-        };
         for spare in &self.spares {
-            fraction(format!("spares.{}.soc", spare.id), spare.soc)?;
+            fraction(&format!("spares.{}.soc", spare.id), spare.soc)?;
         }
+        match &self.source {
+            SourceConfig::Sim { .. } => self.check_simulated()?,
+            SourceConfig::Measured(measured) => measured.check(self).map_err(|error| anyhow!("source.{error:#}"))?,
+        }
+        self.alone.check()?;
+        self.publish.check()
+    }
+
+    fn check_simulated(&self) -> anyhow::Result<()> {
         let SourceConfig::Sim { packs, spares, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, .. } =
-            &self.source;
+            &self.source
+        else {
+            return Ok(());
+        };
         charging.check().context("source")?;
         selector.map_or(Ok(()), |selector| selector.check()).context("source")?;
         depot.map_or(Ok(()), |depot| depot.check()).context("source")?;
@@ -201,22 +222,38 @@ impl Config {
         }
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
-            fraction(format!("source.packs.{}.soc", pack.id), truth.soc)?;
+            fraction(&format!("source.packs.{}.soc", pack.id), truth.soc)?;
             truth.age.check().with_context(|| format!("source.packs.{}", pack.id))?;
         }
         let unknown = spares.keys().find(|id| !self.spares.iter().any(|spare| spare.id == **id));
         ensure!(unknown.is_none(), "source.spares: there is no spare {}", unknown.map_or("", AsRef::as_ref));
-        self.alone.check()?;
-        self.publish.check()
+        Ok(())
     }
 
-    /// Makes agent and simulated body. Models are looked up beside `path`.
+    /// Makes agent and source. Models and logs are looked up beside `path`.
     ///
     /// # Errors
-    /// When a model cannot be read.
+    /// When a model cannot be read or a device not be opened.
+    pub fn build(&self, path: Option<&Path>) -> anyhow::Result<(Agent, Box<dyn Source>)> {
+        match &self.source {
+            SourceConfig::Sim { .. } => {
+                let (agent, body) = self.build_simulated(path)?;
+                Ok((agent, Box::new(body)))
+            }
+            SourceConfig::Measured(measured) => measured.build(self, path),
+        }
+    }
+
+    /// Makes agent and simulated body.
+    ///
+    /// # Errors
+    /// When a model cannot be read or the source is not a simulated one.
     pub fn build_simulated(&self, path: Option<&Path>) -> anyhow::Result<(Agent, StationBody)> {
         let SourceConfig::Sim { load, packs, spares, load_s, unload_s, swap_s, charging, selector, depot, vehicle, temperature_degc, seed } =
-            &self.source;
+            &self.source
+        else {
+            bail!("station {} has no simulated body", self.id)
+        };
         let mut true_packs = Vec::new();
         for pack in &self.packs {
             let truth = packs.get(&pack.id).with_context(|| format!("source.packs: pack {} is missing", pack.id))?;
@@ -253,23 +290,26 @@ impl Config {
     /// that count its packs' charge were not restarted with it.
     ///
     /// # Errors
-    /// When a model cannot be read.
+    /// When a model cannot be read or the source is not a simulated one.
     pub fn agent_of(&self, body: &mut StationBody, path: Option<&Path>) -> anyhow::Result<Agent> {
-        let SourceConfig::Sim { selector, temperature_degc, .. } = &self.source;
+        let SourceConfig::Sim { selector, temperature_degc, .. } = &self.source else { bail!("station {} has no simulated body", self.id) };
         let mut gauges = Vec::new();
         for (pack, soc) in self.packs.iter().zip(body.remembered_socs()) {
             let battery = pack.battery.load_as(System::Battery, &format!("packs.{}.battery", pack.id), path)?;
             gauges.push((pack.id.clone(), pack.gauge.open(battery, soc, *temperature_degc)));
         }
-        let profile = Profile {
+        Ok(Agent::new(self.profile(selector.map_or(UNTIL_EMPTY, |selector| selector.rule()), "sim"), gauges))
+    }
+
+    fn profile(&self, rule: Rule, source: &str) -> Profile {
+        Profile {
             id: self.id.clone(),
             alone: self.alone,
             bays: self.bays.clone(),
             spares: self.spares.iter().map(SpareConfig::stated).collect(),
-            rule: selector.map_or(UNTIL_EMPTY, |selector| selector.rule()),
+            rule,
             publish: self.publish,
-            source: "sim".to_owned(),
-        };
-        Ok(Agent::new(profile, gauges))
+            source: source.to_owned(),
+        }
     }
 }

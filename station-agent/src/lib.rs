@@ -1,7 +1,7 @@
 //! Tender's agent beside a docking station.
 //!
 //! ```text
-//!   source.rs   packs, selector, lift: a simulated station
+//!   source.rs   packs, selector, lift: a simulated station, or a real one
 //!     | Observation           ^ Act
 //!     v                       |
 //!   agent.rs    pure: a gauge per pack, bays, lift queue, answers to commands
@@ -18,5 +18,5 @@ mod service;
 pub mod source;
 
 pub use agent::{Agent, Alone, Input, Memory, Output, Profile};
-pub use config::{Config, PackConfig, SourceConfig, SpareConfig, TruePack};
+pub use config::{Config, GaugeConfig, MeasuredConfig, PackConfig, SourceConfig, SpareConfig, TruePack};
 pub use service::run;

@@ -103,10 +103,10 @@ async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<Pa
         config.network.connect = connect;
     }
     node::begin_with_one_thread(&config.network)?;
-    let (mut agent, source) = config.build_simulated(Some(&path))?;
+    let (mut agent, source) = config.build(Some(&path))?;
     let memory = node::MemoryFile::new(config.memory.as_deref(), Some(&path));
     if let Some(kept) = memory.read()? {
         agent.restore(kept);
     }
-    station_agent::run(&config, agent, Box::new(source), memory, log.map(node::LiveLog::new)).await
+    station_agent::run(&config, agent, source, memory, log.map(node::LiveLog::new)).await
 }

@@ -116,12 +116,13 @@ fn pack_stem(config: &Config, pack: &PackId) -> String {
 /// Logs one observation: every pack in its place, and the station's load where its inputs are measured.
 fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, source: &dyn Source, seen: &Observation) {
     for reading in seen.packs.iter().filter(|reading| reading.connected) {
+        let Some(sample) = &reading.sample else { continue };
         let soc = agent.socs().find(|(pack, _)| **pack == reading.pack).map_or(Estimate::new(0.5, 0.5), |(_, soc)| soc);
-        log.battery(now, &pack_stem(config, &reading.pack), &reading.sample, soc, reading.exchanged);
+        log.battery(now, &pack_stem(config, &reading.pack), sample, soc, reading.exchanged);
     }
     let active = seen.packs.iter().find(|reading| seen.active_pack.as_ref() == Some(&reading.pack)).filter(|_| seen.powered);
-    if let (Some(reading), Some(inputs)) = (active, source.load_inputs(&STATION_INPUTS)) {
-        let sample = &reading.sample;
+    let sample = active.and_then(|reading| reading.sample);
+    if let (Some(sample), Some(inputs)) = (sample, source.load_inputs(&STATION_INPUTS)) {
         let pack = [
             (Channel::PackCurrentA, sample.current_a),
             (Channel::PackVoltageV, sample.voltage_v),

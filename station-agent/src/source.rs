@@ -1,7 +1,10 @@
-//! Where a station's samples come from and its actions go to.
+//! Where a station's samples come from and its actions go to: a simulated station, or devices beside its packs and a program
+//! that works it.
 
+pub mod measured;
 mod simulated;
 
+pub use measured::MeasuredStation;
 pub use simulated::{StationBody, World, WorldPack};
 
 use energy::gauge::Sample;
@@ -22,12 +25,18 @@ pub struct Observation {
     pub arrives_s: Option<f64>,
     /// A lift movement that has just ended.
     pub lifted: Option<Lifted>,
+    /// A lift movement that will not be done: its bay is out of order.
+    pub given_up: Option<Lifted>,
+    /// Bays that were out of order and can be used again.
+    pub mended: Vec<BayId>,
     /// An exchange of a robot's pack that has just ended.
     pub swapped: Option<Swapped>,
     /// Whether the lift moves, or a pack is being exchanged.
     pub lift_active: bool,
     /// Packs of robots that have been charged and are spares now, with their state of charge.
     pub charged: Vec<(SpareId, Estimate)>,
+    /// What goes wrong, for people.
+    pub trouble: Option<String>,
 }
 
 /// Reading of one pack.
@@ -35,8 +44,8 @@ pub struct Observation {
 pub struct PackReading {
     /// Which pack.
     pub pack: PackId,
-    /// What its sensors showed.
-    pub sample: Sample,
+    /// What its sensors showed since the last observation; none when there was no reading.
+    pub sample: Option<Sample>,
     /// Whether its protection has opened.
     pub depleted: bool,
     /// Whether it is in its place; the sample counts only then.

@@ -13,4 +13,5 @@ mod replay;
 mod secured;
 mod security;
 mod sources;
+mod stations;
 mod tidy;

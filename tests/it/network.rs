@@ -82,6 +82,8 @@ fn the_example_configurations_are_good_and_belong_together() -> anyhow::Result<(
     let path = live("station-mds-1.toml");
     let station = station_agent::Config::read(&path)?;
     station.build_simulated(Some(&path))?;
+    // Its devices are not here, but what is said of them is good.
+    assert_eq!(station_agent::Config::read(&live("station-measured.toml"))?.id, station.id);
     let path = live("robot-explorer-1.toml");
     let robot = robot_agent::Config::read(&path)?;
     robot.build(Some(&path))?;

@@ -245,7 +245,7 @@ impl Scenario {
 fn check_power_path(robot: &robot_agent::Config, station: &station_agent::Config) -> anyhow::Result<()> {
     let robot_agent::SourceConfig::Sim { charger: Some(charger), .. } = &robot.source else { return Ok(()) };
     let goes = robot.travel_s.contains_key(&station.id) || robot.way.as_ref().is_some_and(|way| way.to.contains_key(&station.id));
-    let station_agent::SourceConfig::Sim { load, .. } = &station.source;
+    let station_agent::SourceConfig::Sim { load, .. } = &station.source else { return Ok(()) };
     let load = load.load(None)?;
     let (own, theirs) = (charger.power_path(), energy::service::power_path(&load));
     let effect = |path| if path == PowerPath::Direct { "robot_own_load" } else { "path_selection" };

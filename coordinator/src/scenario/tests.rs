@@ -173,7 +173,7 @@ fn a_hidden_effect_is_left_out_of_every_belief_and_of_no_truth() {
     let deployment = scenario.deploy(&scenario.runs()[0], 1).unwrap();
     let believed = deployment.coordinator.load(None).unwrap().1.stations.into_values().next().unwrap().load;
     assert!(believed.effects().all(|effect| effect.spec().id != "lift"));
-    let station_agent::SourceConfig::Sim { load, .. } = &deployment.stations[0].source;
+    let station_agent::SourceConfig::Sim { load, .. } = &deployment.stations[0].source else { panic!("simulated") };
     assert!(load.load(None).unwrap().effects().any(|effect| effect.spec().id == "lift"));
 }
 

@@ -86,14 +86,15 @@ impl StationLogs {
         }
         let Some(telemetry) = telemetry else { return };
         for reading in seen.packs.iter().filter(|reading| reading.connected) {
+            let Some(sample) = &reading.sample else { continue };
             let stem = pack_stem(id, &reading.pack, self.exchanges.get(&reading.pack).copied().unwrap_or(0));
             if let Some(soc) = reading.exchanged {
-                telemetry.battery(&stem, time_s - reading.sample.dt_s, soc, ambient_degc);
+                telemetry.battery(&stem, time_s - sample.dt_s, soc, ambient_degc);
             }
-            telemetry.battery_row(&stem, time_s, &reading.sample, ambient_degc);
+            telemetry.battery_row(&stem, time_s, sample, ambient_degc);
         }
         let active = seen.packs.iter().find(|reading| seen.active_pack.as_ref() == Some(&reading.pack));
-        let Some(sample) = active.map(|reading| reading.sample).filter(|_| seen.powered) else { return };
+        let Some(sample) = active.and_then(|reading| reading.sample).filter(|_| seen.powered) else { return };
         let (current_a, voltage_v) = (sample.current_a, sample.voltage_v);
         let power_w = current_a * voltage_v;
         if body.driving_w().is_some() {

@@ -165,7 +165,7 @@ mission.inputs = {{ speed_mps = 0.1 }}
         *battery = drawn(battery.name(), &own, &mut draw);
         *load = drawn(load.name(), &own, &mut draw);
     }
-    let station_agent::SourceConfig::Sim { load, packs, .. } = &mut deployment.stations[0].source;
+    let station_agent::SourceConfig::Sim { load, packs, .. } = &mut deployment.stations[0].source else { panic!("simulated") };
     *load = drawn(load.name(), folder.path(), &mut draw);
     for pack in packs.values_mut() {
         pack.battery = drawn(pack.battery.name(), folder.path(), &mut draw);

@@ -31,7 +31,9 @@ impl Agent {
         self.ledger = memory.ledger;
         for bay in &mut self.bays {
             if let Some((_, phase, robot)) = memory.bays.iter().find(|(id, ..)| *id == bay.id) {
-                (bay.phase, bay.robot) = (*phase, robot.clone());
+                // Somebody may have looked after a bay that was out of order; if nobody has, it will show.
+                let held = if robot.is_some() { BayPhase::Occupied } else { BayPhase::Free };
+                (bay.phase, bay.robot) = (if *phase == BayPhase::Failed { held } else { *phase }, robot.clone());
             }
         }
         for spare in &mut self.spares {

@@ -60,7 +60,7 @@ impl Agent {
             arrives: self.arrives,
             spares: self.spares.clone(),
             last_command: self.last_command.clone(),
-            note: (!self.powered).then(|| self.why_down().to_owned()),
+            note: self.trouble.clone().or_else(|| (!self.powered).then(|| self.why_down().to_owned())),
         }
     }
 }

@@ -60,17 +60,26 @@ fn bench() -> Bench {
         source: "test".to_owned(),
     };
     let sample = Sample { dt_s: 1.0, current_a: 0.5, voltage_v: 12.0, temperature_degc: 25.0 };
-    let packs =
-        [1, 2].map(|number| PackReading { pack: pack(number), sample, depleted: false, connected: true, back: None, exchanged: None });
+    let packs = [1, 2].map(|number| PackReading {
+        pack: pack(number),
+        sample: Some(sample),
+        depleted: false,
+        connected: true,
+        back: None,
+        exchanged: None,
+    });
     let shown = Observation {
         packs: packs.into(),
         active_pack: Some(pack(1)),
         powered: true,
         arrives_s: None,
         lifted: None,
+        given_up: None,
+        mended: Vec::new(),
         swapped: None,
         lift_active: false,
         charged: Vec::new(),
+        trouble: None,
     };
     let agent = Agent::new(profile, vec![(pack(1), gauge()), (pack(2), gauge())]);
     Bench { agent, now: Timestamp::from_unix_ms(0), commands: 0, shown }
@@ -237,7 +246,7 @@ fn a_low_pack_is_left_for_a_good_one_and_a_request_wins_by_the_same_rule() {
     let mut bench = bench();
     bench.agent.profile.rule = Rule { leave_below_v: 9.6, take_above_v: 10.8 };
     let volts = |shown: &mut Observation, volts: [f64; 2]| {
-        shown.packs.iter_mut().zip(volts).for_each(|(pack, voltage_v)| pack.sample.voltage_v = voltage_v);
+        shown.packs.iter_mut().zip(volts).for_each(|(pack, voltage_v)| pack.sample.as_mut().unwrap().voltage_v = voltage_v);
     };
     assert_eq!(bench.observe(|shown| volts(shown, [9.7, 12.0])), []);
     assert_eq!(bench.observe(|shown| volts(shown, [9.5, 10.0])), [], "the other is not good: better stay");
@@ -339,4 +348,30 @@ fn a_restarted_agent_knows_its_bays_and_begins_again_what_had_not_begun() {
     assert_eq!(after.observe(|_| {}), [lift("a", 1, true)]);
     after.lifted("a", 1, true);
     assert_eq!(after.phases(), [BayPhase::Occupied, BayPhase::Free]);
+}
+
+#[test]
+fn a_bay_whose_lift_gives_up_is_out_of_order_until_it_is_mended_and_others_go_on() {
+    let mut bench = bench();
+    bench.ask(dock("a", 1));
+    bench.ask(dock("b", 2));
+    let given_up = |name: &str, number, into| Some(Lifted { robot: robot(name), bay: bay(number), into });
+    assert_eq!(bench.observe(|seen| seen.given_up = given_up("a", 1, true)), [lift("b", 2, true)]);
+    assert_eq!(bench.phases(), [BayPhase::Failed, BayPhase::Loading]);
+    assert_eq!(reason(&bench.ask(dock("c", 1)).0).0, Rejection::Busy);
+    // Whom it did not take in may go elsewhere.
+    assert_eq!(bench.agent.whereabouts(&robot("a")), None);
+    bench.lifted("b", 2, true);
+    bench.observe(|seen| seen.mended = vec![bay(1)]);
+    assert_eq!(bench.phases(), [BayPhase::Free, BayPhase::Occupied]);
+    // Whom it does not let out it holds, and lets out in the end.
+    bench.ask(undock("b", 2));
+    bench.observe(|seen| (seen.given_up, seen.trouble) = (given_up("b", 2, false), Some("it jams".to_owned())));
+    assert_eq!((bench.phases()[1], bench.agent.whereabouts(&robot("b"))), (BayPhase::Failed, Some("b has bay bay-2".to_owned())));
+    let now = bench.now;
+    assert_eq!(bench.agent.state_message(now).note.as_deref(), Some("it jams"));
+    bench.observe(|seen| seen.mended = vec![bay(2)]);
+    assert_eq!(bench.phases()[1], BayPhase::Failed, "a robot is in it");
+    bench.lifted("b", 2, false);
+    assert_eq!(bench.phases(), [BayPhase::Free, BayPhase::Free]);
 }

@@ -279,9 +279,12 @@ impl Source for StationBody {
             powered: self.powered,
             arrives_s: self.drive.as_ref().and_then(Drive::left_s),
             lifted,
+            given_up: None,
+            mended: Vec::new(),
             swapped,
             lift_active,
             charged: std::mem::take(&mut self.charged),
+            trouble: None,
         })
     }
 

@@ -96,10 +96,7 @@ impl StationBody {
         let label = self.depot.map(|depot| super::depot::label(&depot));
         let rest = |(pack, sample): (&mut Pack, Option<_>)| PackReading {
             pack: pack.id.clone(),
-            sample: sample.unwrap_or_else(|| match pack.body.step(dt_s, Task::Rest) {
-                Ok(sample) => sample,
-                Err(_) => pack.body.sample(dt_s),
-            }),
+            sample: sample.or_else(|| Some(pack.body.step(dt_s, Task::Rest).unwrap_or_else(|_| pack.body.sample(dt_s)))),
             depleted: pack.depleted,
             connected: pack.away_s.is_none(),
             back: pack.away_s.zip(label),

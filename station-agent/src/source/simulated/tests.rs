@@ -134,7 +134,7 @@ fn a_supply_charges_the_pack_that_rests_and_a_depleted_one_counts_again() {
     for _ in 0..2 * 3600 {
         first = shown(&mut body);
     }
-    assert!(!first.packs[0].depleted && first.packs[0].sample.current_a > -0.5);
+    assert!(!first.packs[0].depleted && first.packs[0].sample.unwrap().current_a > -0.5);
     assert!(body.true_socs().next().unwrap().1 > 0.97);
     // Without a supply nothing comes back.
     let mut body = StationBody::new(world(&[0.0, 0.9]));

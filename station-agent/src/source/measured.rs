@@ -1,0 +1,178 @@
+//! A real station: a device beside each of its packs, and a program that works lift, exchange and selector.
+
+mod hands;
+
+use device::{Device, Reader, Reading};
+use energy::Estimate;
+use energy::gauge::Sample;
+use proto::{PackId, SpareId};
+use tracing::warn;
+
+pub use self::hands::{Hands, KEY};
+use super::{Act, Observation, PackReading, Source};
+
+/// Charges of a spare that differ by less are not told anew.
+const SOC_STEP: f64 = 0.01;
+
+/// A station whose packs devices measure, in the selector's order.
+pub struct MeasuredStation {
+    packs: Vec<MeasuredPack>,
+    spares: Vec<MeasuredSpare>,
+    hands: Hands,
+    active: Option<PackId>,
+}
+
+/// One of its packs.
+pub struct MeasuredPack {
+    id: PackId,
+    reader: Reader,
+    eod_v: f64,
+    /// What was shown last; none before the first report, and after a silence.
+    last: Option<Sample>,
+    /// It gave out and was not charged since.
+    depleted: bool,
+    /// Why nothing has been heard of it for long.
+    silent: Option<String>,
+}
+
+impl MeasuredPack {
+    /// A pack that gives out below `eod_v` (V, > 0) at its terminals.
+    #[must_use]
+    pub fn new(id: PackId, reader: Reader, eod_v: f64) -> Self {
+        Self { id, reader, eod_v, last: None, depleted: false, silent: None }
+    }
+
+    fn advance(&mut self, dt_s: f64) -> PackReading {
+        let Reading { sample, exchanged, silent, .. } = self.reader.advance(dt_s);
+        if let Some(sample) = sample {
+            // A pack that gave out recovers some volts at once, and no charge.
+            let charged = sample.current_a < -self.reader.least_a();
+            self.depleted = sample.voltage_v < self.eod_v || self.depleted && !charged && exchanged.is_none();
+            self.last = Some(sample);
+        }
+        self.silent = silent;
+        if self.silent.is_some() {
+            self.last = None;
+        }
+        let connected = self.last.is_some();
+        PackReading { pack: self.id.clone(), sample, depleted: self.depleted, connected, back: None, exchanged }
+    }
+
+    /// Current that it gives, A; none where none is seen.
+    fn gives_a(&self) -> Option<f64> {
+        self.last.map(|sample| sample.current_a).filter(|current_a| *current_a > self.reader.least_a())
+    }
+}
+
+/// A spare whose charge a device tells.
+pub struct MeasuredSpare {
+    id: SpareId,
+    device: Box<dyn Device>,
+    /// It counts as charged from here on, 0..1.
+    ready_soc: f64,
+    /// How far the device may be off where it does not say.
+    soc_sigma: f64,
+    told_soc: Option<f64>,
+    trouble: Option<String>,
+}
+
+impl MeasuredSpare {
+    /// A spare that can be handed out from a state of charge of `ready_soc`, 0..1, on.
+    #[must_use]
+    pub fn new(id: SpareId, device: Box<dyn Device>, ready_soc: f64, soc_sigma: f64) -> Self {
+        Self { id, device, ready_soc, soc_sigma, told_soc: None, trouble: None }
+    }
+
+    /// Its charge, when it is ready and that was not told yet.
+    fn advance(&mut self, dt_s: f64) -> Option<Estimate> {
+        let read = self.device.read(dt_s).and_then(|reports| match reports.last() {
+            Some(report) => {
+                report.soc.map(|soc| Some((soc, report.soc_sigma))).ok_or_else(|| anyhow::anyhow!("it tells no state of charge"))
+            }
+            None => Ok(None),
+        });
+        match read {
+            Ok(Some((soc, sigma))) => {
+                self.trouble = None;
+                let is_new = self.told_soc.is_none_or(|told| (told - soc).abs() >= SOC_STEP);
+                let ready = (soc >= self.ready_soc).then(|| Estimate::new(soc, sigma.unwrap_or(self.soc_sigma)));
+                self.told_soc = ready.filter(|_| is_new).map(|ready| ready.value).or(self.told_soc.filter(|_| ready.is_some()));
+                ready.filter(|_| is_new)
+            }
+            Ok(None) => None,
+            Err(error) => {
+                let trouble = format!("{error:#}");
+                if self.trouble.as_ref() != Some(&trouble) {
+                    warn!("spare {}: {}: {trouble}", self.id, self.device.name());
+                    self.trouble = Some(trouble);
+                }
+                None
+            }
+        }
+    }
+}
+
+impl MeasuredStation {
+    /// A station of these packs and spares, worked by `hands`.
+    #[must_use]
+    pub fn new(packs: Vec<MeasuredPack>, spares: Vec<MeasuredSpare>, hands: Hands) -> Self {
+        Self { packs, spares, hands, active: None }
+    }
+
+    /// The pack that feeds the station: the one that gives current; where none is seen to, the one that was so before.
+    fn find_active(&mut self, selected: Option<PackId>) {
+        if selected.is_some() {
+            self.active = selected;
+        }
+        let giving = || self.packs.iter().filter_map(|pack| Some((pack, pack.gives_a()?)));
+        let goes_on = giving().any(|(pack, _)| Some(&pack.id) == self.active.as_ref());
+        let most = giving().max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(pack, _)| pack.id.clone());
+        let there = |id: &PackId| self.packs.iter().any(|pack| pack.id == *id && pack.last.is_some());
+        match most {
+            Some(most) if !goes_on => self.active = Some(most),
+            _ if self.active.as_ref().is_some_and(there) => {}
+            _ => self.active = self.packs.iter().find(|pack| pack.last.is_some()).map(|pack| pack.id.clone()),
+        }
+    }
+
+    /// What a person should look after.
+    fn trouble(&self) -> Option<String> {
+        let silent = self.packs.iter().filter_map(|pack| Some(format!("{}: {}", pack.id, pack.silent.as_ref()?)));
+        let all: Vec<String> = silent.chain(self.hands.trouble()).collect();
+        (!all.is_empty()).then(|| all.join("; "))
+    }
+}
+
+impl Source for MeasuredStation {
+    fn act(&mut self, act: &Act) {
+        self.hands.begin(act);
+    }
+
+    fn advance(&mut self, dt_s: f64) -> Option<Observation> {
+        let packs = self.packs.iter_mut().map(|pack| pack.advance(dt_s)).collect();
+        let done = self.hands.advance(dt_s);
+        self.find_active(done.selected);
+        let (hands, spares) = (&self.hands, self.spares.iter_mut());
+        // What lies in the place of a spare that is being exchanged is nobody's yet.
+        let charged = spares.filter_map(|spare| {
+            let soc = spare.advance(dt_s)?;
+            (!hands.is_exchanging(&spare.id)).then(|| (spare.id.clone(), soc))
+        });
+        Some(Observation {
+            packs,
+            charged: charged.collect(),
+            active_pack: self.active.clone(),
+            powered: self.packs.iter().any(|pack| pack.last.is_some() && !pack.depleted),
+            arrives_s: None,
+            lifted: done.lifted,
+            given_up: done.given_up,
+            mended: done.mended,
+            swapped: done.swapped,
+            lift_active: self.hands.are_busy(),
+            trouble: self.trouble(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,198 @@
+use std::collections::VecDeque;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use device::{Report, Unmeasured};
+use energy::Model;
+use proto::{BayId, RobotId};
+
+use super::*;
+use crate::source::{Lifted, Swapped};
+
+/// A device that says what the test has laid out: one entry a second, and the last one for good.
+struct Script(Arc<Mutex<VecDeque<Vec<Report>>>>);
+
+impl Device for Script {
+    fn name(&self) -> String {
+        "script".to_owned()
+    }
+
+    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
+        let mut script = self.0.lock().unwrap();
+        let next = if script.len() > 1 { script.pop_front() } else { script.front().cloned() };
+        next.ok_or_else(|| anyhow::anyhow!("unplugged"))
+    }
+}
+
+fn script(says: impl IntoIterator<Item = Vec<Report>>) -> Box<Script> {
+    Box::new(Script(Arc::new(Mutex::new(says.into_iter().collect()))))
+}
+
+fn shows(voltage_v: f64, current_a: f64) -> Vec<Report> {
+    vec![Report { voltage_v: Some(voltage_v), current_a: Some(current_a), soc: Some(0.8), ..Report::default() }]
+}
+
+fn model() -> Arc<Model> {
+    Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap())
+}
+
+fn pack_id(number: u32) -> PackId {
+    PackId::new(format!("pack-{number}")).unwrap()
+}
+
+fn pack(number: u32, says: impl IntoIterator<Item = Vec<Report>>) -> MeasuredPack {
+    let model = model();
+    let eod_v = model.battery().eod_v();
+    MeasuredPack::new(pack_id(number), Reader::new(script(says), model, Unmeasured::default()), eod_v)
+}
+
+fn robot() -> RobotId {
+    RobotId::new("r1").unwrap()
+}
+
+fn lift(bay: u32, into: bool) -> Lifted {
+    Lifted { robot: robot(), bay: BayId::new(format!("bay-{bay}")).unwrap(), into }
+}
+
+/// A program that notes its arguments and then does as the script says.
+fn operated(folder: &Path, does: &str) -> Hands {
+    let path = folder.join("operate.sh");
+    std::fs::write(&path, format!("echo \"$@\" >> {}/acts\n{does}\n", folder.display())).unwrap();
+    Hands::new(vec!["/bin/sh".to_owned(), path.display().to_string()])
+}
+
+fn acts(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("acts")).unwrap_or_default()
+}
+
+/// Moves on by `dt_s` at a time until that is seen; programs need their own time.
+fn until(station: &mut MeasuredStation, dt_s: f64, what: impl Fn(&Observation) -> bool) -> Observation {
+    for _ in 0..2000 {
+        let seen = station.advance(dt_s).unwrap();
+        if what(&seen) {
+            return seen;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    panic!("it never came to be so")
+}
+
+#[test]
+fn the_pack_that_gives_current_is_the_active_one_and_stays_it_while_it_does() {
+    let nothing = || shows(12.0, 0.0);
+    let first = [nothing(), shows(11.9, 1.0), shows(11.9, 1.0), nothing(), nothing()];
+    let second = [nothing(), nothing(), shows(11.8, 2.0), shows(11.8, 2.0), nothing()];
+    let mut station = MeasuredStation::new(vec![pack(1, first), pack(2, second)], Vec::new(), Hands::new(Vec::new()));
+    let mut actives = (0..5).map(|_| station.advance(1.0).unwrap()).map(|seen| seen.active_pack.unwrap());
+    // None gives any: the first. Then the first; both; the second; and as before.
+    assert_eq!(actives.next(), Some(pack_id(1)));
+    assert_eq!(actives.next(), Some(pack_id(1)));
+    assert_eq!(actives.next(), Some(pack_id(1)));
+    assert_eq!(actives.next(), Some(pack_id(2)));
+    assert_eq!(actives.next(), Some(pack_id(2)));
+}
+
+#[test]
+fn a_pack_that_gave_out_stays_so_until_it_is_charged_and_one_that_is_silent_is_away() {
+    let eod_v = model().battery().eod_v();
+    let says = [shows(12.0, 2.0), shows(eod_v - 0.1, 2.0), shows(eod_v + 0.8, 0.0), shows(eod_v + 1.0, -1.0)];
+    let mut station = MeasuredStation::new(vec![pack(1, says), pack(2, [])], Vec::new(), Hands::new(Vec::new()));
+    let seen: Vec<Observation> = (0..62).map(|_| station.advance(1.0).unwrap()).collect();
+    let depleted: Vec<bool> = seen.iter().take(4).map(|seen| seen.packs[0].depleted).collect();
+    assert_eq!(depleted, [false, true, true, false]);
+    assert_eq!(seen.iter().take(4).map(|seen| seen.powered).collect::<Vec<_>>(), [true, false, false, true]);
+    assert!(seen.iter().all(|seen| !seen.packs[1].connected && seen.packs[1].sample.is_none()));
+    assert_eq!(seen[61].trouble.as_deref(), Some("pack-2: no reading of script for 62 s: unplugged"));
+}
+
+#[test]
+fn the_program_is_told_what_to_do_and_says_what_it_has_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = operated(folder.path(), "case $1 in swap) echo soc 0.15 0.02;; esac");
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)]), pack(2, [shows(12.1, 0.0)])], Vec::new(), hands);
+    station.act(&Act::Lift(lift(2, true)));
+    assert!(station.advance(1.0).unwrap().lift_active);
+    assert_eq!(until(&mut station, 0.1, |seen| seen.lifted.is_some()).lifted, Some(lift(2, true)));
+    station.act(&Act::Lift(lift(2, false)));
+    assert_eq!(until(&mut station, 0.1, |seen| seen.lifted.is_some()).lifted, Some(lift(2, false)));
+    let spare = SpareId::new("spare-1").unwrap();
+    station.act(&Act::Swap { robot: robot(), spare: spare.clone() });
+    let swapped = until(&mut station, 0.1, |seen| seen.swapped.is_some());
+    assert_eq!(swapped.swapped, Some(Swapped { robot: robot(), spare, given_soc: Estimate::new(0.15, 0.02) }));
+    // Asked for every second while it is wanted, and done once.
+    (0..3).for_each(|_| station.act(&Act::Select { pack: pack_id(2) }));
+    until(&mut station, 0.1, |_| acts(folder.path()).lines().count() == 4);
+    assert!(!station.advance(1.0).unwrap().lift_active);
+    assert_eq!(acts(folder.path()), "load r1 bay-2\nunload r1 bay-2\nswap r1 spare-1\nselect pack-2\n");
+}
+
+#[test]
+fn what_fails_is_tried_again_later_and_a_lift_that_goes_on_failing_puts_its_bay_out_of_order_until_it_is_mended() {
+    let folder = tempfile::tempdir().unwrap();
+    let mended = folder.path().join("mended");
+    let hands = operated(folder.path(), &format!("test -e {} || exit 7", mended.display()));
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], Vec::new(), hands);
+    station.act(&Act::Lift(lift(1, true)));
+    let failed = until(&mut station, 0.01, |seen| seen.trouble.is_some());
+    assert_eq!(failed.trouble.as_deref(), Some("source.operate: `load r1 bay-1` failed: exit status: 7"));
+    assert!(failed.lift_active && failed.given_up.is_none());
+    // Ten seconds have to pass, and then twenty.
+    (0..20).for_each(|_| drop(station.advance(0.01)));
+    assert_eq!(acts(folder.path()), "load r1 bay-1\n");
+    let given_up = until(&mut station, 1.0, |seen| seen.given_up.is_some());
+    assert_eq!((given_up.given_up, given_up.lift_active), (Some(lift(1, true)), false));
+    assert_eq!(given_up.trouble.as_deref(), Some("bay bay-1 is out of order"));
+    assert_eq!(acts(folder.path()).lines().count(), 3);
+    // What is looked at from now on holds nobody up: the next movement begins when the check has ended.
+    until(&mut station, 1.0, |_| acts(folder.path()).ends_with("check bay-1\n"));
+    std::fs::write(&mended, "").unwrap();
+    station.act(&Act::Lift(lift(2, true)));
+    assert_eq!(until(&mut station, 0.1, |seen| seen.lifted.is_some()).lifted, Some(lift(2, true)));
+    let again = until(&mut station, 1.0, |seen| !seen.mended.is_empty());
+    assert_eq!((again.mended, again.trouble), (vec![lift(1, true).bay], None));
+}
+
+#[test]
+fn a_robot_that_cannot_be_let_out_is_tried_until_it_is_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = operated(folder.path(), &format!("test $(grep -c unload {}/acts) -gt 4", folder.path().display()));
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], Vec::new(), hands);
+    station.act(&Act::Lift(lift(1, false)));
+    until(&mut station, 1.0, |seen| seen.given_up == Some(lift(1, false)));
+    assert_eq!(until(&mut station, 1.0, |seen| seen.lifted.is_some()).lifted, Some(lift(1, false)));
+    assert_eq!(acts(folder.path()), "unload r1 bay-1\n".repeat(5));
+}
+
+#[test]
+fn without_a_program_robots_move_by_themselves() {
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], Vec::new(), Hands::new(Vec::new()));
+    station.act(&Act::Lift(lift(1, true)));
+    assert_eq!(station.advance(1.0).unwrap().lifted, Some(lift(1, true)));
+}
+
+#[test]
+fn a_spare_is_ready_when_its_device_says_that_it_is_charged() {
+    let says = |soc: f64| vec![Report { soc: Some(soc), ..Report::default() }];
+    let id = SpareId::new("spare-1").unwrap();
+    let spare = MeasuredSpare::new(id.clone(), script([0.5, 0.94, 0.96, 0.962, 0.98, 0.3, 0.97].map(says)), 0.95, 0.05);
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], vec![spare], Hands::new(Vec::new()));
+    let told: Vec<Option<f64>> = (0..7)
+        .map(|_| station.advance(1.0).unwrap().charged.first().map(|(spare, soc)| (spare == &id).then_some(soc.value).unwrap()))
+        .collect();
+    // Told once it is, when it has moved by a percent, and again after another one lay there.
+    assert_eq!(told, [None, None, Some(0.96), None, Some(0.98), None, Some(0.97)]);
+}
+
+#[test]
+fn a_log_stands_in_for_a_device_and_a_pack_whose_log_has_ended_goes_away() {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    std::io::Write::write_all(&mut file, b"time_s,current_a,voltage_v\n0,1,12\n10,1,11.9\n20,2,11.8\n").unwrap();
+    let model = model();
+    let reader = Reader::new(Box::new(device::Log::read(file.path()).unwrap()), model, Unmeasured::default());
+    let mut station = MeasuredStation::new(vec![MeasuredPack::new(pack_id(1), reader, 9.0)], Vec::new(), Hands::new(Vec::new()));
+    let seen: Vec<Observation> = (0..90).map(|_| station.advance(1.0).unwrap()).collect();
+    let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.packs[0].sample).collect();
+    assert_eq!(samples.iter().map(|sample| sample.current_a).collect::<Vec<_>>(), [1.0, 2.0]);
+    assert_eq!((seen[8].packs[0].connected, seen[30].packs[0].connected, seen[89].packs[0].connected), (false, true, false));
+    assert!(seen[89].trouble.as_ref().unwrap().ends_with("the log has ended"), "{:?}", seen[89].trouble);
+}
