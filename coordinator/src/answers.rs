@@ -79,6 +79,10 @@ fn running_service(basis: &Basis<'_>, run: &ServiceRun) -> Service {
         How::Recharge { bay, to_soc } => (Mode::Recharge { to_soc: *to_soc }, Some(bay.clone())),
         How::Swap { spare } => (Mode::Swap { spare: spare.clone() }, None),
     };
+    let lost = basis.fleet.stations.get(&run.station).filter(|station| station.lost);
+    let lost = lost
+        .into_iter()
+        .map(|_| format!("{} was lost: whether the service goes on is not known; what follows is as it was planned", run.station));
     Service {
         robot: run.robot.clone(),
         station: run.station.clone(),
@@ -92,7 +96,7 @@ fn running_service(basis: &Basis<'_>, run: &ServiceRun) -> Service {
         pack_energy_wh: node::wire(run.need.estimate()),
         probability: None,
         status: run.status(),
-        why: run.why.clone(),
+        why: lost.chain(run.why.iter().cloned()).collect(),
     }
 }
 

@@ -122,8 +122,24 @@ impl Station {
     #[must_use]
     pub fn known(&self) -> Option<&StationState> {
         let state = self.state.as_ref()?;
-        let complete = state.packs.iter().filter(|pack| pack.connected).all(|pack| self.packs.contains_key(&pack.pack));
-        (complete && !self.lost).then_some(state)
+        (self.unheard(state).next().is_none() && !self.lost).then_some(state)
+    }
+
+    /// Packs that are in their places and have not spoken yet.
+    fn unheard<'s>(&'s self, state: &'s StationState) -> impl Iterator<Item = &'s PackId> {
+        let there = state.packs.iter().filter(|pack| pack.connected).map(|pack| &pack.pack);
+        there.filter(|pack| !self.packs.contains_key(*pack))
+    }
+
+    /// Why it is not known.
+    #[must_use]
+    pub fn why_unknown(&self) -> String {
+        let Some(state) = &self.state else { return "it has not been heard".to_owned() };
+        if self.lost {
+            return "it was lost: nothing has been heard of it since".to_owned();
+        }
+        let unheard: Vec<&str> = self.unheard(state).map(AsRef::as_ref).collect();
+        format!("the gauge of {} has not been heard", unheard.join(", "))
     }
 }
 

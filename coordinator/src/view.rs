@@ -199,7 +199,7 @@ impl Basis<'_> {
             shared_per_wh: reference.map_or_else(Vec::new, |table| table.shared_per_wh.iter().map(|change| factor * change).collect()),
         };
         let Some((station, state)) = station.and_then(|station| Some((station, station.known()?))) else {
-            view.out_of_order = Some("it has not been heard".to_owned());
+            view.out_of_order = Some(station.map_or_else(|| "it has not been heard".to_owned(), Station::why_unknown));
             return view;
         };
         if !state.powered {

@@ -8,8 +8,10 @@ use crate::draft::Draft;
 use crate::problem::{Problem, Tick, Travel};
 use crate::way::{Mode, Way};
 
-/// Ways of one kind at a station that a reason looks at.
+/// Best ways of one kind at a station that a reason looks at.
 const LOOKED_AT: usize = 64;
+/// So many of the others, evenly among them: what lacks least may be far from best, such as a service hours early, that takes less.
+const OTHERS: usize = 64;
 
 /// What stands in the way of servicing a robot at a station.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -106,12 +108,13 @@ pub fn why_not(draft: &Draft<'_, '_>, robot: usize, obstacles: &[Obstacle]) -> V
 fn at_station(draft: &Draft<'_, '_>, robot: usize, travel: &Travel) -> Why {
     let (problem, choices) = (draft.problem(), draft.ways.of(robot));
     let book = &draft.books[travel.station];
-    let mut looked_at: BTreeMap<Mode, usize> = BTreeMap::new();
-    let ways = choices.ways.iter().filter(|way| {
-        let is_here = usize::from(way.station) == travel.station;
-        let of_its_kind = looked_at.entry(way.mode).or_default();
-        *of_its_kind += usize::from(is_here);
-        is_here && *of_its_kind <= LOOKED_AT
+    let mut of_kind: BTreeMap<Mode, Vec<&Way>> = BTreeMap::new();
+    for way in choices.ways.iter().filter(|way| usize::from(way.station) == travel.station) {
+        of_kind.entry(way.mode).or_default().push(way);
+    }
+    let ways = of_kind.values().flat_map(|ways| {
+        let (best, others) = ways.split_at(LOOKED_AT.min(ways.len()));
+        best.iter().chain(others.iter().step_by(others.len().div_ceil(OTHERS).max(1))).copied()
     });
     let mut count = 0;
     // By the kinds of things that they lack: how many ways, and the one that comes closest.
@@ -185,7 +188,7 @@ impl fmt::Display for Why {
             Why::Free { start, cost, unserved } => write!(f, "could be serviced from tick {start} at a cost of {cost} against {unserved}"),
             Why::Taken { start, ways, lacks, .. } => {
                 let lacks: Vec<String> = lacks.iter().map(Clash::to_string).collect();
-                write!(f, "none of its {ways} best ways is free; from tick {start}, {}", lacks.join(", and "))
+                write!(f, "none of {ways} ways is free; from tick {start}, {}", lacks.join(", and "))
             }
         }
     }

@@ -33,7 +33,12 @@ pub fn capacity(basis: &Basis<'_>, plan: &Plan) -> Capacity {
         here.into_iter().map(|((_, from_s, planned), robot)| (from_s, planned, robot)).collect::<Vec<_>>()
     };
     let racks = Racks::new(&view);
-    let asked = (0..view.stations.len()).filter_map(|index| question(basis, &coming(index), (&view, &racks), index));
+    let asked = (0..view.stations.len()).filter_map(|index| {
+        let id = &view.stations[index].station;
+        let shorts = plan.rejected.iter().filter_map(|left| left.short.as_ref().filter(|(station, _)| station == id));
+        let planned_short_wh = shorts.map(|(_, short_wh)| *short_wh).min_by(f64::total_cmp);
+        Some(Question { planned_short_wh, ..question(basis, &coming(index), (&view, &racks), index)? })
+    });
     count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence)
 }
 
@@ -104,6 +109,7 @@ fn question(
         service,
         bays_s: state.bays.iter().map(|bay| taken_until_s(station, &bay.bay)).collect(),
         spares: station.spares.iter().map(|spare| (racks.kind(index, spare), spare.ready_s.max(0.0))).collect(),
+        planned_short_wh: None,
         overhead_per_h: station.overhead_per_h.clone(),
         overhead_breakdown: forecast::overhead_breakdown(models),
     })

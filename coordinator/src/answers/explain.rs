@@ -52,6 +52,8 @@ impl<'a, 'w> Explainer<'a, 'w> {
                 left.value,
                 left.sigma
             ));
+        } else if belief.gauge.is_some() && belief.state.is_none() && !basis.models.robots.contains_key(robot) {
+            reasons.push("nothing but its gauge is taken: it is not configured, and its battery is not known by what it calls it: add it to [robots]".to_owned());
         } else {
             reasons.push("it has not been heard, or was lost".to_owned());
         }

@@ -175,7 +175,12 @@ impl Core {
         if !newer((gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
             return false;
         }
+        let was_known = station.known().is_some();
         station.gauged(pack.clone(), gauge.clone());
+        // A station takes part from when all that it consists of has been heard.
+        if !was_known && station.known().is_some() {
+            self.replan(format!("the packs of {id} are known"));
+        }
         let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[id], id, &pack, &gauge);
         self.record(Record::PackGauge { station: id.clone(), pack, gauge });
         self.doubted(now, news);

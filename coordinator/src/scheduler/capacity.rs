@@ -58,6 +58,8 @@ pub struct Question {
     pub bays_s: Vec<f64>,
     /// The kind of each of its spares, and when it is charged and there to be handed out.
     pub spares: Vec<(u16, f64)>,
+    /// What the packs are short of for the robot that the plan comes closest to serving, Wh; none where it leaves out nobody for that.
+    pub planned_short_wh: Option<f64>,
     /// What the station takes in an hour beside services.
     pub overhead_per_h: Need,
     /// The same by cause, Wh.
@@ -162,6 +164,8 @@ struct Count {
     /// Probability of the first k services, while it is not negligible.
     probabilities: Vec<f64>,
     short_wh: f64,
+    /// By how much less that is for the robot that is planned next than for the one that wants a service next.
+    planned_less_wh: f64,
     /// What the first that is not promised lacks, if that is not energy.
     lacks: Option<Lack>,
 }
@@ -187,7 +191,12 @@ struct Free {
 pub fn capacity(at: Timestamp, questions: &[Question], confidence: f64) -> Capacity {
     let (mut packs, mut stations) = (Vec::new(), Vec::new());
     for question in questions {
-        let together = question.count(&question.together, confidence);
+        let mut together = question.count(&question.together, confidence);
+        // Who is planned next is not who wants a service next: one that comes earlier, or leaves with less, may take less.
+        if let Some(short_wh) = question.planned_short_wh.filter(|_| together.lacks.is_none()) {
+            together.planned_less_wh = (together.short_wh - short_wh).max(0.0);
+            together.short_wh -= together.planned_less_wh;
+        }
         packs.extend(question.packs.iter().map(|pack| of_pack(question, pack, &together, confidence)));
         stations.push(of_station(question, together, confidence));
     }
@@ -251,7 +260,8 @@ impl Question {
     fn count(&self, supply: &Supply, confidence: f64) -> Count {
         let begun = supply.begun.estimate();
         let usable_wh = Estimate::new((supply.usable_wh.value - begun.value).max(0.0), supply.usable_wh.sigma.hypot(begun.sigma));
-        let mut count = Count { usable_wh, promises: Vec::new(), probabilities: Vec::new(), short_wh: 0.0, lacks: None };
+        let mut count =
+            Count { usable_wh, promises: Vec::new(), probabilities: Vec::new(), short_wh: 0.0, planned_less_wh: 0.0, lacks: None };
         let (mut services, mut recharging, mut parts) = (Need::default(), self.recharging.clone(), supply.parts.clone());
         let mut free = Free { bays_s: self.bays_s.iter().copied().take(SERVICES_MAX).collect(), spares: self.spares.clone() };
         let (mut ends_s, mut before, mut is_enough) = (self.begun_until_s.max(0.0), 1.0_f64, true);
@@ -331,7 +341,7 @@ impl Count {
         match (self.at_least(confidence), other.at_least(confidence)) {
             (promised, most) if promised < most => {}
             _ if promised_before > self.at_least(confidence) => (self.short_wh, self.lacks) = (other.short_wh, other.lacks),
-            _ => self.short_wh = self.short_wh.max(other.short_wh),
+            _ => self.short_wh = (self.short_wh - other.planned_less_wh).max(other.short_wh),
         }
     }
 }

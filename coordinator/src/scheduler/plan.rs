@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use energy::Need;
 use energy::units::S_PER_H;
+use planner::book::Clash;
+use planner::reasons::Why;
 use planner::{Levels, Mode, Session};
 use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
 
@@ -71,6 +73,8 @@ pub struct Rejected {
     pub stranded: bool,
     /// Why: one reason per station in reach, if there is any.
     pub reasons: Vec<String>,
+    /// The station whose packs are short of least for it, and of how much, Wh, where it lacks nothing else there.
+    pub short: Option<(StationId, f64)>,
 }
 
 /// What a plan amounts to, and what is proven about it.
@@ -84,6 +88,19 @@ pub struct Quality {
     pub missed_s: f64,
     /// No plan that strands as few misses less, s.
     pub missed_bound_s: f64,
+}
+
+/// The station whose packs are short of least for a robot that lacks nothing else there, and of how much, Wh.
+fn least_short(task: &Task, unserved: &planner::Unserved) -> Option<(StationId, f64)> {
+    let of = |obstacle: &planner::reasons::Obstacle| match &obstacle.why {
+        Why::Taken { lacks, .. } => match lacks.as_slice() {
+            [Clash::Energy(_, short)] => Some((*short, obstacle.station)),
+            _ => None,
+        },
+        _ => None,
+    };
+    let (short, station) = unserved.obstacles.iter().filter_map(of).min()?;
+    Some((task.view.stations[station].station.clone(), task.problem.wh(short)))
 }
 
 impl Plan {
@@ -105,11 +122,11 @@ impl Plan {
         let told: BTreeMap<&RobotId, &Rejected> = before.rejected.iter().map(|rejected| (&rejected.robot, rejected)).collect();
         let rejected = plan.unserved.iter().map(|unserved| {
             let robot = task.view.robots[unserved.robot].robot.clone();
-            let reasons = match told.get(&robot) {
-                Some(told) if found.unasked.contains(&unserved.robot) => told.reasons.clone(),
-                _ => words::why_not(task, plan, unserved, confidence),
+            let (reasons, short) = match told.get(&robot) {
+                Some(told) if found.unasked.contains(&unserved.robot) => (told.reasons.clone(), told.short.clone()),
+                _ => (words::why_not(task, plan, unserved, confidence), least_short(task, unserved)),
             };
-            Rejected { robot, stranded: unserved.stranded, reasons }
+            Rejected { robot, stranded: unserved.stranded, reasons, short }
         });
         Self { rejected: rejected.collect(), planned, moved, quality: Quality::new(task, plan.objective, plan.bound) }
     }

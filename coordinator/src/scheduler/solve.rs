@@ -27,6 +27,9 @@ const LESS_SIGMAS: f64 = 0.1;
 const TIMES_LESS: usize = 16;
 /// So few robots are planned anew in no time.
 const FEW: usize = 16;
+/// So many times the usual moves look for what a few robots can share: who has none of it runs empty, and nobody has a promise yet that a
+/// plan that was found later could break.
+const SHARING: u64 = 10;
 /// The search's seed: the same beliefs and the same last plan give the same plan.
 const SEED: u64 = 1;
 
@@ -159,7 +162,8 @@ impl Asked<'_> {
         let mended = Some(&shared).filter(|shared| is_sure && self.is_better(shared, &best));
         // To mend is to find a place beside what others have. A few robots are planned anew in no time, as long as nobody rests on a promise.
         if self.view.robots.len() <= FEW && self.before.planned.is_empty() && mended.is_none_or(|mended| mended.plan.quality.stranded > 0) {
-            let (anew, is_sure) = self.sharing(&best, &left, Effort::Whole);
+            let settings = &Settings { moves_per_robot: SHARING * self.settings.moves_per_robot, ..*self.settings };
+            let (anew, is_sure) = Asked { settings, ..*self }.sharing(&best, &left, Effort::Whole);
             if is_sure && self.is_better(&anew, mended.unwrap_or(&best)) {
                 return anew;
             }
@@ -207,7 +211,7 @@ impl Asked<'_> {
                 best = shared;
             } else if let Some(why) = shared.plan.rejected.into_iter().find(|left| left.robot == robot.robot) {
                 // What it lacks even where nothing has to be charged for it.
-                best.plan.rejected.iter_mut().filter(|left| left.robot == why.robot).for_each(|left| left.reasons.clone_from(&why.reasons));
+                best.plan.rejected.iter_mut().filter(|left| left.robot == why.robot).for_each(|left| left.clone_from(&why));
             }
         }
         best
@@ -227,7 +231,7 @@ impl Asked<'_> {
         let without = |robot: &RobotView| {
             let left_out = best.plan.rejected.iter().find(|left| left.robot == robot.robot);
             let reasons = || vec!["a service of its own would take from others what they were promised".to_owned()];
-            left_out.cloned().unwrap_or_else(|| Rejected { robot: robot.robot.clone(), stranded: true, reasons: reasons() })
+            left_out.cloned().unwrap_or_else(|| Rejected { robot: robot.robot.clone(), stranded: true, reasons: reasons(), short: None })
         };
         let rejected = self.view.robots.iter().filter(|robot| !is_promised(robot)).map(without).collect();
         let promised = Plan { planned: self.before.planned.clone(), rejected, ..Plan::default() };

@@ -81,6 +81,8 @@ pub struct Task {
     pub levels_soc: Vec<f64>,
     /// Kinds of spares.
     pub racks: Racks,
+    /// Name of the policy that plans it.
+    pub policy: &'static str,
 }
 
 /// What is on offer.
@@ -149,7 +151,7 @@ impl Task {
             robots,
         };
         close_horizon(&mut problem, &view);
-        let mut task = Self { view, problem, grid, levels_soc, racks };
+        let mut task = Self { view, problem, grid, levels_soc, racks, policy: settings.policy.name() };
         let sessions = task.sessions(before);
         planner::hold(&mut task.problem, &sessions);
         task

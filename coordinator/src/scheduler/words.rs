@@ -5,6 +5,7 @@ mod grounds;
 
 use energy::Channel;
 use planner::book::Clash;
+use planner::optimise;
 use planner::problem::Tick;
 use planner::reasons::Why;
 use planner::{Mode, Session, Unserved};
@@ -82,12 +83,15 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
         Why::NoFit => "no bay works, and none of the spares fits".to_owned(),
         Why::TooLate { .. } => "no service that adds enough ends in time".to_owned(),
         Why::Pointless => "a service there would cost more work than it gives".to_owned(),
-        Why::Free { start, cost, unserved } => format!(
-            "could begin at {}, but would miss {:.0} min of work where no service misses {:.0} min",
-            on_clock(task, start),
-            task.work_s(i64::from(cost)) / 60.0,
-            task.work_s(i64::from(unserved)) / 60.0
-        ),
+        Why::Free { start, cost, unserved } => {
+            let (misses, none) = (task.work_s(i64::from(cost)) / 60.0, task.work_s(i64::from(unserved)) / 60.0);
+            let (but, own) = if task.policy == optimise::NAME {
+                (", but would miss", String::new())
+            } else {
+                (" and would miss", format!(": the policy {} does not ask for that", task.policy))
+            };
+            format!("could begin at {}{but} {misses:.0} min of work where no service misses {none:.0} min{own}", on_clock(task, start))
+        }
         Why::Taken { start, mode, ref lacks, .. } => {
             let in_words = |clash: &Clash| match *clash {
                 Clash::Energy(_, short) => {

@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let before = case.held.as_ref().map_or_else(Vec::new, |held| held_out(base.told(), held));
     // Only this one was tried, and its name is not the logs' choice but the user's.
     let whatever_size = !explained(&base) && explained(&trial.state);
-    let refused = refusals(&base, &trial, &before, Court { holdout: case.held.as_ref(), tried: 1, explained: 0.0, whatever_size });
+    let refused = refusals(&base, &trial, &before, Court { holdout: case.held.as_ref(), tried: 1, begun: &[], whatever_size });
     let trial = Trial { state: trial.state.undiluted(), ..trial };
     let refitted = case.learned(base.told(), None, args.save.date())?;
     let extended = case.learned(trial.state.told(), args.save.output(), args.save.date())?;

@@ -15,10 +15,12 @@ const LEFT_SOC: f64 = 0.05;
 pub(super) fn figures(seen: Seen<'_>) -> Vec<Figure> {
     let (Some(load_w), Some(last)) = (mean_discharge_w(seen.logs), seen.logs.last()) else { return Vec::new() };
     let at = format!("at {}", quantity(load_w, "W"));
-    let full = usable_wh(seen, last.start, Estimate::exact(1.0), load_w);
+    let usual = usual(seen.logs);
+    let full = usable_wh(seen, usual, Estimate::exact(1.0), load_w);
+    let from_full = format!("{at} and {:.0} degC", usual.temperature_degc);
     let mut all = vec![
-        Figure { name: "usable_energy_wh", what: format!("usable energy from full {at}"), estimate: full },
-        Figure { name: "run_time_full_s", what: format!("run time from full {at}"), estimate: time_s(full, load_w) },
+        Figure { name: "usable_energy_wh", what: format!("usable energy from full {from_full}"), estimate: full },
+        Figure { name: "run_time_full_s", what: format!("run time from full {from_full}"), estimate: time_s(full, load_w) },
     ];
     let soc = predict(seen.model, last, &seen.model.values()).soc.last().copied();
     if let Some(soc) = soc.filter(|soc| *soc > LEFT_SOC) {
@@ -28,6 +30,15 @@ pub(super) fn figures(seen: Seen<'_>) -> Vec<Figure> {
         all.push(Figure { name: "run_time_left_s", what, estimate: time_s(left, load_w) });
     }
     all
+}
+
+/// As warm as the logs found the battery on average, and as old as the oldest of them: whatever their order.
+fn usual(logs: &[Prepared]) -> Start {
+    let starts = || logs.iter().map(|log| log.start);
+    let age = |a: &Start, b: &Start| a.age_days.total_cmp(&b.age_days).then(a.cycle_count.total_cmp(&b.cycle_count));
+    let oldest = starts().max_by(age).unwrap_or_else(|| Start::at_soc(1.0));
+    let temperature_degc = starts().map(|start| start.temperature_degc).sum::<f64>() / logs.len().max(1) as f64;
+    Start { temperature_degc, ..oldest }
 }
 
 fn time_s(energy_wh: Estimate, load_w: f64) -> Estimate {
@@ -49,7 +60,7 @@ fn mean_discharge_w(logs: &[Prepared]) -> Option<f64> {
     (time_s > 0.0 && sum > 0.0).then(|| sum / time_s)
 }
 
-/// Energy that the battery delivers from this charge, as old and as warm as the log found it.
+/// Energy that the battery delivers from this charge, as old and as warm as `from` has it.
 fn usable_wh(seen: Seen<'_>, from: Start, soc: Estimate, load_w: f64) -> Estimate {
     let model = seen.model;
     let mut inputs = vec![soc, Estimate::new(1.0, model.uncertainty.capacity_relative_sigma)];

@@ -56,21 +56,22 @@ impl Step {
     /// like a gain of an effect may be that of a better place to begin.
     #[must_use]
     pub fn look(base: State, holdout: Option<&Arc<Evidence>>) -> Step {
-        Step::look_after(0.0, base, holdout)
+        let begun = squared(&base);
+        Step::look_after(&begun, base, holdout)
     }
 
-    /// The same where effects found before have explained so much squared error, in floors.
-    fn look_after(explained: f64, base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+    /// The same where effects were found since every channel had so much squared error, in floors.
+    fn look_after(begun: &[f64], base: State, holdout: Option<&Arc<Evidence>>) -> Step {
         let from = |base: State| {
             let sketches = Sketches::new(&base);
-            Step::of(base, sketches, explained, holdout)
+            Step::of(base, sketches, begun, holdout)
         };
         let sketches = Sketches::new(&base);
         let step = match sketches.better_base(&base) {
             Some(base) => from(base),
-            None => Step::of(base, sketches, explained, holdout),
+            None => Step::of(base, sketches, begun, holdout),
         };
-        step.better_base().map_or(step, from).or_what_is_small(explained, holdout)
+        step.better_base().map_or(step, from).or_what_is_small(begun, holdout)
     }
 
     /// Whether a trial gains as much as the first, and was neither taken nor is among those that the logs cannot tell from it: it has more
@@ -93,11 +94,11 @@ impl Step {
 
     /// Where nothing is accepted and something is left: what would be too small to matter by itself, and yet is all that keeps the
     /// model from the sensors' floors.
-    fn or_what_is_small(mut self, explained_before: f64, holdout: Option<&Arc<Evidence>>) -> Step {
+    fn or_what_is_small(mut self, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Step {
         if self.outcome != Outcome::Unknown {
             return self;
         }
-        let court = Court { holdout, tried: self.scores.len(), explained: explained_before, whatever_size: true };
+        let court = Court { holdout, tried: self.scores.len(), begun, whatever_size: true };
         let (trials, refused) = (std::mem::take(&mut self.trials), std::mem::take(&mut self.refusals));
         let judged = trials.into_iter().zip(refused).map(|(trial, refused)| {
             let counts = refused == [Refusal::TooSmall] && explained(&trial.state);
@@ -110,8 +111,8 @@ impl Step {
     }
 
     /// Refits and judges the most promising effects, the next ones as long as none is accepted.
-    fn of(base: State, mut sketches: Sketches, explained_before: f64, holdout: Option<&Arc<Evidence>>) -> Step {
-        let court = Court { holdout, tried: sketches.tried, explained: explained_before, whatever_size: false };
+    fn of(base: State, mut sketches: Sketches, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Step {
+        let court = Court { holdout, tried: sketches.tried, begun, whatever_size: false };
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(base.told(), evidence));
         let mut judged: Vec<(Trial, Vec<Refusal>)> = Vec::new();
         let judge = |sketches: &Sketches, wave: Vec<Sketch>, judged: &mut Vec<(Trial, Vec<Refusal>)>| {
@@ -161,15 +162,16 @@ impl Step {
 impl Step {
     /// Two effects, where one alone is kept from being accepted by nothing but the other: what both are missing from hides in the
     /// held-out logs what either is worth there.
-    fn jointly(&self, explained: f64, holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
+    fn jointly(&self, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
         let held = holdout?;
         let least = STRONG * threshold(self.scores.len());
         let hidden = |place: &usize| self.refusals[*place] == [Refusal::Holdout] && self.trials[*place].delta_bic > least;
-        let one = &self.trials[(0..self.trials.len()).find(hidden)?];
-        let before = explained + squared(&self.base) - squared(&one.state);
-        let other = Step::look_after(before, one.state.clone(), holdout);
-        let both = matches!(other.outcome, Outcome::Missing(_)) && falls(held, &self.base_holdout, &other.trials[0].holdout);
-        both.then(|| [taken(self.clone(), one.clone()), other])
+        (0..self.trials.len()).filter(hidden).take(JOINTLY).find_map(|place| {
+            let one = &self.trials[place];
+            let other = Step::look_after(begun, one.state.clone(), holdout);
+            let both = matches!(other.outcome, Outcome::Missing(_)) && falls(held, &self.base_holdout, &other.trials[0].holdout);
+            both.then(|| [taken(self.clone(), one.clone()), other])
+        })
     }
 }
 
@@ -287,6 +289,8 @@ pub struct Search {
     pub last: State,
 }
 
+/// So many effects that only held-out logs speak against are looked beyond.
+const JOINTLY: usize = 4;
 /// Most effects that are added.
 const EFFECTS_MAX: usize = 8;
 
@@ -308,11 +312,11 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
     let mut state = base;
     let mut steps = Vec::new();
     for look in 0.. {
-        let explained = steps.first().map_or(0.0, |first: &Step| squared(&first.base) - squared(&state));
-        let step = Step::look_after(explained, state, holdout);
+        let begun = squared(steps.first().map_or(&state, |first: &Step| &first.base));
+        let step = Step::look_after(&begun, state, holdout);
         let found = match step.outcome {
             Outcome::Missing(_) if look < EFFECTS_MAX => Some(vec![step.clone()]),
-            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(explained, holdout).map(Vec::from),
+            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(&begun, holdout).map(Vec::from),
             _ => None,
         };
         let Some(found) = found else {

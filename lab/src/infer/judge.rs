@@ -60,8 +60,8 @@ pub struct Court<'a> {
     pub holdout: Option<&'a Arc<Evidence>>,
     /// Number of effects that were tried.
     pub tried: usize,
-    /// Squared error, in floors, that effects found before have explained.
-    pub explained: f64,
+    /// Squared error of every channel, in floors, before the first effect was found.
+    pub begun: &'a [f64],
     /// Whether an effect counts however small it is.
     pub whatever_size: bool,
 }
@@ -74,9 +74,8 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
     let strong = trial.delta_bic > STRONG * threshold(tried);
     let relieves = strain(base) - strain(&trial.state) > threshold(tried);
     let evidence = &base.frame.evidence;
-    let gain = squared(base) - squared(&trial.state);
     // What is wrong with a form is seldom made up for altogether: where nothing is left, it was an effect.
-    let of_form = gain < FORM * court.explained && !at_floor(evidence, &trial.state.told().rms());
+    let of_form = gains_no_more_than_a_form(base, &trial.state, court.begun) && !at_floor(evidence, &trial.state.told().rms());
     if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !relieves && (of_form || !strong) {
         all.push(Refusal::Evidence);
     }
@@ -167,9 +166,18 @@ pub(super) fn squares(evidence: &Evidence, rms: &[(Channel, f64)]) -> f64 {
     rms.iter().map(|&(channel, rms)| rows(evidence, channel) * (rms / evidence.floor(channel)).powi(2)).sum()
 }
 
-/// Squared error of the logs that were fitted, in floors.
-pub(super) fn squared(state: &State) -> f64 {
-    squares(&state.frame.evidence, &state.told().rms())
+/// Squared error of every channel of the logs that were fitted, in floors.
+pub(super) fn squared(state: &State) -> Vec<f64> {
+    let evidence = &state.frame.evidence;
+    state.told().rms().iter().map(|&of_channel| squares(evidence, &[of_channel])).collect()
+}
+
+/// Whether what an effect explains may be what is wrong with the form of those found since `begun`: of the channel that it explains most of. What
+/// these explain of another channel says nothing of it.
+fn gains_no_more_than_a_form(base: &State, with: &State, begun: &[f64]) -> bool {
+    let (before, after) = (squared(base), squared(with));
+    let of_channels = begun.iter().zip(before.iter().zip(&after)).map(|(begun, (before, after))| (before - after, begun - before));
+    of_channels.max_by(|(one, _), (other, _)| one.total_cmp(other)).is_some_and(|(gain, explained)| gain < FORM * explained)
 }
 
 fn rows(evidence: &Evidence, channel: Channel) -> f64 {

@@ -1,5 +1,6 @@
-//! Comma-separated logs: a header, then one row per moment. Lines that begin with `#` are
-//! comments. Read line by line, so that a long log is never in memory as text.
+//! Logs as text: a header, then one row per moment, with commas between cells, or semicolons or tabs
+//! where the header has these and no comma; there a comma in a number is its decimal point. Lines that
+//! begin with `#` are comments. Read line by line, so that a long log is never in memory as text.
 
 use std::borrow::Cow;
 use std::io::BufRead;
@@ -19,13 +20,17 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
     let mut lines = Lines::of(file, input);
     let mut table = Table::default();
     let (mut headers, mut last_cells) = (Vec::new(), LastCells::default());
+    let mut separator = ',';
     while let Some(Line { number: line, text, whole }) = lines.next()? {
         if text.trim().is_empty() || text.starts_with('#') {
             continue;
         }
         let broken = |message: String| LogError::Row { file: file.to_owned(), line, message };
         let cut = || format!("line {line}, the last, is cut off and left out");
-        let Some(cells) = split(text) else {
+        if table.names.is_empty() && !text.contains(',') {
+            separator = [';', '\t'].into_iter().find(|&other| text.contains(other)).unwrap_or(separator);
+        }
+        let Some(cells) = split(text, separator) else {
             if !whole && !table.names.is_empty() {
                 table.notes.push(cut());
                 break;
@@ -36,6 +41,11 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             let names: Vec<String> = cells.iter().map(|name| name.to_string()).collect();
             check_header(file, line, &names)?;
             table = Table::of(names, "lines");
+            match separator {
+                ';' => table.notes.push("columns are separated by semicolons, and a comma in a number is its decimal point".to_owned()),
+                '\t' => table.notes.push("columns are separated by tabs".to_owned()),
+                _ => {}
+            }
             continue;
         }
         if cells.len() != table.names.len() {
@@ -50,6 +60,10 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             headers.push(line);
             continue;
         }
+        if table.lines.is_empty() && are_units(&cells) {
+            table.notes.push(format!("line {line} holds no number and is skipped: {}", cells.join(", ")));
+            continue;
+        }
         let last = cells.last().map_or("", |cell| cell.as_ref());
         if !whole && !last_cells.looks_whole(last) {
             table.notes.push(format!("line {line}, the last, has no line end and fewer digits than others: taken as cut off and left out"));
@@ -59,7 +73,10 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         table.lines.push(line);
         check_cells(file, &table)?;
         for (column, text) in table.columns.iter_mut().zip(&cells) {
-            push(column, text);
+            match decimal_comma(text).filter(|_| separator != ',') {
+                Some(number) => push(column, &number),
+                None => push(column, text),
+            }
         }
     }
     if table.names.is_empty() {
@@ -73,9 +90,9 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
 }
 
 /// The cells of a line, trimmed; none when a quoted cell does not end.
-fn split(text: &str) -> Option<Vec<Cow<'_, str>>> {
+fn split(text: &str, separator: char) -> Option<Vec<Cow<'_, str>>> {
     if !text.contains('"') {
-        return Some(text.split(',').map(|cell| Cow::Borrowed(cell.trim())).collect());
+        return Some(text.split(separator).map(|cell| Cow::Borrowed(cell.trim())).collect());
     }
     let mut cells = Vec::new();
     let mut rest = text;
@@ -97,18 +114,18 @@ fn split(text: &str) -> Option<Vec<Cow<'_, str>>> {
                         None => break,
                     }
                 }
-                let end = inside.find(',').unwrap_or(inside.len());
+                let end = inside.find(separator).unwrap_or(inside.len());
                 cell.push_str(inside[..end].trim_end());
                 cells.push(Cow::Owned(cell.trim().to_owned()));
                 &inside[end..]
             }
             None => {
-                let end = begin.find(',').unwrap_or(begin.len());
+                let end = begin.find(separator).unwrap_or(begin.len());
                 cells.push(Cow::Borrowed(begin[..end].trim()));
                 &begin[end..]
             }
         };
-        match after.strip_prefix(',') {
+        match after.strip_prefix(separator) {
             Some(more) => rest = more,
             None => return Some(cells),
         }
@@ -117,9 +134,6 @@ fn split(text: &str) -> Option<Vec<Cow<'_, str>>> {
 
 fn check_header(file: &str, line: u64, names: &[String]) -> Result<(), LogError> {
     let fail = |message: String| Err(LogError::Row { file: file.to_owned(), line, message });
-    if names.len() == 1 && names[0].contains([';', '\t']) {
-        return fail("the columns are not separated by commas".to_owned());
-    }
     if names.len() > COLUMNS_MAX {
         return fail(format!("{} columns; a log may have {COLUMNS_MAX}", names.len()));
     }
@@ -135,6 +149,21 @@ fn check_header(file: &str, line: u64, names: &[String]) -> Result<(), LogError>
         }
     }
     Ok(())
+}
+
+/// Whether a row is one of units or descriptions: no cell holds a digit, or a word for what is missing.
+fn are_units(cells: &[Cow<'_, str>]) -> bool {
+    let has_digit = |cell: &str| cell.contains(|letter: char| letter.is_ascii_digit());
+    let is_missing = |cell: &str| MISSING.contains(&cell.to_ascii_lowercase().as_str());
+    let could_be = |cell: &str| cell.is_empty() || !has_digit(cell) && !is_missing(cell);
+    // What has no unit may have an empty cell, but time has one.
+    cells.len() > 1 && !cells[0].is_empty() && cells.iter().all(|cell| could_be(cell))
+}
+
+/// A number with a comma for its decimal point, with a point; none for anything else.
+fn decimal_comma(text: &str) -> Option<String> {
+    let number = text.replacen(',', ".", 1);
+    (number != text && number.parse::<f64>().is_ok()).then_some(number)
 }
 
 fn push(column: &mut Cells, text: &str) {
@@ -176,10 +205,30 @@ mod tests {
         let message = |text: &str| read(text).unwrap_err();
         assert_eq!(message("time_s,voltage_v\n0,1\n1\n"), "a.csv:3: 1 cells where the header has 2 columns");
         assert_eq!(message("# by hand\ntime_s,a,a\n0,1,2\n"), "a.csv:2: two columns are named `a`");
-        assert!(message("time_s;voltage_v\n0;1\n").contains("not separated by commas"));
         assert!(message("0,1\n1,2\n").contains("must be a header"));
         assert!(message("").contains("the log is empty"));
         assert!(message("# nothing\n").contains("the log is empty"));
+    }
+
+    #[test]
+    fn semicolons_and_tabs_separate_too_and_a_comma_is_a_decimal_point_then() {
+        let table = read("time_s;a;note\n0;-0,002;\"1;2\"\n1;1,5e-3;3,4,5\n2;7;x\n").unwrap();
+        assert_eq!(table.columns[1].numbers(), [-0.002, 1.5e-3, 7.0]);
+        assert_eq!(table.columns[2].as_texts(), ["1;2", "3,4,5", "x"]);
+        assert_eq!(table.notes, ["columns are separated by semicolons, and a comma in a number is its decimal point"]);
+        let table = read("time_s\ta\n0\t1.5\n").unwrap();
+        assert_eq!((table.columns[1].numbers(), table.notes.len()), (&[1.5][..], 1));
+        // Where commas separate, they do nothing else.
+        assert_eq!(read("time_s,a;b\n0,1\n").unwrap().names, ["time_s", "a;b"]);
+    }
+
+    #[test]
+    fn a_row_of_units_is_skipped_and_said() {
+        let table = read("time_s,a,soc\ns,A,\n0,1,2\n").unwrap();
+        assert_eq!((table.lines, table.notes), (vec![3], vec!["line 2 holds no number and is skipped: s, A, ".to_owned()]));
+        // A word beside a number is one, and so is what is missing.
+        assert_eq!(read("time_s,a\n0,x\n").unwrap().columns[1].as_texts(), ["x"]);
+        assert_eq!(read("time_s,a\nnan,nan\n0,1\n").unwrap().lines, [2, 3]);
     }
 
     #[test]

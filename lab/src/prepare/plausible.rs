@@ -84,6 +84,13 @@ pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
             log.file, target.observed[first], facts.series, facts.series
         ));
     }
+    let times = (target.observed[first] / open).round();
+    if facts.series == 1 && times >= 2.0 && (target.observed[first] / times - open).abs() <= FIRST_V {
+        return Some(format!(
+            "{}: its first voltages are {:.2} V, as those of {times} cells in series: is `series` of the model right? {times} would fit",
+            log.file, target.observed[first]
+        ));
+    }
     if (shown - open).abs() > FIRST_V {
         return Some(format!(
             "{}: its first voltages are {shown:.2} V per cell, and a cell that is {:.0} % full has {open:.2} V at rest: does the log begin elsewhere than soc_initial says, or in the middle?",

@@ -266,7 +266,7 @@ fn words(parameters: &[FittedParameter], logs: &[FittedLog], fit: &Fit) -> Vec<S
             State::AtMin => words.push(bound("least", p.min)),
             State::AtMax => words.push(bound("greatest", p.max)),
             State::Flat if certainty.silent[index] && p.value == p.before => {
-                words.push(format!("{} is not determined: no row of these logs depends on it. It keeps its value.", name(p)));
+                words.push(format!("{} is not determined: a small change of it changes no row of these logs (one that acts in steps, such as a threshold, would have to be a smooth edge). It keeps its value.", name(p)));
             }
             State::Flat if certainty.silent[index] => {
                 let (before, now) = (quantity(p.before, p.unit), quantity(p.value, p.unit));

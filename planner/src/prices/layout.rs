@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::crowd::{Counted, Crowd};
 use crate::book::Book;
-use crate::way::Ways;
+use crate::way::{SHARED_MIN, Ways};
 
 /// Bays, lift, slot, spares, power: so many rows have one entry per tick.
 pub(super) const BY_TICK: usize = 5;
@@ -15,7 +15,8 @@ pub(super) const SPARE: usize = 3;
 pub(super) const POWER: usize = 4;
 /// The row of those who draw most at a time, which has one entry per tick too but stands behind the others.
 pub(super) const CROWD: usize = 5;
-/// So many rows are gone through on two threads; 1,000 robots have 27,000. Until that was so, a tenth of their time was one thread's.
+/// So many rows of a large fleet are gone through on two threads; 1,000 robots have 27,000. Until that was so, a tenth of their time was
+/// one thread's. Two robots that are planned for a day may have as many, and waking a thread for each step takes longer than the step.
 const SHARED_ROWS_MIN: usize = 16_384;
 
 /// Which row stands where, and how much of everything there is.
@@ -40,6 +41,7 @@ pub(super) struct Layout {
     /// Ticks on the lift before and after a charge, and for an exchange, at each station.
     pub(super) handling: Vec<[usize; 3]>,
     crowds: Vec<Crowd>,
+    is_large_fleet: bool,
 }
 
 impl Layout {
@@ -61,6 +63,7 @@ impl Layout {
             draw_max,
             handling: Vec::new(),
             crowds: Vec::new(),
+            is_large_fleet: problem.robots.len() >= SHARED_MIN,
         };
         for station in &problem.stations {
             let book = Book::new(problem, station);
@@ -120,7 +123,7 @@ impl Layout {
 
     /// Whether one thread goes through all rows before others have begun.
     pub(super) fn is_small(&self) -> bool {
-        self.rows() < SHARED_ROWS_MIN
+        !self.is_large_fleet || self.rows() < SHARED_ROWS_MIN
     }
 
     /// The prices of a station's rows as whole numbers per unit of each.

@@ -21,6 +21,7 @@ fn question(usable_wh: &[f64], bays: usize) -> Question {
         breakdown_wh: BTreeMap::new(),
         bays_s: vec![0.0; bays],
         spares: Vec::new(),
+        planned_short_wh: None,
         overhead_per_h: Need { mean_wh: 6.0, ..Need::default() },
         overhead_breakdown: BTreeMap::from([("hotel".to_owned(), 6.0)]),
     }
@@ -202,6 +203,25 @@ fn a_pack_alone_tells_no_more_than_all_together() {
     asked.packs[0].is_there = false;
     let answer = capacity(Timestamp::from_unix_ms(0), &[asked], 0.95);
     assert_eq!((answer.packs[0].robots_promised, answer.stations[0].robots_promised), (2, 1));
+}
+
+#[test]
+fn what_is_short_for_one_more_is_so_for_whoever_the_plan_comes_closest_to() {
+    // Two services of 20 Wh, and the hotel beside them, of 50 and 40 Wh: who wants the third needs all of it.
+    let mut asked = question(&[50.0, 40.0], 1);
+    asked.together = supply(Estimate::exact(50.0));
+    let wanted = capacity(Timestamp::from_unix_ms(0), &[asked.clone()], 0.95);
+    let short = wanted.stations[0].short_for_next_wh;
+    asked.planned_short_wh = Some(0.5);
+    let planned = capacity(Timestamp::from_unix_ms(0), &[asked.clone()], 0.95);
+    assert_eq!((planned.stations[0].short_for_next_wh, planned.packs[0].short_for_next_wh), (0.5, 0.5));
+    assert_eq!(planned.stations[0].promises, wanted.stations[0].promises);
+    // A pack that holds less alone needs more by as much.
+    let less = |answer: &Capacity| answer.packs[1].short_for_next_wh;
+    assert!(planned.packs[1].robots_promised < planned.stations[0].robots_promised || less(&planned) - 0.5 <= less(&wanted) - short + 1e-9);
+    // What the plan knows to be short of more says nothing.
+    asked.planned_short_wh = Some(short + 5.0);
+    assert_eq!(capacity(Timestamp::from_unix_ms(0), &[asked], 0.95), wanted);
 }
 
 /// Whether a pack carries services of 20 W for half an hour and 8 W for ten minutes, begun at these seconds, and 6 W beside

@@ -34,7 +34,7 @@ small{color:var(--muted)}\
 .sign{color:var(--tone);font-weight:bold}\
 nav{display:flex;flex-wrap:wrap;gap:.3rem 1.1rem;font-size:.92rem}\
 a{color:var(--residual)}\
-.scroll{overflow-x:auto;margin:.6rem 0}\
+.scroll{overflow-x:auto;margin:.6rem min(0px,28rem - 50vw + 1rem) .6rem 0}\
 table{border-collapse:collapse;font-size:.9rem;font-variant-numeric:tabular-nums}\
 caption{text-align:left;color:var(--muted);font-size:.85rem;padding-bottom:.4rem}\
 th,td{padding:.3rem .8rem .3rem 0;text-align:left;white-space:nowrap;border-bottom:1px solid var(--grid);vertical-align:top}\
@@ -48,4 +48,5 @@ svg{display:block;width:100%;height:auto;font-family:inherit}\
 @media(max-width:40rem){.wide{display:none}.narrow{display:block}h1{font-size:1.4rem}}\
 p.note{color:var(--muted);font-size:.9rem;margin:.4rem 0}\
 footer{color:var(--muted);font-size:.85rem;padding-bottom:2rem}\
-@media print{nav{display:none}section{break-inside:avoid}}";
+@media print{nav{display:none}section{break-inside:avoid}.scroll{overflow:visible;margin-right:0}\
+table{font-size:.7rem}th,td{white-space:normal;padding-right:.4rem}}";
