@@ -75,7 +75,7 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
     let relieves = strain(base) - strain(&trial.state) > threshold(tried);
     let evidence = &base.frame.evidence;
     // What is wrong with a form is seldom made up for altogether: where nothing is left, it was an effect.
-    let of_form = gains_no_more_than_a_form(base, &trial.state, court.begun) && !at_floor(evidence, &trial.state.told().rms());
+    let of_form = is_of_form(court.begun, &squared(base), &squared(&trial.state)) && !at_floor(evidence, &trial.state.told().rms());
     if trial.delta_bic < threshold(tried) || trial.uniqueness < ABSORBED && !relieves && (of_form || !strong) {
         all.push(Refusal::Evidence);
     }
@@ -172,11 +172,10 @@ pub(super) fn squared(state: &State) -> Vec<f64> {
     state.told().rms().iter().map(|&of_channel| squares(evidence, &[of_channel])).collect()
 }
 
-/// Whether what an effect explains may be what is wrong with the form of those found since `begun`: of the channel that it explains most of. What
-/// these explain of another channel says nothing of it.
-fn gains_no_more_than_a_form(base: &State, with: &State, begun: &[f64]) -> bool {
-    let (before, after) = (squared(base), squared(with));
-    let of_channels = begun.iter().zip(before.iter().zip(&after)).map(|(begun, (before, after))| (before - after, begun - before));
+/// Whether what an effect explains, from `before` to `after`, may be what is wrong with the form of those found since `begun`, all squared errors of
+/// every channel: by the channel that it explains most of. What these explain of another channel says nothing of it.
+fn is_of_form(begun: &[f64], before: &[f64], after: &[f64]) -> bool {
+    let of_channels = begun.iter().zip(before.iter().zip(after)).map(|(begun, (before, after))| (before - after, begun - before));
     of_channels.max_by(|(one, _), (other, _)| one.total_cmp(other)).is_some_and(|(gain, explained)| gain < FORM * explained)
 }
 
@@ -200,4 +199,22 @@ fn matters(system: System, channel: Channel) -> f64 {
     let specs = catalogue().iter().map(|effect| effect.spec()).filter(|spec| spec.system == system);
     let alike = specs.filter(|spec| unit_of(spec.channel.name()) == unit_of(channel.name()));
     0.5 * alike.map(|spec| spec.matters).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_with_a_form_is_small_beside_what_was_explained_of_the_same_channel() {
+        // Of one channel: up to a four hundredth.
+        assert!(is_of_form(&[1e6], &[5e4], &[4.8e4]) && !is_of_form(&[1e6], &[5e4], &[4.7e4]));
+        // A temperature that nothing followed was explained to a five hundredth, and the voltage to a half: two fifths of what is left of that are no
+        // matter of form, though they are small beside what was explained of the temperature.
+        let (begun, before) = ([2.4e7, 1e5], [5e4, 5e4]);
+        assert!(!is_of_form(&begun, &before, &[5e4, 3e4]));
+        assert!(is_of_form(&begun, &before, &[3e4, 5e4]), "of the temperature itself they are");
+        // Nothing was found yet.
+        assert!(!is_of_form(&before, &before, &[5e4, 4.99e4]) && !is_of_form(&[], &before, &[5e4, 3e4]));
+    }
 }
