@@ -145,6 +145,9 @@ fn battery(raw: &raw::Battery) -> Result<Battery, InstanceError> {
     for (place, segment) in raw.curve.iter().enumerate() {
         let name = |field: &str| format!("battery.curve[{place}].{field}");
         let above = curve.last().map_or(0, |last| last.below);
+        if above >= capacity {
+            return contradiction("battery.curve", format!("its entry {place} begins at {above}, and the capacity is {capacity}"));
+        }
         let gain = range(name("gain"), segment.gain, 1, capacity)?;
         curve.push(Segment {
             below: range(name("below"), segment.below, above + 1, capacity)?,

@@ -191,7 +191,7 @@ fn simulate(
     bar.set_style(style);
     bar.set_message(run.name.clone());
     bar.enable_steady_tick(Duration::from_millis(200));
-    let deployment = scenario.deploy(run, seed)?;
+    let deployment = scenario.deploy(run, seed).with_context(|| args.scenario.display().to_string())?;
     let mut past = Past::default();
     let seen = args.out.is_some() || stage.is_some();
     let (site, title) = (deployment.coordinator.site.clone(), title(scenario, run));

@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 use energy::charger::PowerPath;
 use node::files::{ModelRef, ReducedModel};
 use node::{ClockConfig, NetworkConfig};
+use toml::Spanned;
 
 use super::file::{Changes, RobotEntry, RunEntry, Scenario, StationEntry};
 use crate::config::{Config, PolicyConfig, StationConfig, TelemetryConfig};
@@ -53,7 +54,7 @@ impl Scenario {
         let believed = |name: &str| self.reference(name, &[&self.believed, &run.believed]);
         let truth = |name: &str| self.reference(name, &[&self.world]);
         let mut robots = Vec::new();
-        for entry in self.robot.iter().map(toml::Spanned::get_ref) {
+        for entry in self.robot.iter().map(Spanned::get_ref) {
             for index in 0..entry.len() {
                 let config =
                     self.robot_config(entry, index, seed.wrapping_mul(1_000_003).wrapping_add(robots.len() as u64), &believed, &truth)?;
@@ -62,7 +63,7 @@ impl Scenario {
             }
         }
         let mut stations = Vec::new();
-        for (index, entry) in self.station.iter().map(toml::Spanned::get_ref).enumerate() {
+        for (index, entry) in self.station.iter().map(Spanned::get_ref).enumerate() {
             let seed = seed.wrapping_mul(1_000_003).wrapping_add(500_000 + 1000 * index as u64);
             let config = StationConfig {
                 load: believed(&entry.load),
@@ -207,16 +208,35 @@ impl Scenario {
 
     /// A file that is not there is told here, and a misspelt name that replaces another.
     fn check_models(&self, run: &RunEntry) -> anyhow::Result<()> {
-        let replacing = [&self.world, &self.believed, &run.believed].into_iter().flat_map(|changes| changes.replace.values());
-        for name in self.model_names().into_iter().chain(replacing.map(String::as_str)) {
+        let is_there = |key: &str, name: &str| {
             ensure!(
                 energy::built_in_names().any(|known| known == name) || self.folder.join(name).exists(),
-                "no model `{name}`: neither built in nor a file{} Built in: {}",
+                "{key}: no model `{name}`: neither built in nor a file{} Built in: {}",
                 energy::document::hint(name, energy::built_in_names()),
                 energy::built_in_names().collect::<Vec<_>>().join(", ")
             );
+            Ok(())
+        };
+        let stations = self
+            .station
+            .iter()
+            .map(Spanned::get_ref)
+            .flat_map(|entry| entry.models().map(move |named| (format!("station {}", entry.id), named)));
+        let robots = self
+            .robot
+            .iter()
+            .map(Spanned::get_ref)
+            .flat_map(|entry| entry.models().map(move |named| (format!("robot {}", entry.id), named)));
+        for (of, named) in stations.chain(robots) {
+            let key = format!("{of}: {}", named.key);
+            is_there(&key, named.model)?;
+            // What is built in was looked at when the file was read.
+            if energy::built_in(named.model).is_none() {
+                self.reference(named.model, &[]).load_as(named.of, &key, None)?;
+            }
         }
-        Ok(())
+        let replacing = [&self.world, &self.believed, &run.believed].into_iter().flat_map(|changes| &changes.replace);
+        replacing.into_iter().try_for_each(|(old, new)| is_there(&format!("replace.{old}"), new))
     }
 
     fn reference(&self, name: &str, changes: &[&Changes]) -> ModelRef {
