@@ -5,6 +5,7 @@
 //!   sbs.rs            a Smart Battery over I2C          ├─ Report ─> reader.rs ─> what a gauge is fed with
 //!   ros2.rs           BatteryState through rmw_zenoh    │
 //!   log.rs            a measured log                   ─┘
+//!   script.rs         what a trial lays out
 //!   program.rs        a program of the user's, started anew for every act
 //! ```
 //!
@@ -18,8 +19,10 @@ pub mod reader;
 mod report;
 pub mod ros2;
 pub mod sbs;
+mod script;
 
 pub use log::Log;
 pub use program::Program;
 pub use reader::{Reader, Reading, Unmeasured};
 pub use report::{Device, Report, Supply};
+pub use script::Script;

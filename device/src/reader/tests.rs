@@ -1,28 +1,14 @@
-use std::collections::VecDeque;
-
 use energy::gauge::Kind;
 
 use super::*;
-
-/// A device that says what the test has laid out: one entry a second.
-struct Script(VecDeque<Vec<Report>>);
-
-impl Device for Script {
-    fn name(&self) -> String {
-        "script".to_owned()
-    }
-
-    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
-        self.0.pop_front().ok_or_else(|| anyhow::anyhow!("unplugged"))
-    }
-}
+use crate::Script;
 
 fn explorer() -> Arc<Model> {
     Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap())
 }
 
-fn read_from(script: impl IntoIterator<Item = Vec<Report>>) -> Reader {
-    Reader::new(Box::new(Script(script.into_iter().collect())), explorer(), Unmeasured::default())
+fn read_from(says: impl IntoIterator<Item = Vec<Report>, IntoIter: Send + 'static>) -> Reader {
+    Reader::new(Script::new(says), explorer(), Unmeasured::default())
 }
 
 fn report(current_a: f64, soc: f64) -> Report {
@@ -78,7 +64,7 @@ fn what_keeps_a_device_from_being_read_is_told() {
 fn without_a_current_the_steps_of_the_charge_are_counted_and_none_is_lost() {
     // A percent every 90 s: 1.32 Ah * 0.01 in 90 s are 0.528 A.
     let soc = |second: usize| 0.8 - 0.01 * (second / 90) as f64;
-    let mut reader = read_from((0..=900).map(|s| vec![Report { current_a: None, ..report(0.0, soc(s)) }]));
+    let mut reader = read_from((0..=900).map(move |s| vec![Report { current_a: None, ..report(0.0, soc(s)) }]));
     let mut gauge = Kind::CoulombCounter.open(explorer(), Estimate::new(0.5, 0.29), 25.0);
     let mut currents = Vec::new();
     for _ in 0..=900 {

@@ -1,30 +1,15 @@
-use std::collections::VecDeque;
-
-use device::Report;
+use device::{Report, Script};
 use proto::StationId;
 
 use super::*;
 use crate::source::Place;
 
-/// A device that says what the test has laid out: one entry a second.
-struct Script(VecDeque<Vec<Report>>);
-
-impl Device for Script {
-    fn name(&self) -> String {
-        "script".to_owned()
-    }
-
-    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
-        self.0.pop_front().ok_or_else(|| anyhow::anyhow!("unplugged"))
-    }
-}
-
 fn explorer() -> Arc<Model> {
     Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap())
 }
 
-fn measured(script: impl IntoIterator<Item = Vec<Report>>) -> Measured {
-    Measured::new(Box::new(Script(script.into_iter().collect())), explorer(), Body::default())
+fn measured(says: impl IntoIterator<Item = Vec<Report>, IntoIter: Send + 'static>) -> Measured {
+    Measured::new(Script::new(says), explorer(), Body::default())
 }
 
 fn report(current_a: f64, soc: f64) -> Report {
@@ -67,7 +52,7 @@ fn a_program_drives_the_robot_and_says_where_it_is() {
     let drive = driver(folder.path(), "case $1 in travel_to) echo on my way; echo in_bay;; charge) exit 3;; esac");
     let idle = std::iter::repeat_n(Vec::new(), 5000);
     let body = Body { drive, ..Body::default() };
-    let mut source = Measured::new(Box::new(Script(idle.collect())), explorer(), body);
+    let mut source = Measured::new(Script::new(idle), explorer(), body);
     let to = |bay: Option<&str>| Act::TravelTo { station: StationId::new("mds-1").unwrap(), bay: bay.map(|bay| bay.parse().unwrap()) };
     source.act(&to(Some("bay-2")));
     wait_for(&mut source, |seen| seen.place == Place::InBay);

@@ -1,31 +1,18 @@
-use std::collections::VecDeque;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use device::{Report, Unmeasured};
+use device::{Report, Script, Unmeasured};
 use energy::Model;
 use proto::{BayId, RobotId};
 
 use super::*;
 use crate::source::{Lifted, Swapped};
 
-/// A device that says what the test has laid out: one entry a second, and the last one for good.
-struct Script(Arc<Mutex<VecDeque<Vec<Report>>>>);
-
-impl Device for Script {
-    fn name(&self) -> String {
-        "script".to_owned()
-    }
-
-    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
-        let mut script = self.0.lock().unwrap();
-        let next = if script.len() > 1 { script.pop_front() } else { script.front().cloned() };
-        next.ok_or_else(|| anyhow::anyhow!("unplugged"))
-    }
-}
-
+/// A device that says that, one entry a second, and the last one for good.
 fn script(says: impl IntoIterator<Item = Vec<Report>>) -> Box<Script> {
-    Box::new(Script(Arc::new(Mutex::new(says.into_iter().collect()))))
+    let says: Vec<_> = says.into_iter().collect();
+    let last = says.last().cloned();
+    Script::new(says.into_iter().chain(last.into_iter().cycle()))
 }
 
 fn shows(voltage_v: f64, current_a: f64) -> Vec<Report> {
