@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lab::ModelSource;
 use lab::compare::compare;
 use lab::decision::{Decisions, Seen};
-use lab::infer::answer::Discovery;
+use lab::infer::answer::{Discovery, Verdict};
 use lab::infer::candidate::held_at_defaults;
 use lab::infer::evidence::Evidence;
 use lab::infer::floors::fitted;
@@ -125,7 +125,7 @@ impl<'a> Case<'a> {
             holdout_unexplained = Unexplained::of(&discovery, &found);
         }
         let (decision, left_out) = (self.decisions(written), learned::left_out(last));
-        let other_starts = if discovery.selected.is_empty() { Vec::new() } else { other_starts(given, &self.evidence.logs) };
+        let other_starts = if discovery.verdict == Verdict::Complete { Vec::new() } else { other_starts(given, &self.evidence.logs) };
         DiscoveryReport { discovery, decision, left_out, file_rms, files, holdout_unexplained, other_starts, reach, output }
     }
 

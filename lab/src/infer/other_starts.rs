@@ -1,11 +1,11 @@
 //! Whether logs that begin elsewhere than they say would explain themselves, without any effect.
 //!
-//! A search allows a charge at the start three of its stated deviations; what would need more is taken for an effect of the
-//! battery. It may as well be a start that somebody got wrong, and only they can know.
+//! A search allows a charge at the start three of its stated deviations, and surroundings that are stated without one none; what
+//! would need more is taken for an effect of the battery. It may as well be a start that somebody got wrong, and only they can know.
 
 use std::sync::Arc;
 
-use energy::{Model, System};
+use energy::{Channel, Model, System};
 use serde::Serialize;
 
 use super::evidence::Evidence;
@@ -17,37 +17,75 @@ use crate::prepare::Prepared;
 /// Times the stated deviation of a start, and least charge, that are allowed here.
 const WIDER: f64 = 10.0;
 const WIDE_SOC: f64 = 0.1;
+/// A charge is told to so many thousandths, and is no better known than that.
+const LEAST_SOC: f64 = 0.001;
 /// Stated deviations up to which a start is as stated.
 const AS_STATED: f64 = 3.0;
 
-/// A log that would begin at another charge.
+/// As far as the surroundings may be off here, K.
+const WIDE_K: f64 = 10.0;
+
+/// A log that would begin at another charge, or in other surroundings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OtherStart {
     /// The log.
     pub log: String,
-    /// State of charge at its start, 0..1, as it is said to be.
+    /// Which fact of it: `soc_initial`, 0..1, or `ambient_degc`.
+    pub fact: &'static str,
+    /// As it is said to be.
     pub stated: f64,
     /// As it would have to be.
     pub found: f64,
 }
 
 /// Logs that would have to begin elsewhere for the model as given to explain them all; empty where that is no explanation, or a start
-/// within what is stated is one.
+/// within what is stated is one. It is asked of the charge first, and of the surroundings if that explains nothing.
 #[must_use]
 pub fn other_starts(model: &Arc<Model>, logs: &[Prepared]) -> Vec<OtherStart> {
     if model.system != System::Battery {
         return Vec::new();
     }
-    let stated = |log: &Prepared| log.soc_initial_sigma.unwrap_or(model.uncertainty.soc_initial_sigma);
+    let stated = |log: &Prepared| log.soc_initial_sigma.unwrap_or(model.uncertainty.soc_initial_sigma).max(LEAST_SOC);
+    let charge = Fact { name: "soc_initial", rough: Rough::SocInitial, stated: &|log| Some(log.start.soc), sigma: &stated };
     let wider = |log: &Prepared| Prepared { soc_initial_sigma: Some((WIDER * stated(log)).max(WIDE_SOC)), ..log.clone() };
-    let state = State::of_model(Arc::clone(model), Arc::new(Evidence::new(model, logs.iter().map(wider).collect())));
-    if !explained(&state) {
-        return Vec::new();
+    let found = charge.elsewhere(model, logs, &wider);
+    if !found.is_empty() || !model.predicts_temperature() {
+        return found;
     }
-    let other = |(index, log): (usize, &Prepared)| {
-        let shift = state.frame.error(&state.x, Rough::SocInitial(index));
-        let start = log.start.soc;
-        (shift.abs() > AS_STATED * stated(log)).then(|| OtherStart { log: log.name.clone(), stated: start, found: start + shift })
-    };
-    logs.iter().enumerate().filter_map(other).collect()
+    // Stated without a deviation it may be off by what a reading may.
+    let floor_k = model.sensor(Channel::TemperatureDegc).floor();
+    let stated = |log: &Prepared| log.ambient_sigma_k.unwrap_or(floor_k);
+    let constant = |log: &Prepared| input(log, Channel::AmbientDegc).and_then(|degc| degc.first().copied());
+    let around = Fact { name: "ambient_degc", rough: Rough::Ambient, stated: &constant, sigma: &stated };
+    let wider = |log: &Prepared| Prepared { ambient_sigma_k: Some((WIDER * stated(log)).max(WIDE_K)), ..log.clone() };
+    around.elsewhere(model, logs, &wider)
+}
+
+/// Something that is stated of a log.
+struct Fact<'a> {
+    name: &'static str,
+    rough: fn(usize) -> Rough,
+    stated: &'a dyn Fn(&Prepared) -> Option<f64>,
+    sigma: &'a dyn Fn(&Prepared) -> f64,
+}
+
+impl Fact<'_> {
+    /// Logs of which it would have to be another, where knowing it worse explains all of them.
+    fn elsewhere(&self, model: &Arc<Model>, logs: &[Prepared], wider: &dyn Fn(&Prepared) -> Prepared) -> Vec<OtherStart> {
+        let state = State::of_model(Arc::clone(model), Arc::new(Evidence::new(model, logs.iter().map(wider).collect())));
+        if !explained(&state) {
+            return Vec::new();
+        }
+        let other = |(index, log): (usize, &Prepared)| {
+            let (shift, stated) = (state.frame.error(&state.x, (self.rough)(index)), (self.stated)(log)?);
+            let is_other = shift.abs() > AS_STATED * (self.sigma)(log);
+            is_other.then(|| OtherStart { log: log.name.clone(), fact: self.name, stated, found: stated + shift })
+        };
+        logs.iter().enumerate().filter_map(other).collect()
+    }
+}
+
+/// The values of an input of a log.
+fn input(log: &Prepared, channel: Channel) -> Option<&[f64]> {
+    log.inputs.iter().find(|(known, _)| *known == channel).map(|(_, values)| values.as_slice())
 }

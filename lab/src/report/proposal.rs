@@ -10,6 +10,7 @@ use super::discovery::tables::files;
 use super::discovery::{FileErrors, learned_lines};
 use super::quantity::{quantity, unit_of, with_sigma};
 use super::table::{numbers_from, table, text};
+use crate::infer::certainty::range_sigma;
 use crate::infer::evidence::Evidence;
 use crate::infer::propose::switch::Switching;
 use crate::infer::propose::{HOLDOUT_FALL, Proposal, error};
@@ -34,8 +35,10 @@ pub struct Number {
     pub name: &'static str,
     /// Its value.
     pub value: f64,
-    /// Standard deviation, with the slow noise that the model leaves.
+    /// Standard deviation, with the slow noise that the model leaves; no more than what the range says.
     pub sigma: f64,
+    /// Whether it would go on if it could.
+    pub at_end_of_range: bool,
 }
 
 /// One term, for JSON.
@@ -250,7 +253,9 @@ impl ProposalReport {
         for term in &self.terms {
             let _ = writeln!(whole, "PROPOSAL {}: {} (delta BIC {:.0})\n  {}", term.name, term.words, term.delta_bic, term.equation);
             for number in &term.parameters {
-                let _ = writeln!(whole, "  {} = {}", number.name, with_sigma(number.value, Some(number.sigma), unit_of(number.name)));
+                let sigma = Some(number.sigma).filter(|_| !number.at_end_of_range);
+                let end = if number.at_end_of_range { ", at the end of its range" } else { "" };
+                let _ = writeln!(whole, "  {} = {}{end}", number.name, with_sigma(number.value, sigma, unit_of(number.name)));
             }
             whole.push('\n');
         }
@@ -346,9 +351,16 @@ fn numbers(state: &State) -> Vec<(Parameter, f64, f64)> {
     let model: &Model = &state.frame.model;
     let one = |(place, &index): (usize, &usize)| {
         let parameter = model.parameters()[index].clone();
-        (parameter, state.x[place], covariance[(place, place)].max(0.0).sqrt())
+        // What hardly moves a prediction is known no worse than its range says.
+        let sigma = covariance[(place, place)].max(0.0).sqrt().min(range_sigma(&state.frame, index));
+        (parameter, state.x[place], sigma)
     };
     state.frame.free.iter().enumerate().map(one).collect()
+}
+
+fn number((parameter, value, sigma): &(Parameter, f64, f64)) -> Number {
+    let at_end_of_range = *value <= parameter.min || *value >= parameter.max;
+    Number { name: parameter.name, value: *value, sigma: *sigma, at_end_of_range }
 }
 
 fn terms(proposal: &Proposal) -> Vec<TermReport> {
@@ -364,7 +376,7 @@ fn terms(proposal: &Proposal) -> Vec<TermReport> {
             equation: spec.equation,
             words: term.words.clone(),
             delta_bic: term.delta_bic,
-            parameters: own.map(|(parameter, value, sigma)| Number { name: parameter.name, value: *value, sigma: *sigma }).collect(),
+            parameters: own.map(number).collect(),
         })
     };
     proposal.terms.iter().filter_map(of).collect()

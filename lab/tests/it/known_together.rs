@@ -77,6 +77,36 @@ fn a_wrong_start_is_told_beside_what_stands_in_for_it() {
     assert_eq!(other_starts(&base, &[prepare(&base, &right).unwrap()]), []);
 }
 
+/// Surroundings that are stated without a deviation are taken at their word: that others would do as well is told.
+#[test]
+fn wrong_surroundings_are_told_beside_what_stands_in_for_them() {
+    let sensors = "[sensor.voltage_v]\nsigma = 1e-3\n[sensor.temperature_degc]\nsigma = 0.05\n";
+    let thermal = "[[effect]]\nid = \"thermal\"\nconductance_w_per_k = { value = 0.1, source = \"t\" }\nheat_capacity_j_per_k = { value = 45.0, source = \"t\" }\n";
+    let base =
+        made_up::model(&format!("{sensors}[[effect]]\nid = \"ohmic\"\nresistance_ohm = {{ value = 0.05, source = \"t\" }}\n{thermal}"));
+    let rows: String = (0..3600).map(|row| format!("{row},{},3.9,25\n", [1.5, 0.0, 0.5][row / 400 % 3])).collect();
+    let log = |ambient_degc: f64| {
+        let facts = LogFacts { soc_initial: Some(0.9), ambient_degc: Some(ambient_degc), ..LogFacts::default() };
+        read_log("blocks.csv", format!("time_s,current_a,voltage_v,temperature_degc\n{rows}").as_bytes(), facts).unwrap()
+    };
+    let seen = predict(&base, &prepare(&base, &log(28.0)).unwrap(), &base.values());
+    let mut random = Pcg64::new(2, 0);
+    let mut noisy = |channel: Channel, sigma: f64| -> Vec<f64> {
+        let noise = Normal::new(0.0, sigma).unwrap();
+        seen.of(channel).unwrap().iter().map(|value| value + noise.sample(&mut random)).collect()
+    };
+    let (volts, degrees) = (noisy(Channel::VoltageV, 1e-3), noisy(Channel::TemperatureDegc, 0.05));
+    let measured = |ambient_degc: f64| {
+        let mut said = log(ambient_degc);
+        said.channels.insert(Channel::VoltageV, volts.clone());
+        said.channels.insert(Channel::TemperatureDegc, degrees.clone());
+        other_starts(&base, &[prepare(&base, &said).unwrap()])
+    };
+    let [told] = &measured(25.0)[..] else { panic!("nothing is told") };
+    assert!(told.fact == "ambient_degc" && told.stated == 25.0 && (told.found - 28.0).abs() < 0.1, "{told:?}");
+    assert_eq!(measured(28.0), []);
+}
+
 /// Of a log without load, a resistance that was measured elsewhere stays what it was: a milliampere of noise says nothing of it.
 #[test]
 fn what_was_stated_better_than_logs_know_it_stays() {

@@ -11,11 +11,14 @@ use super::Reach;
 /// That other starts of the logs would explain them as well; nothing where they would not.
 #[must_use]
 pub fn other_starts(starts: &[OtherStart]) -> Option<String> {
-    let one = |start: &OtherStart| format!("{:.3} in place of {:.3} in {}", start.found, start.stated, start.log);
+    let fact = starts.first()?.fact;
+    let (what, places, more) = match fact {
+        "ambient_degc" => ("surroundings of another temperature explain", 1, " (ambient_sigma_k says how far it may be off)"),
+        _ => ("another charge at the start explains", 3, ""),
+    };
+    let one = |start: &OtherStart| format!("{:.places$} in place of {:.places$} in {}", start.found, start.stated, start.log);
     let all: Vec<String> = starts.iter().map(one).collect();
-    (!all.is_empty()).then(|| {
-        format!("Without any effect, another charge at the start explains these logs as well ({}): is soc_initial right?", all.join(", "))
-    })
+    Some(format!("Without any effect, {what} these logs as well ({}): is {fact} right?{more}", all.join(", ")))
 }
 
 /// The verdict in a sentence.
