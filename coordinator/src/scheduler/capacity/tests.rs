@@ -207,8 +207,8 @@ fn a_pack_alone_tells_no_more_than_all_together() {
 
 #[test]
 fn what_is_short_for_one_more_is_so_for_whoever_the_plan_comes_closest_to() {
-    // Two services of 20 Wh, and the hotel beside them, of 50 and 40 Wh: who wants the third needs all of it.
-    let mut asked = question(&[50.0, 40.0], 1);
+    // Services of 20 Wh, and the hotel beside them, of 50 Wh, or of 48 alone: who wants the next needs all of it.
+    let mut asked = question(&[50.0, 48.0], 1);
     asked.together = supply(Estimate::exact(50.0));
     let wanted = capacity(Timestamp::from_unix_ms(0), &[asked.clone()], 0.95);
     let short = wanted.stations[0].short_for_next_wh;
@@ -216,9 +216,10 @@ fn what_is_short_for_one_more_is_so_for_whoever_the_plan_comes_closest_to() {
     let planned = capacity(Timestamp::from_unix_ms(0), &[asked.clone()], 0.95);
     assert_eq!((planned.stations[0].short_for_next_wh, planned.packs[0].short_for_next_wh), (0.5, 0.5));
     assert_eq!(planned.stations[0].promises, wanted.stations[0].promises);
-    // A pack that holds less alone needs more by as much.
-    let less = |answer: &Capacity| answer.packs[1].short_for_next_wh;
-    assert!(planned.packs[1].robots_promised < planned.stations[0].robots_promised || less(&planned) - 0.5 <= less(&wanted) - short + 1e-9);
+    // A pack that holds less alone and promises as many needs that much more still.
+    assert_eq!(planned.packs[1].robots_promised, planned.stations[0].robots_promised);
+    assert!((planned.packs[1].short_for_next_wh - 2.5).abs() < 1e-6, "{planned:?}");
+    assert!((wanted.packs[1].short_for_next_wh - short - 2.0).abs() < 1e-6, "{wanted:?}");
     // What the plan knows to be short of more says nothing.
     asked.planned_short_wh = Some(short + 5.0);
     assert_eq!(capacity(Timestamp::from_unix_ms(0), &[asked], 0.95), wanted);
