@@ -308,3 +308,17 @@ fn who_takes_no_charge_is_let_go_long_after_its_end_and_its_bay_counts_as_taken_
     let run = &core.running[&id::<RobotId>("r0")];
     assert_eq!(run.cut_short.as_deref(), Some("it has taken none for 30 min (its charger gives nothing)"));
 }
+
+#[test]
+fn a_station_takes_part_from_when_its_packs_are_heard() {
+    let mut core = core();
+    joins(&mut core, 0.0, 0);
+    core.handle(at(61.0), Input::Tick);
+    core.handle(at(62.0), Input::StationState(id("s"), ready(62.0)));
+    core.handle(at(62.5), Input::Tick);
+    let told = core.schedule().unserved[0].reasons.join(" ");
+    assert!(told.contains("s takes no part: the gauge of p has not been heard"), "{told}");
+    core.handle(at(63.0), Input::PackGauge(id("s"), id("p"), gauge(63.0, 1.0, 84.0)));
+    core.handle(at(63.5), Input::Tick);
+    assert_eq!((core.schedule().services.len(), core.schedule().trigger.as_str()), (1, "the packs of s are known"));
+}
