@@ -61,7 +61,7 @@ pub struct Sensor {
     /// Largest reading that is shown as 0.
     #[serde(default)]
     pub dead_band: f64,
-    /// Delay of a reading, s.
+    /// Time by which a reading is late, s: a log's readings are compared with what was true so much earlier.
     #[serde(default)]
     pub lag_s: f64,
     /// Standard deviation of the time by which a reading is late or early beyond that, s.

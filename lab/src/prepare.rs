@@ -1,8 +1,13 @@
 //! A log as a model sees it: inputs without holes, where to start, what to judge.
 
+mod error;
+mod late;
 mod plausible;
 
+pub use error::PrepareError;
 pub use plausible::{odd_current, odd_voltage};
+
+use std::borrow::Cow;
 
 use energy::document::hint;
 use energy::{Channel, Facts, Model, Start, System};
@@ -57,91 +62,6 @@ impl Prepared {
     }
 }
 
-/// Why a log does not fit a model.
-#[derive(Debug, thiserror::Error)]
-pub enum PrepareError {
-    /// A column is not there.
-    #[error(
-        "{file}: no column `{channel}`, which {needed_by} needs{hint} Columns: {columns}. Map one with --column {channel}=SOURCE, or give one number for all rows: --column {channel}=NUMBER"
-    )]
-    MissingChannel {
-        /// The log.
-        file: String,
-        /// The channel.
-        channel: &'static str,
-        /// Who needs it.
-        needed_by: String,
-        /// Nearest column, or nothing.
-        hint: String,
-        /// What the log has.
-        columns: String,
-    },
-    /// A column is there but holds no number.
-    #[error("{file}: column `{channel}`, which {needed_by} needs, holds no number")]
-    EmptyChannel {
-        /// The log.
-        file: String,
-        /// The channel.
-        channel: &'static str,
-        /// Who needs it.
-        needed_by: String,
-    },
-    /// Nobody says how full the battery is at the start.
-    #[error(
-        "{file}: the state of charge at the first row is not known: give --soc-initial (0 to 1), or --rest-voltage-v (pack voltage after a long rest), or soc_initial / rest_voltage_v in {facts}"
-    )]
-    NoStart {
-        /// The log.
-        file: String,
-        /// The file for facts beside it.
-        facts: String,
-    },
-    /// The rest voltage cannot be one of this battery.
-    #[error("{file}: rest_voltage_v = {rest_v} is {per_cell_v:.3} V per cell; the OCV table reaches from {low_v} to {high_v} V")]
-    RestVoltage {
-        /// The log.
-        file: String,
-        /// Given, V.
-        rest_v: f64,
-        /// Per cell, V.
-        per_cell_v: f64,
-        /// Lowest of the table, V.
-        low_v: f64,
-        /// Highest of the table, V.
-        high_v: f64,
-    },
-    /// What there is to compare with holds no number.
-    #[error("{file}: nothing to compare with: no row of `{columns}` after the first holds a number")]
-    EmptyTargets {
-        /// The log.
-        file: String,
-        /// The columns.
-        columns: String,
-    },
-    /// What there is to compare with was measured only where inputs were not.
-    #[error("{file}: nothing to compare with: `{columns}` holds a number only in rows in which an input of the model does not")]
-    NoCommonRow {
-        /// The log.
-        file: String,
-        /// The columns.
-        columns: String,
-    },
-    /// There is nothing to compare with.
-    #[error("{file}: nothing to compare with: a {system} model predicts {predicted}{hint} Columns: {columns}")]
-    NoTarget {
-        /// The log.
-        file: String,
-        /// The system.
-        system: &'static str,
-        /// What its models predict.
-        predicted: String,
-        /// Nearest column, or nothing.
-        hint: String,
-        /// What the log has.
-        columns: String,
-    },
-}
-
 /// Channels that this model predicts. Temperature is predicted only when an effect moves it;
 /// otherwise a measured temperature is an input.
 #[must_use]
@@ -163,7 +83,8 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     let needed = needed_inputs(model, computed);
     let mut known = vec![true; log.rows()];
     let mut inputs = Vec::new();
-    for (&channel, values) in log.channels.iter().filter(|(channel, _)| !computed(**channel)) {
+    for (&channel, read) in log.channels.iter().filter(|(channel, _)| !computed(**channel)) {
+        let values = &*when_true(model, log, channel, read, late::intervals);
         let needed_by = needed.iter().find(|(needed, _)| *needed == channel).map(|(_, by)| by);
         match (held(values), needed_by) {
             (Some(held), Some(_)) => {
@@ -186,7 +107,8 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
         }
     }
     let targets = predicted.iter().filter_map(|&channel| {
-        let observed = log.channels.get(&channel)?.clone();
+        let held = if model.system == System::Battery { late::instants } else { late::intervals };
+        let observed = when_true(model, log, channel, log.channels.get(&channel)?, held).into_owned();
         let used: Vec<bool> = (0..log.rows()).map(|row| row > 0 && observed[row].is_finite() && known[row]).collect();
         used.contains(&true).then(|| Target { channel, observed, used, floor: model.sensor(channel).floor() })
     });
@@ -204,6 +126,20 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
         targets,
         only: Vec::new(),
     })
+}
+
+/// What was read of a channel, where its sensor is stated to be late moved by that in the way of `moved`.
+fn when_true<'a>(
+    model: &Model,
+    log: &Log,
+    channel: Channel,
+    read: &'a [f64],
+    moved: fn(&[f64], &[f64], f64) -> Vec<f64>,
+) -> Cow<'a, [f64]> {
+    match model.sensor(channel).lag_s {
+        0.0 => Cow::Borrowed(read),
+        late_s => Cow::Owned(moved(&log.time_s, read, late_s)),
+    }
 }
 
 /// How well a log's fact about the temperature of its surroundings is known, K.
@@ -354,6 +290,22 @@ mod tests {
         let prepared = prepare_to_judge(&model, &log(text, full()), &[]).unwrap();
         assert_eq!(prepared.targets[0].used, [false, false, false, true, false]);
         assert_eq!(prepared.inputs, [(Channel::CurrentA, vec![1.0, 2.0, 2.0, 2.0, 2.0])]);
+    }
+
+    #[test]
+    fn a_reading_that_is_stated_to_be_late_is_compared_with_what_was_true_before_it() {
+        let mut model = Model::clone(&load_model("enertech-lco-2280mah").unwrap().model);
+        let mut sensor = |channel, lag_s| {
+            let sensor = model.sensors.get(&channel).copied().unwrap_or(energy::Sensor::PERFECT);
+            model.sensors.insert(channel, energy::Sensor { lag_s, ..sensor });
+        };
+        sensor(Channel::VoltageV, 1.0);
+        sensor(Channel::CurrentA, 0.5);
+        let text = "time_s,current_a,voltage_v\n0,1,4.1\n1,1,4.0\n2,2,3.9\n3,2,3.8\n";
+        let prepared = prepare_to_judge(&model, &log(text, full()), &[]).unwrap();
+        assert_eq!(prepared.targets[0].observed[..3], [4.0, 3.9, 3.8]);
+        assert_eq!(prepared.targets[0].used, [false, true, true, false]);
+        assert_eq!(prepared.inputs, [(Channel::CurrentA, vec![1.0, 1.5, 2.0, 2.0])]);
     }
 
     #[test]

@@ -31,23 +31,36 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// The judged rows between which the slope at a row is taken, towards the next row (`side` > 0) or
-    /// the one before (< 0), with the time between them, s; none across means and gaps, whose times
-    /// say too little.
-    pub(super) fn neighbours(&self, row: usize, side: f64) -> Option<(usize, usize, f64)> {
-        let (low, high) = if side > 0.0 { (row, row + 1) } else { (row.checked_sub(1)?, row) };
-        let whole = high < self.counts.len() && self.counts[low] == 1.0 && self.counts[high] == 1.0;
-        whole.then(|| (low, high, self.time_s[high] - self.time_s[low]))
+    /// Between which judged rows stands what a sensor that reads `late_s` late shows at a row: the earlier, the later, and
+    /// the share of the later. Before the first row and after the last nothing is known to change: those stand for it.
+    pub(super) fn shown_late(&self, row: usize, late_s: f64) -> Between {
+        let true_s = self.time_s[row] - late_s;
+        let high = self.time_s.partition_point(|&time_s| time_s < true_s);
+        match high.checked_sub(1) {
+            Some(low) if high < self.time_s.len() => {
+                let dt_s = self.time_s[high] - self.time_s[low];
+                Between { low, high, share: (true_s - self.time_s[low]) / dt_s, per_s: dt_s.recip() }
+            }
+            _ => {
+                let end = high.min(self.time_s.len() - 1);
+                Between { low: end, high: end, share: 0.0, per_s: 0.0 }
+            }
+        }
     }
 
-    /// Slope of a value per judged row towards the next row (`side` > 0), the one before (< 0) or
-    /// between both, per s; 0 where no neighbour tells.
-    pub(super) fn slope(&self, values: &[f64], row: usize, side: f64) -> f64 {
-        let towards = |side: f64| self.neighbours(row, side).map(|(low, high, dt_s)| (values[high] - values[low]) / dt_s);
-        match () {
-            () if side != 0.0 => towards(side).unwrap_or(0.0),
-            () => towards(1.0).zip(towards(-1.0)).map_or(0.0, |(next, before)| (next + before) / 2.0),
+    /// How what a sensor shows at a row changes with the time by which it is late, per s: towards the row before where it is
+    /// late, the next where it is early, both where it is prompt.
+    pub(super) fn slope(&self, prompt: &[f64], row: usize, late_s: f64) -> f64 {
+        let of = |between: Between| (prompt[between.low] - prompt[between.high]) * between.per_s;
+        if late_s != 0.0 {
+            return of(self.shown_late(row, late_s));
         }
+        let next = row + 1;
+        if row == 0 || next == self.time_s.len() {
+            return 0.0;
+        }
+        let towards = |low: usize, high: usize| Between { low, high, share: 0.0, per_s: (self.time_s[high] - self.time_s[low]).recip() };
+        f64::midpoint(of(towards(row - 1, row)), of(towards(row, next)))
     }
 
     /// Where its judged rows stand among all.
@@ -55,6 +68,19 @@ impl Segment {
     pub fn range(&self) -> std::ops::Range<usize> {
         self.begin..self.begin + self.counts.len()
     }
+}
+
+/// A moment between two judged rows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Between {
+    /// The row before it.
+    pub(super) low: usize,
+    /// The row after it.
+    pub(super) high: usize,
+    /// Where it stands from one (0) to the other (1).
+    pub(super) share: f64,
+    /// What a second is of the time between them, 1/s.
+    per_s: f64,
 }
 
 /// The logs, and what of them is judged.

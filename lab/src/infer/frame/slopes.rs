@@ -241,15 +241,18 @@ impl Frame {
         });
     }
 
-    /// Shows every target as it was a little later or, for a negative lag, earlier: on the line
+    /// Shows every target as it was a little earlier or, where its sensor is ahead of the log's clock, later: on the line
     /// between judged rows.
     fn delay(&self, x: &[f64], all: &mut [f64]) {
         for segment in &self.evidence.segments {
-            let lag_s = self.error(x, Rough::Lag(segment.channel));
-            if lag_s != 0.0 {
+            let late_s = self.error(x, Rough::Lag(segment.channel));
+            if late_s != 0.0 {
                 let own = &mut all[segment.range()];
                 let prompt = own.to_vec();
-                own.iter_mut().enumerate().for_each(|(row, value)| *value += lag_s * segment.slope(&prompt, row, lag_s));
+                for (row, value) in own.iter_mut().enumerate() {
+                    let between = segment.shown_late(row, late_s);
+                    *value = prompt[between.low] + between.share * (prompt[between.high] - prompt[between.low]);
+                }
             }
         }
     }
@@ -257,13 +260,13 @@ impl Frame {
     /// Derivatives of what is shown late, from those of the `prompt` predictions.
     fn delay_slopes(&self, x: &[f64], prompt: &[f64], by: &[usize], slopes: &mut DMatrix<f64>) {
         for segment in &self.evidence.segments {
-            let lag_s = self.error(x, Rough::Lag(segment.channel));
-            if lag_s != 0.0 {
+            let late_s = self.error(x, Rough::Lag(segment.channel));
+            if late_s != 0.0 {
                 let own = slopes.columns(segment.begin, segment.counts.len()).into_owned();
                 for row in 0..segment.counts.len() {
-                    let Some((low, high, dt_s)) = segment.neighbours(row, lag_s) else { continue };
-                    let mut of_row = slopes.column_mut(segment.begin + row);
-                    of_row += (own.column(high) - own.column(low)) * (lag_s / dt_s);
+                    let between = segment.shown_late(row, late_s);
+                    let shown = own.column(between.low) * (1.0 - between.share) + own.column(between.high) * between.share;
+                    slopes.set_column(segment.begin + row, &shown);
                 }
             }
             let lags = by.iter().enumerate().filter(|&(_, &unknown)| self.what(unknown) == Some(Rough::Lag(segment.channel)));

@@ -190,3 +190,19 @@ fn derivatives_are_those_of_the_predictions() {
         }
     }
 }
+
+/// A sensor that is late shows what was true before, also several rows before.
+#[test]
+fn a_late_sensor_shows_an_earlier_row() {
+    let frame = frame(false);
+    let whole = Frame::new(Arc::clone(&frame.model), Arc::clone(frame.evidence.whole.as_ref().unwrap()));
+    let late = whole.known.iter().position(|known| known.what == Rough::Lag(Channel::VoltageV)).unwrap();
+    let prompt = whole.predict(&whole.start());
+    let voltage = whole.evidence.segments.iter().find(|segment| segment.channel == Channel::VoltageV).unwrap();
+    // Rows are 5 s apart.
+    for (late_s, row_of) in [(15.0, 20 - 3), (-10.0, 20 + 2)] {
+        let mut x = whole.start();
+        x[whole.free.len() + late] = late_s;
+        assert!((whole.predict(&x)[voltage.begin + 20] - prompt[voltage.begin + row_of]).abs() < 1e-12, "{late_s} s");
+    }
+}
