@@ -17,7 +17,9 @@
 //!   state      the best unknowns and noise for one list of effects, and the evidence for it
 //!     |          descent    the way there
 //!     |          starts     where a log may have begun
+//!     |          delays     how late a sensor may be
 //!     |          other_starts  and whether that alone explains them all
+//!     |          other_numbers  or one number that the model states
 //!     |          certainty  how well the numbers are known
 //!     |          told       the numbers that are told and written
 //!     |          dilution   without what the noise of inputs does to them
@@ -53,6 +55,7 @@ pub mod calibrate;
 pub mod candidate;
 pub(crate) mod certainty;
 mod course;
+mod delays;
 mod descent;
 mod dilution;
 pub mod discover;
@@ -64,11 +67,13 @@ mod handover;
 pub mod judge;
 mod lens;
 pub mod noise;
+pub mod other_numbers;
 pub mod other_starts;
 pub mod propose;
 mod prune;
 pub mod rough;
 pub mod score;
+mod segment;
 mod sketch;
 mod starts;
 pub mod state;

@@ -63,6 +63,13 @@ impl Model {
         self
     }
 
+    /// The same model with these to be fitted as well.
+    #[must_use]
+    pub fn freed(mut self, wanted: impl Fn(&Parameter) -> bool) -> Model {
+        self.parameters.iter_mut().for_each(|parameter| parameter.free |= wanted(parameter));
+        self
+    }
+
     /// The same model with some of an effect's parameters as they are where nobody states them, and not to be fitted.
     #[must_use]
     pub fn unstated(mut self, effect: &EffectSpec, names: &[&str]) -> Model {

@@ -16,8 +16,8 @@ use lab::infer::candidate::held_at_defaults;
 use lab::infer::evidence::Evidence;
 use lab::infer::floors::fitted;
 use lab::infer::frame::Frame;
-use lab::infer::other_starts::other_starts;
 use lab::infer::state::State;
+use lab::infer::{other_numbers, other_starts};
 use lab::learned;
 use lab::measurement::Log;
 use lab::model_source::{Origin, parse_beside};
@@ -125,8 +125,12 @@ impl<'a> Case<'a> {
             holdout_unexplained = Unexplained::of(&discovery, &found);
         }
         let (decision, left_out) = (self.decisions(written), learned::left_out(last));
-        let other_starts = if discovery.verdict == Verdict::Complete { Vec::new() } else { other_starts(given, &self.evidence.logs) };
-        DiscoveryReport { discovery, decision, left_out, file_rms, files, holdout_unexplained, other_starts, reach, output }
+        let (mut other_starts, mut other_numbers) = (Vec::new(), Vec::new());
+        if discovery.verdict != Verdict::Complete {
+            other_starts = other_starts::other_starts(given, &self.evidence.logs);
+            other_numbers = other_numbers::other_numbers(given, &self.evidence.logs, last);
+        }
+        DiscoveryReport { discovery, decision, left_out, file_rms, files, holdout_unexplained, other_starts, other_numbers, reach, output }
     }
 
     /// What it changes to plan with that model instead of the given one.

@@ -63,7 +63,7 @@ impl State {
     pub fn of_model(model: Arc<Model>, evidence: Arc<Evidence>) -> State {
         let frame = Frame::new(model, evidence);
         let rough = Arc::new(frame.coarse());
-        let rough = State::search(Arc::clone(&rough), &rough.start(), f64::NEG_INFINITY).or_with_other_starts();
+        let rough = State::search(Arc::clone(&rough), &rough.start(), f64::NEG_INFINITY).or_with_other_starts().or_with_other_delays();
         rough.on(frame.evidence)
     }
 

@@ -11,6 +11,7 @@ use serde::Serialize;
 use crate::compare::Comparison;
 use crate::decision::Decisions;
 use crate::infer::answer::{ByChannel, Discovery, Rung};
+use crate::infer::other_numbers::OtherNumber;
 use crate::infer::other_starts::OtherStart;
 use crate::learned::LeftOut;
 
@@ -19,7 +20,7 @@ use super::table::text;
 
 pub use holdout::{Unexplained, held_out};
 pub use tables::{decisions, fall, floor_name};
-pub use words::{effects, headline, left, other_starts, refusal, untested};
+pub use words::{effects, headline, left, other_numbers, other_starts, refusal, untested};
 
 /// How far a search went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -50,6 +51,9 @@ pub struct DiscoveryReport {
     /// Logs that would have to begin at another charge for the model as given to explain all of them, without what was found.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_starts: Vec<OtherStart>,
+    /// Numbers of the model as given, each of which alone would explain all logs if it were another, without what was found.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub other_numbers: Vec<OtherNumber>,
     /// How far the search went.
     pub reach: Reach,
     /// The file written; null when none was asked for.
@@ -88,7 +92,8 @@ impl DiscoveryReport {
         let found = &self.discovery;
         let held = held_out(found, &self.holdout_unexplained).map_or_else(String::new, |words| words + "\n");
         let starts = other_starts(&self.other_starts).map_or_else(String::new, |words| words + "\n");
-        let mut parts = vec![format!("{}: {}\n{starts}{held}", found.model, headline(found, self.reach))];
+        let numbers = other_numbers(&self.other_numbers).map_or_else(String::new, |words| words + "\n");
+        let mut parts = vec![format!("{}: {}\n{starts}{numbers}{held}", found.model, headline(found, self.reach))];
         parts.push(ladder(&found.ladder));
         parts.extend(section("", text(&tables::ranking(found, PRINTED)), !found.ranking.is_empty()));
         let more = found.ranking.len().saturating_sub(PRINTED);

@@ -12,6 +12,7 @@ mod known_together;
 mod made_up;
 mod measured;
 mod noisy_current;
+mod other_numbers;
 mod propose;
 mod real_logs;
 mod recordings;

@@ -3,8 +3,9 @@
 use crate::infer::answer::{Discovery, Rung, Verdict};
 use crate::infer::candidate::Untested;
 use crate::infer::judge::Refusal;
+use crate::infer::other_numbers::OtherNumber;
 use crate::infer::other_starts::OtherStart;
-use crate::report::quantity::{digits, quantity, unit_of};
+use crate::report::quantity::{digits, quantity, unit_of, with_sigma};
 
 use super::Reach;
 
@@ -19,6 +20,28 @@ pub fn other_starts(starts: &[OtherStart]) -> Option<String> {
     let one = |start: &OtherStart| format!("{:.places$} in place of {:.places$} in {}", start.found, start.stated, start.log);
     let all: Vec<String> = starts.iter().map(one).collect();
     Some(format!("Without any effect, {what} these logs as well ({}): is {fact} right?{more}", all.join(", ")))
+}
+
+/// Numbers told one by one; of more there is no telling which.
+const NUMBERS_TOLD: usize = 4;
+
+/// That another number of the model would explain the logs as well; nothing where none would.
+#[must_use]
+pub fn other_numbers(numbers: &[OtherNumber]) -> Option<String> {
+    numbers.first()?;
+    let one = |number: &OtherNumber| {
+        let found = with_sigma(number.found, Some(number.sigma), "");
+        let share = (100.0 * number.explained).floor();
+        format!("{} = {found} in place of {} ({share} %)", number.numbers.join(" and "), digits(number.stated))
+    };
+    let told: Vec<String> = numbers.iter().take(NUMBERS_TOLD).map(one).collect();
+    let more = numbers.len().saturating_sub(NUMBERS_TOLD);
+    let more = if more > 0 { format!(", or one of {more} more") } else { String::new() };
+    let which = if numbers.len() > 1 { "is one of them the right one?" } else { "is it right?" };
+    Some(format!(
+        "Without any effect, another number explains as much of the squared error beyond the noise: {}{more}; {which}",
+        told.join(", or ")
+    ))
 }
 
 /// The verdict in a sentence.

@@ -1,0 +1,136 @@
+//! Whether a stated number of the model, or a sensor that reads late, would explain the logs without any effect.
+//!
+//! A search changes what the model marks free, and takes every other number as exact. What is wrong with one of those is
+//! taken for an effect that does the same (a mass that is a fifth too small for friction in the gears), and only who
+//! stated it can know.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use energy::{Channel, Model, Parameter, Sensor};
+use serde::Serialize;
+
+use super::evidence::Evidence;
+use super::rough::Rough;
+use super::state::State;
+use crate::prepare::Prepared;
+
+/// Rows by which a sensor may be late or early here.
+const LATE_ROWS: f64 = 10.0;
+/// Share by which a sensor may show too much or too little here: also pounds for kilograms, and hardly its sign.
+const WIDE_GAIN: f64 = 1.0;
+/// Deviations from what is stated from which on a sensor's number is another.
+const SURELY: f64 = 5.0;
+/// Of the squared error beyond the floor, the most that another number may leave.
+const MOST_LEFT: f64 = 0.1;
+/// It may leave twice as much as what was found, and where that leaves nothing a tenth of the floor's square.
+const AS_WELL: f64 = 2.0;
+const SLACK: f64 = 0.1;
+
+/// A number that would have to be another.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OtherNumber {
+    /// Where it stands in the model file: `effect.parameter`, all that have one name and one value; `sensor.channel.lag_s`. Or `gain of
+    /// channel`, reading over true value, which no file holds.
+    pub numbers: Vec<String>,
+    /// As it is stated.
+    pub stated: f64,
+    /// As it would have to be.
+    pub found: f64,
+    /// Standard deviation of that.
+    pub sigma: f64,
+    /// Share of the squared error beyond the sensors' noise that goes with it.
+    pub explained: f64,
+}
+
+/// What would have to be another number for the model as given to explain all logs nearly as well as what was `found`, each alone;
+/// empty where nothing would.
+#[must_use]
+pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Vec<OtherNumber> {
+    let given = State::of_model(Arc::clone(model), Arc::new(Evidence::new(model, logs.to_vec())));
+    let asked = Asked { given: unexplained(&given), found: unexplained(found) };
+    let evidence = &given.frame.evidence;
+    let of_effects = alike(model).into_iter().filter_map(|alike| {
+        let freed = Model::clone(model).freed(|parameter| alike.iter().any(|one| same(one, parameter)));
+        let state = State::of_model(Arc::new(freed), Arc::clone(evidence)).with_what_is_open_as_before();
+        let sigmas = state.sigmas();
+        let own = |&place: &usize| alike.iter().any(|one| same(one, &state.frame.model.parameters()[state.frame.free[place]]));
+        let place = (0..sigmas.len()).filter(own).min_by(|&a, &b| sigmas[a].total_cmp(&sigmas[b]))?;
+        let numbers = alike.iter().map(|one| format!("{}.{}", one.effect, one.name)).collect();
+        asked.tell(&state, numbers, alike[0].value, state.x[place], sigmas[place])
+    });
+    let of_sensor = |numbers: String, stated: f64, what: Rough, wider: Sensor| {
+        let (Rough::Lag(channel) | Rough::Gain(channel)) = what else { return None };
+        let mut model = Model::clone(model);
+        model.sensors.insert(channel, wider);
+        let own = Arc::new(Evidence::new(&model, logs.to_vec()));
+        let state = State::of_model(Arc::new(model), own);
+        let place = state.frame.free.len() + state.frame.known.iter().position(|known| known.what == what)?;
+        let (shift, sigma) = (state.x[place], state.covariance()[(place, place)].max(0.0).sqrt());
+        let known = if let Rough::Lag(_) = what {
+            given.frame.model.sensor(channel).lag_sigma_s
+        } else {
+            given.frame.model.sensor(channel).gain_sigma
+        };
+        (shift.abs() > SURELY * sigma.hypot(known)).then(|| asked.tell(&state, vec![numbers], stated, stated + shift, sigma))?
+    };
+    let targets = model.system.targets().iter().copied().filter(|&channel| logs.iter().any(|log| judged(log, channel)));
+    let late = targets.filter_map(|channel| {
+        let (sensor, widest_s) = (model.sensor(channel), LATE_ROWS * evidence.step_s(channel));
+        let numbers = format!("sensor.{}.lag_s", channel.name());
+        of_sensor(numbers, sensor.lag_s, Rough::Lag(channel), Sensor { lag_sigma_s: widest_s, ..sensor })
+    });
+    let inputs = logs.iter().flat_map(|log| log.inputs.iter()).filter(|(_, values)| !is_flag(values)).map(|&(channel, _)| channel);
+    let gains = inputs.collect::<BTreeSet<_>>().into_iter().filter_map(|channel| {
+        let numbers = format!("gain of {}", channel.name());
+        of_sensor(numbers, 1.0, Rough::Gain(channel), Sensor { gain_sigma: WIDE_GAIN, ..model.sensor(channel) })
+    });
+    of_effects.chain(late).chain(gains).collect()
+}
+
+/// What is left by the model as given, and by what was found.
+struct Asked {
+    given: f64,
+    found: f64,
+}
+
+impl Asked {
+    /// Another number, where it explains nearly as much as what was found.
+    fn tell(&self, state: &State, numbers: Vec<String>, stated: f64, found: f64, sigma: f64) -> Option<OtherNumber> {
+        let left = unexplained(state);
+        let most = (AS_WELL * self.found + SLACK).min(MOST_LEFT * self.given);
+        (left <= most).then(|| OtherNumber { numbers, stated, found, sigma, explained: 1.0 - left / self.given })
+    }
+}
+
+/// The numbers that are not free, those of one name and value together: the mass of a robot stands with all that it does.
+fn alike(model: &Model) -> Vec<Vec<&Parameter>> {
+    let mut all: Vec<Vec<&Parameter>> = Vec::new();
+    for parameter in model.parameters().iter().filter(|parameter| !parameter.free && parameter.max > parameter.min) {
+        let known = all.iter_mut().find(|alike| alike[0].name == parameter.name && alike[0].value.to_bits() == parameter.value.to_bits());
+        match known {
+            Some(alike) => alike.push(parameter),
+            None => all.push(vec![parameter]),
+        }
+    }
+    all
+}
+
+fn same(one: &Parameter, other: &Parameter) -> bool {
+    one.effect == other.effect && one.name == other.name
+}
+
+/// Whether something is only there or not: it has no gain.
+fn is_flag(values: &[f64]) -> bool {
+    values.iter().all(|&value| value == 0.0 || value == 1.0)
+}
+
+fn judged(log: &Prepared, channel: Channel) -> bool {
+    log.targets.iter().any(|target| target.channel == channel)
+}
+
+/// What is left beyond the sensors' noise, in squares of it, over all channels.
+fn unexplained(state: &State) -> f64 {
+    let beyond = |(channel, rms): (Channel, f64)| ((rms / state.frame.evidence.floor(channel)).powi(2) - 1.0).max(0.0);
+    state.rms().into_iter().map(beyond).sum()
+}

@@ -1,0 +1,71 @@
+//! Logs that another number of the model, or of a sensor, would explain without any effect.
+
+use std::sync::Arc;
+
+use energy::{Channel, Model};
+use lab::infer::discover::search;
+use lab::infer::evidence::Evidence;
+use lab::infer::other_numbers::{OtherNumber, other_numbers};
+use lab::measurement::{Log, LogFacts, read_log};
+use lab::predict::predict;
+use lab::prepare::{Prepared, prepare};
+use rand_distr::{Distribution as _, Normal};
+use rand_pcg::Pcg64;
+
+use crate::made_up;
+
+/// A cell whose resistance is stated, and not to be fitted.
+fn cell(resistance_ohm: f64) -> Arc<Model> {
+    made_up::model(&format!(
+        "[sensor.voltage_v]\nsigma = 1e-3\n[sensor.current_a]\nsigma = 1e-3\n[uncertainty]\nsoc_initial_sigma = 5e-3\n\
+         [[effect]]\nid = \"ohmic\"\nresistance_ohm = {{ value = {resistance_ohm}, source = \"t\" }}\n"
+    ))
+}
+
+/// Logs of a truth, whose voltage is read `late` rows late.
+fn logs(base: &Arc<Model>, truth: &Arc<Model>, late: usize) -> Vec<Prepared> {
+    let rows: String = (0..1800).map(|row| format!("{row},{},3.9\n", [1.5, 0.0, 0.5, -0.8, 2.1][row / 50 % 5])).collect();
+    let facts = LogFacts { soc_initial: Some(0.95), ..LogFacts::default() };
+    let log = read_log("blocks.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), facts).unwrap();
+    let seen = predict(truth, &prepare(truth, &log).unwrap(), &truth.values());
+    let noisy = |seed: u128| {
+        let (mut log, noise, mut random): (Log, _, _) = (log.clone(), Normal::new(0.0, 1e-3).unwrap(), Pcg64::new(seed, 0));
+        let volts = seen.of(Channel::VoltageV).unwrap();
+        let read = (0..volts.len()).map(|row| volts[row.saturating_sub(late)] + noise.sample(&mut random)).collect();
+        log.channels.insert(Channel::VoltageV, read);
+        prepare(base, &log).unwrap()
+    };
+    vec![noisy(1), noisy(2)]
+}
+
+fn told(base: &Arc<Model>, logs: &[Prepared]) -> Vec<OtherNumber> {
+    let search = search(Arc::clone(base), Arc::new(Evidence::new(base, logs.to_vec())), None);
+    other_numbers(base, logs, search.last.told())
+}
+
+#[test]
+fn a_stated_number_that_is_wrong_is_told_beside_what_stands_in_for_it() {
+    let (base, truth) = (cell(0.05), cell(0.08));
+    let told = told(&base, &logs(&base, &truth, 0));
+    let [number] = &told[..] else { panic!("{told:?}") };
+    assert_eq!((&number.numbers[..], number.stated), (&["ohmic.resistance_ohm".to_owned()][..], 0.05));
+    assert!((number.found - 0.08).abs() < 4.0 * number.sigma && number.sigma < 1e-4 && number.explained > 0.99, "{number:?}");
+}
+
+#[test]
+fn a_voltage_that_is_read_two_rows_late_is_told_to_be_late() {
+    let base = cell(0.08);
+    let told = told(&base, &logs(&base, &base, 2));
+    let [number] = &told[..] else { panic!("{told:?}") };
+    assert_eq!(number.numbers, ["sensor.voltage_v.lag_s"]);
+    // The voltage of the first rows is that of the rest before; a delay of whole rows has a kink at its best.
+    assert!((number.found - 2.0).abs() < 0.05, "{number:?}");
+}
+
+#[test]
+fn an_effect_that_no_number_stands_in_for_is_told_alone() {
+    let base = cell(0.05);
+    let mut truth = base.with("hysteresis").unwrap();
+    truth = truth.with("rc1").unwrap();
+    assert_eq!(told(&base, &logs(&base, &Arc::new(truth), 0)), []);
+}
