@@ -79,6 +79,9 @@ pub trait Source: Send {
     /// Moves on by `dt_s` seconds; nothing when the source has ended.
     fn advance(&mut self, dt_s: f64) -> Option<Observation>;
 
+    /// Takes in where the robot stood when its agent was stopped. For sources that find out by themselves it is nothing new.
+    fn stand(&mut self, _place: Place) {}
+
     /// What a simulated bay gives. Real sources feel their bay and need not be told.
     fn supply(&mut self, _supply: &SimSupply) {}
 

@@ -21,6 +21,19 @@ pub struct Memory {
 /// What is compared to see whether a new memory is due.
 pub(super) type Sketch = (RobotPhase, Option<StationId>, Option<BayId>, Option<f64>);
 
+impl Memory {
+    /// Where the robot stands by what was kept; nothing where it may have been moving.
+    #[must_use]
+    pub fn place(&self) -> Option<Place> {
+        use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
+        match self.phase {
+            Waiting | Swapping => Some(Place::AtStation),
+            Docked | Charging | Charged => Some(Place::InBay),
+            Working | Travelling | Stranded => None,
+        }
+    }
+}
+
 impl Agent {
     /// Goes on from what was kept. To be called before the first input.
     pub fn restore(&mut self, memory: Memory) {

@@ -281,3 +281,18 @@ fn who_comes_for_an_exchange_waits_even_if_it_says_that_it_stands_in_a_bay() {
     assert_eq!(bench.agent.phase, RobotPhase::Waiting);
     assert_eq!(bench.ask(swap()).0, Outcome::Accepted);
 }
+
+#[test]
+fn who_is_restarted_during_an_exchange_waits_for_its_pack() {
+    let mut before = bench();
+    before.arrive();
+    let command = before.command(swap());
+    let memory = kept(&mut before, Input::Command(command));
+    assert_eq!(memory.place(), Some(Place::AtStation));
+    let mut after = bench();
+    after.place = memory.place().unwrap();
+    after.agent.restore(memory);
+    assert_eq!((after.observe(|_| {}), after.agent.phase), (vec![], RobotPhase::Swapping));
+    let acts = after.observe(|observation| observation.exchanged = Some(energy::Estimate::new(0.97, 0.01)));
+    assert_eq!((acts, after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
+}

@@ -56,14 +56,26 @@ impl Body {
 /// The program that makes the robot act. It is started anew for every act with the act as its last
 /// arguments: `travel_to STATION [BAY]`, `charge`, `stop_charging` or `resume`. It ends when that is
 /// done, with exit status 0; the last line that it prints may say where the robot is then:
-/// `mission`, `underway`, `at_station` or `in_bay`. Another act ends it before its time (SIGTERM).
+/// `mission`, `underway`, `at_station` or `in_bay`. Another act ends it before its time (SIGTERM). What fails is begun
+/// again, later each time, until something else is asked.
 #[derive(Debug)]
 pub struct Hands {
     program: Program,
     place: Place,
     powered: bool,
     trouble: Option<String>,
+    /// What was asked last, until it is done.
+    asked: Vec<String>,
+    /// Time until what failed is begun again, s; none while nothing waits for that.
+    again_in_s: Option<f64>,
+    /// How often it failed.
+    failures: i32,
 }
+
+/// Time before a failed act is begun again, s; twice as long after each failure.
+const RETRY_S: f64 = 10.0;
+/// No longer than this, s.
+const RETRY_MAX_S: f64 = 300.0;
 
 impl Hands {
     /// The hands of a robot at work.
@@ -71,7 +83,12 @@ impl Hands {
     pub fn new(drive: Vec<String>) -> Self {
         let program = Program::new(KEY, drive);
         program.look_for();
-        Self { program, place: Place::Mission, powered: false, trouble: None }
+        Self { program, place: Place::Mission, powered: false, trouble: None, asked: Vec::new(), again_in_s: None, failures: 0 }
+    }
+
+    /// Takes in where the robot stood when its agent was stopped; a bay feeds it until something else is felt.
+    pub fn stand(&mut self, place: Place) {
+        (self.place, self.powered) = (place, place == Place::InBay);
     }
 
     /// Begins an act.
@@ -90,8 +107,13 @@ impl Hands {
             Act::Resume if !self.powered => self.place = Place::Mission,
             _ => {}
         }
-        self.trouble = None;
-        if let Err(what) = self.program.begin(&arguments) {
+        (self.trouble, self.asked, self.failures) = (None, arguments, 0);
+        self.start();
+    }
+
+    fn start(&mut self) {
+        self.again_in_s = None;
+        if let Err(what) = self.program.begin(&self.asked) {
             self.fail(what);
         }
     }
@@ -106,9 +128,14 @@ impl Hands {
         }
     }
 
-    /// Where the robot is.
-    pub fn place(&mut self) -> Place {
+    /// Where the robot is after another `dt_s` seconds.
+    pub fn place(&mut self, dt_s: f64) -> Place {
         self.watch();
+        match &mut self.again_in_s {
+            Some(left_s) if *left_s <= dt_s => self.start(),
+            Some(left_s) => *left_s -= dt_s,
+            None => {}
+        }
         self.place
     }
 
@@ -130,6 +157,7 @@ impl Hands {
         if let Err(what) = result {
             return self.fail(what);
         }
+        self.trouble = None;
         let travelled = said.starts_with("travel_to");
         let told = printed.lines().rev().find_map(|line| place_named(line.trim()));
         match told {
@@ -140,8 +168,10 @@ impl Hands {
     }
 
     fn fail(&mut self, what: String) {
-        warn!("{what}");
-        self.trouble = Some(what);
+        let wait_s = (RETRY_S * 2_f64.powi(self.failures)).min(RETRY_MAX_S);
+        warn!("{what}; again in {wait_s} s");
+        (self.trouble, self.again_in_s) = (Some(what), Some(wait_s));
+        self.failures += 1;
     }
 }
 

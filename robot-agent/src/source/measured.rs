@@ -6,7 +6,7 @@ use device::{Device, Reader};
 use energy::Model;
 
 use super::body::{Body, Hands};
-use super::{Act, Observation, Source};
+use super::{Act, Observation, Place, Source};
 
 /// A robot whose battery a device measures.
 pub struct Measured {
@@ -33,12 +33,16 @@ impl Source for Measured {
         self.hands.begin(act);
     }
 
+    fn stand(&mut self, place: Place) {
+        self.hands.stand(place);
+    }
+
     fn advance(&mut self, dt_s: f64) -> Option<Observation> {
         let seen = self.reader.advance(dt_s);
         for supply in seen.supplies {
             self.hands.feel(supply);
         }
-        let place = self.hands.place();
+        let place = self.hands.place(dt_s);
         Some(Observation {
             sample: seen.sample,
             place,

@@ -327,6 +327,10 @@ impl Source for RobotBody {
         })
     }
 
+    fn stand(&mut self, place: Place) {
+        self.place = place;
+    }
+
     fn supply(&mut self, supply: &SimSupply) {
         if let Some(soc) = supply.exchanged {
             self.left_soc = Some(self.true_soc());

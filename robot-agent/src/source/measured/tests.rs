@@ -93,3 +93,22 @@ fn a_program_is_told_to_end_when_something_else_is_asked_and_one_that_is_not_the
     none.begin(&to);
     assert!(none.trouble().unwrap().starts_with("body.drive: /no/such/program travel_to mds-1: No such file"));
 }
+
+#[test]
+fn what_failed_is_begun_again_after_ten_seconds_until_something_else_is_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let drive = driver(folder.path(), "[ $(wc -l < $(dirname $0)/acts) -ge 2 ]");
+    let mut hands = Hands::new(drive);
+    hands.begin(&Act::TravelTo { station: StationId::new("mds-1").unwrap(), bay: None });
+    let mut until = |dt_s: f64, what: fn(&mut Hands, f64) -> bool| {
+        let mut passed_s = 0.0;
+        while !what(&mut hands, dt_s) {
+            passed_s += dt_s;
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            assert!(passed_s < 1000.0, "it never came to be so");
+        }
+    };
+    until(0.001, |hands, dt_s| hands.place(dt_s) == Place::Underway && hands.trouble().is_some());
+    until(0.5, |hands, dt_s| hands.place(dt_s) == Place::AtStation && hands.trouble().is_none());
+    assert_eq!(std::fs::read_to_string(folder.path().join("acts")).unwrap(), "travel_to mds-1\ntravel_to mds-1\n");
+}
