@@ -23,6 +23,12 @@ const JUMP_SIGMAS: f64 = 5.0;
 const RATE_MAX_PER_H: f64 = 4.0;
 /// A gauge that jumped is believed again after this time without another jump, s.
 const JUMP_FORGOTTEN_S: f64 = 900.0;
+/// A robot's clock that is off by so much is wrong, s: no message is under way for that long.
+const CLOCK_S: f64 = 30.0;
+/// Messages that must agree on that: the first after a start may be an old one.
+const CLOCK_MIN: u32 = 3;
+/// Share by which it must change to be told anew.
+const CLOCK_CHANGE: f64 = 0.5;
 /// What is uncertain of a load that nobody has counted, as a share of it.
 const UNCOUNTED_SHARE: f64 = 0.3;
 
@@ -35,6 +41,8 @@ pub enum Fault {
     Frozen(Timestamp),
     /// Its state of charge moved by so much at once.
     Jumped(Timestamp, f64),
+    /// Its robot's clock is ahead of the coordinator's by so many seconds.
+    Clock(f64),
 }
 
 impl std::fmt::Display for Fault {
@@ -43,6 +51,10 @@ impl std::fmt::Display for Fault {
         match self {
             Fault::Silent(since) => write!(f, "has not been heard since {}", time(since)),
             Fault::Frozen(since) => write!(f, "has said the same since {}, though its robot works", time(since)),
+            Fault::Clock(ahead_s) => {
+                let side = if *ahead_s > 0.0 { "ahead of" } else { "behind" };
+                write!(f, "comes from a clock that is {:.0} s {side} the coordinator's: set one of them", ahead_s.abs())
+            }
             Fault::Jumped(at, by) => write!(f, "jumped by {:+.0} % of charge at {}, which no current explains", by * 100.0, time(at)),
         }
     }
@@ -52,6 +64,11 @@ impl std::fmt::Display for Fault {
 #[derive(Debug, Clone, Default)]
 struct Track {
     last: Option<Gauge>,
+    /// When that arrived, by the coordinator's clock, by which all else here is timed.
+    arrived: Option<Timestamp>,
+    /// How many messages in a row came from a clock that is off, and by how much that is ahead.
+    clock_off: u32,
+    clock_ahead_s: Option<f64>,
     /// Since when, and how often, it has said the same.
     same: Option<(Timestamp, u32)>,
     jumped: Option<(Timestamp, f64)>,
@@ -69,10 +86,18 @@ pub struct Trust {
 
 impl Trust {
     /// Takes in a message. `swapped` says that the robot's pack may have been exchanged meanwhile.
-    pub fn heard(&mut self, robot: &RobotId, gauge: &Gauge, phase: Option<RobotPhase>, swapped: bool) {
+    pub fn heard(&mut self, now: Timestamp, robot: &RobotId, gauge: &Gauge, phase: Option<RobotPhase>, swapped: bool) {
         let track = self.robots.entry(robot.clone()).or_default();
         if swapped {
-            *track = Track { told: track.told, ..Track::default() };
+            let Track { told, clock_off, clock_ahead_s, .. } = *track;
+            *track = Track { told, clock_off, clock_ahead_s, ..Track::default() };
+        }
+        let ahead_s = gauge.at.seconds_since(now);
+        track.clock_off = if ahead_s.abs() > CLOCK_S { track.clock_off + 1 } else { 0 };
+        match track.clock_ahead_s {
+            Some(_) if track.clock_off == 0 => track.clock_ahead_s = None,
+            Some(known) if (ahead_s - known).abs() < CLOCK_CHANGE * known.abs() => {}
+            _ => track.clock_ahead_s = (track.clock_off >= CLOCK_MIN).then_some(ahead_s),
         }
         if let Some(last) = &track.last {
             let hours = gauge.at.seconds_since(last.at) / energy::units::S_PER_H;
@@ -80,26 +105,26 @@ impl Trust {
             track.period_s = gauge.at.seconds_since(last.at);
             let possible = RATE_MAX_PER_H * hours + JUMP_SIGMAS * last.soc.sigma.hypot(gauge.soc.sigma);
             if by.abs() > possible {
-                track.jumped = Some((gauge.at, by));
+                track.jumped = Some((now, by));
             }
             let works = matches!(phase, Some(RobotPhase::Working | RobotPhase::Travelling));
             let same = last.soc.value == gauge.soc.value && last.voltage_v == gauge.voltage_v && last.current_a == gauge.current_a;
             track.same = match track.same {
                 Some((since, times)) if same && works => Some((since, times + 1)),
-                None if same && works => Some((last.at, 1)),
+                None if same && works => Some((track.arrived.unwrap_or(now), 1)),
                 _ => None,
             };
         }
-        track.last = Some(gauge.clone());
+        (track.last, track.arrived) = (Some(gauge.clone()), Some(now));
     }
 
     /// What is wrong with a robot's gauge now, if anything is.
     #[must_use]
     pub fn fault(&self, now: Timestamp, robot: &RobotId) -> Option<Fault> {
         let track = self.robots.get(robot)?;
-        let last = track.last.as_ref()?;
-        if now.seconds_since(last.at) > SILENT_S.max(PERIODS_MAX * track.period_s) {
-            return Some(Fault::Silent(last.at));
+        let arrived = track.arrived?;
+        if now.seconds_since(arrived) > SILENT_S.max(PERIODS_MAX * track.period_s) {
+            return Some(Fault::Silent(arrived));
         }
         if let Some((since, times)) = track.same
             && times >= FROZEN_MIN
@@ -107,7 +132,14 @@ impl Trust {
         {
             return Some(Fault::Frozen(since));
         }
-        track.jumped.filter(|(at, _)| now.seconds_since(*at) < JUMP_FORGOTTEN_S).map(|(at, by)| Fault::Jumped(at, by))
+        let jumped = track.jumped.filter(|(at, _)| now.seconds_since(*at) < JUMP_FORGOTTEN_S).map(|(at, by)| Fault::Jumped(at, by));
+        jumped.or(track.clock_ahead_s.map(Fault::Clock))
+    }
+
+    /// How far a robot's clock is known to be ahead of the coordinator's, s; 0 where it is not.
+    #[must_use]
+    pub fn clock_ahead_s(&self, robot: &RobotId) -> f64 {
+        self.robots.get(robot).and_then(|track| track.clock_ahead_s).map_or(0.0, |ahead_s| ahead_s.max(0.0))
     }
 
     /// What is to be told of a gauge, if that is something else than before: its fault, or that it has
@@ -124,7 +156,7 @@ impl Trust {
     pub fn belief(&self, now: Timestamp, robot: &RobotId, gauge: &Gauge, state: &RobotState, stored_wh: f64) -> (Estimate, Estimate) {
         let (soc, remaining_wh) = (from_wire(gauge.soc), from_wire(gauge.remaining_wh));
         match self.fault(now, robot) {
-            None => (soc, remaining_wh),
+            None | Some(Fault::Clock(_)) => (soc, remaining_wh),
             Some(Fault::Jumped(_, by)) => {
                 // It was wrong before or is wrong now.
                 let wider = |estimate: Estimate, by: f64| Estimate::new(estimate.value, estimate.sigma.hypot(by));
@@ -172,7 +204,7 @@ mod tests {
         let mut trust = Trust::default();
         for n in 0..300 {
             let time_s = f64::from(n);
-            trust.heard(&robot(), &gauge(time_s, 0.5 - 8e-5 * time_s, 11.1 - 1e-5 * time_s), Some(RobotPhase::Working), false);
+            trust.heard(at(time_s), &robot(), &gauge(time_s, 0.5 - 8e-5 * time_s, 11.1 - 1e-5 * time_s), Some(RobotPhase::Working), false);
         }
         assert_eq!(trust.fault(at(300.0), &robot()), None);
         assert_eq!(trust.fault(at(600.0), &robot()), Some(Fault::Silent(at(299.0))));
@@ -181,15 +213,21 @@ mod tests {
     #[test]
     fn a_jump_is_no_charge_and_is_forgotten_after_a_while() {
         let mut trust = Trust::default();
-        trust.heard(&robot(), &gauge(0.0, 0.5, 11.1), Some(RobotPhase::Working), false);
-        trust.heard(&robot(), &gauge(1.0, 0.8, 11.1), Some(RobotPhase::Working), false);
+        trust.heard(at(0.0), &robot(), &gauge(0.0, 0.5, 11.1), Some(RobotPhase::Working), false);
+        trust.heard(at(1.0), &robot(), &gauge(1.0, 0.8, 11.1), Some(RobotPhase::Working), false);
         assert!(matches!(trust.fault(at(2.0), &robot()), Some(Fault::Jumped(..))));
         for n in 2..1000 {
-            trust.heard(&robot(), &gauge(f64::from(n), 0.8, 11.1 + 1e-4 * f64::from(n % 3)), Some(RobotPhase::Working), false);
+            trust.heard(
+                at(f64::from(n)),
+                &robot(),
+                &gauge(f64::from(n), 0.8, 11.1 + 1e-4 * f64::from(n % 3)),
+                Some(RobotPhase::Working),
+                false,
+            );
         }
         assert_eq!(trust.fault(at(1000.0), &robot()), None);
         // A new pack is a new gauge.
-        trust.heard(&robot(), &gauge(1001.0, 0.1, 11.0), Some(RobotPhase::Working), true);
+        trust.heard(at(1001.0), &robot(), &gauge(1001.0, 0.1, 11.0), Some(RobotPhase::Working), true);
         assert_eq!(trust.fault(at(1002.0), &robot()), None);
     }
 
@@ -197,10 +235,35 @@ mod tests {
     fn who_says_the_same_for_minutes_at_work_is_frozen_and_in_a_bay_is_not() {
         for (phase, frozen) in [(RobotPhase::Working, true), (RobotPhase::Docked, false)] {
             let mut trust = Trust::default();
-            (0..200).for_each(|n| trust.heard(&robot(), &gauge(f64::from(n), 0.5, 11.1), Some(phase), false));
+            (0..200).for_each(|n| trust.heard(at(f64::from(n)), &robot(), &gauge(f64::from(n), 0.5, 11.1), Some(phase), false));
             assert_eq!(trust.fault(at(200.0), &robot()).is_some(), frozen, "{phase}");
             assert_eq!(trust.news(at(200.0), &robot()).is_some(), frozen);
             assert!(trust.news(at(201.0), &robot()).is_none(), "told once");
+        }
+    }
+
+    #[test]
+    fn a_clock_that_is_off_is_told_once_and_does_not_silence_its_gauge() {
+        for ahead_s in [300.0, -300.0, -3600.0] {
+            let mut trust = Trust::default();
+            let mut told = 0;
+            for n in 0..400 {
+                let now_s = 4000.0 + f64::from(n);
+                let soc = 0.5 - 8e-5 * f64::from(n);
+                trust.heard(
+                    at(now_s),
+                    &robot(),
+                    &gauge(now_s + ahead_s, soc, 11.1 - 1e-5 * f64::from(n)),
+                    Some(RobotPhase::Working),
+                    false,
+                );
+                told += usize::from(trust.news(at(now_s), &robot()).is_some());
+            }
+            assert_eq!((told, trust.fault(at(4400.0), &robot())), (1, Some(Fault::Clock(ahead_s))));
+            assert_eq!(trust.clock_ahead_s(&robot()), ahead_s.max(0.0));
+            // Set right, it is believed again.
+            trust.heard(at(4401.0), &robot(), &gauge(4401.0, 0.468, 11.09), Some(RobotPhase::Working), false);
+            assert_eq!(trust.clock_ahead_s(&robot()), 0.0);
         }
     }
 }

@@ -40,12 +40,15 @@ impl Core {
     }
 
     pub(super) fn ask_robot(&mut self, now: Timestamp, robot: &RobotId, action: RobotAction, service: Option<(RobotId, Stage)>) {
-        let command = self.next_command(now, action);
+        let mut command = self.next_command(now, action);
+        let given_up = command.deadline;
+        // The robot reads its deadline on its own clock.
+        command.deadline = given_up.plus_s(self.trust.clock_ahead_s(robot));
         self.record(Record::RobotCommand { robot: robot.clone(), command: command.clone() });
         let text = format!("{} to {robot}: {}", command.id, answers::robot_action(&command.action));
         self.event(now, EventKind::CommandSent, Some(robot), None, None, text);
         let asked = AskedCommand::Robot(robot.clone(), command.clone());
-        self.remember(now, command.id.clone(), command.deadline, asked, service);
+        self.remember(now, command.id.clone(), given_up, asked, service);
         self.outputs.push_back(Output::ToRobot(robot.clone(), command));
     }
 

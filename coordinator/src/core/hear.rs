@@ -24,7 +24,7 @@ impl Core {
         let phase = robot.phase();
         let swapped = phase == Some(RobotPhase::Swapping)
             || self.running.get(id).is_some_and(|run| matches!(run.how, How::Swap { .. }) && run.stage == Stage::Swapping);
-        self.trust.heard(id, &gauge, phase, swapped);
+        self.trust.heard(now, id, &gauge, phase, swapped);
         self.doubt_gauge(now, id);
         let name = self.fleet.robots[id].state.as_ref().map(|state| state.battery.as_str());
         let model = name.and_then(|name| self.models.battery(id, name));
