@@ -4,6 +4,7 @@
 //! most if it takes the smallest needs first, which is exact. Together the robots are shared out:
 //! by prices on each station's energy, which also bound from above what any sharing reaches.
 
+use crate::packing::share_more;
 use crate::problem::Problem;
 use crate::way::charge_need;
 
@@ -24,9 +25,9 @@ pub struct Capacity {
 
 /// A robot's need at one station, mWh.
 #[derive(Debug, Clone, Copy)]
-struct Need {
-    station: usize,
-    energy: i64,
+pub(crate) struct Need {
+    pub(crate) station: usize,
+    pub(crate) energy: i64,
 }
 
 /// What the problem's packs can serve.
@@ -59,10 +60,10 @@ pub fn capacity(problem: &Problem) -> Capacity {
     let in_need = needs.iter().filter(|needs| !needs.is_empty()).count();
     let (split_bound, prices) = bound(&needs, &pools, &most.iter().map(|&(_, split)| split).collect::<Vec<_>>());
     let (atomic_bound, _) = bound(&needs, &pools, &most.iter().map(|&(atomic, split)| atomic.min(split)).collect::<Vec<_>>());
-    found.atomic = share(&needs, &bins, &prices);
-    found.split = share(&needs, &pooled, &prices).len().max(found.atomic.len());
     found.split_bound = split_bound.min(in_need);
     found.atomic_bound = atomic_bound.min(found.split_bound);
+    found.atomic = share(&needs, &bins, &prices, found.atomic_bound);
+    found.split = share(&needs, &pooled, &prices, found.split_bound).len().max(found.atomic.len());
     found
 }
 
@@ -131,9 +132,13 @@ fn bound(needs: &[Vec<Need>], pools: &[i64], most: &[usize]) -> (usize, Vec<i64>
     ((best / i128::from(UNIT)) as usize, best_prices)
 }
 
+/// Robots up to which all ways of sharing them out are tried.
+const FEW: usize = 32;
+
 /// Shares robots out to bins `(station, pack, energy)`: smallest priced need first, each to the bin
-/// that it fills best; then room is made for who is left by moving one other.
-fn share(needs: &[Vec<Need>], bins: &[(usize, usize, i64)], prices: &[i64]) -> Vec<(usize, usize, usize)> {
+/// that it fills best; then room is made for who is left by moving one other, and where that serves fewer than `most` robots, of few
+/// robots all ways are tried.
+fn share(needs: &[Vec<Need>], bins: &[(usize, usize, i64)], prices: &[i64], most: usize) -> Vec<(usize, usize, usize)> {
     let mut at = vec![Vec::new(); prices.len()];
     for (bin, &(station, _, _)) in bins.iter().enumerate() {
         at[station].push(bin);
@@ -164,7 +169,10 @@ fn share(needs: &[Vec<Need>], bins: &[(usize, usize, i64)], prices: &[i64]) -> V
         }
         place
     });
-    let best = tried.into_iter().max_by_key(|place| place.iter().flatten().count()).unwrap_or_default();
+    let mut best = tried.into_iter().max_by_key(|place| place.iter().flatten().count()).unwrap_or_default();
+    if best.iter().flatten().count() < most && needs.len() <= FEW {
+        best = share_more(needs, bins, &at, best, most);
+    }
     let assigned = best.iter().enumerate().filter_map(|(robot, bin)| bin.map(|bin| (robot, bins[bin].0, bins[bin].1)));
     assigned.collect()
 }

@@ -46,6 +46,7 @@ mod halves;
 pub mod instance;
 mod narrow;
 pub mod optimise;
+mod packing;
 pub mod plan;
 pub mod policy;
 mod prices;
