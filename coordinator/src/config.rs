@@ -43,6 +43,9 @@ pub struct Config {
     /// Models of each station.
     #[serde(default)]
     pub stations: BTreeMap<StationId, StationConfig>,
+    /// Who may ask and listen with a certificate of its own: `ops` for `viewer.ops`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub viewers: Vec<String>,
     /// Where the others are.
     #[serde(default = "NetworkConfig::coordinator")]
     pub network: NetworkConfig,

@@ -85,7 +85,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     network.members = Some(Members {
         robots: config.robots.keys().cloned().collect(),
         stations: config.stations.keys().cloned().collect(),
-        viewers: Vec::new(),
+        viewers: config.viewers.clone(),
     });
     // A router that nobody has started yet may be waited for in vain.
     let link = tokio::select! {

@@ -8,9 +8,10 @@ pub use error::PrepareError;
 pub use plausible::{odd_current, odd_voltage};
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use energy::document::hint;
-use energy::{Channel, Facts, Model, Start, System};
+use energy::{Channel, Facts, Model, Start, System, catalogue};
 
 use crate::measurement::{History, Log, Unmeasured};
 
@@ -70,6 +71,8 @@ pub fn predicted_channels(model: &Model) -> Vec<Channel> {
     targets.filter(|&channel| channel != Channel::TemperatureDegc || model.predicts_temperature()).collect()
 }
 
+/// So many columns that only its models need show that a log is one of a system, even if what they predict was not measured.
+const OWN_COLUMNS: usize = 3;
 /// Slack beyond the ends of the OCV table that a rest voltage may have, V per cell.
 const REST_SLACK_V: f64 = 0.1;
 
@@ -184,8 +187,15 @@ pub fn prepare_to_judge(model: &Model, log: &Log, only: &[Channel]) -> Result<Pr
     Ok(prepared)
 }
 
-/// Says whose log it may be, when it holds what models of another system predict.
+/// Says whose log it may be, when it holds what models of another system predict, and little that goes into the asked one's.
 fn of_another_system(system: System, log: &Log) -> Option<String> {
+    let own = system.inputs().iter().filter(|channel| log.channels.contains_key(channel)).count();
+    let needs =
+        |other: System| catalogue().iter().map(|effect| effect.spec()).filter(move |spec| spec.system == other).flat_map(|spec| spec.needs);
+    let of_its_effects: BTreeSet<&Channel> = needs(system).filter(|channel| log.channels.contains_key(channel)).collect();
+    if own + of_its_effects.len() >= OWN_COLUMNS {
+        return None;
+    }
     let others = [System::Battery, System::Robot, System::Station].into_iter().filter(|other| *other != system);
     let has = |other: System| other.targets().iter().find(|channel| log.channels.contains_key(channel)).map(|channel| (other, channel));
     let (other, channel) = others.filter_map(has).next()?;

@@ -58,6 +58,10 @@ pub struct Stretch {
     pub inputs: Vec<(Channel, f64)>,
 }
 
+/// A weight is counted in steps of this, and is no less but for 0.
+const WEIGHT_MIN: f64 = 0.1;
+/// And no more than this, so that the work of a large fleet can be added up.
+const WEIGHT_MAX: f64 = 1000.0;
 /// Largest number that makes sense as a load's input or a weight.
 pub const INPUT_MAX: f64 = 1e6;
 /// Longest leg, s, and longest piece or distance, m.
@@ -101,7 +105,11 @@ impl Mission {
     /// # Errors
     /// Names the key, what is allowed, and the nearest channel.
     pub fn check(&self) -> anyhow::Result<()> {
-        within("mission.weight", self.weight, 0.0, INPUT_MAX)?;
+        ensure!(
+            self.weight == 0.0 || (WEIGHT_MIN..=WEIGHT_MAX).contains(&self.weight),
+            "mission.weight = {}: must be 0, or between {WEIGHT_MIN} and {WEIGHT_MAX}",
+            self.weight
+        );
         within("mission.distance_m", self.distance_m, 0.0, LONG)?;
         for (index, leg) in self.profile.iter().enumerate() {
             let key = format!("mission.profile[{index}]");

@@ -70,11 +70,18 @@ impl Instance {
     /// # Errors
     /// With the place, what stands there, and what is allowed.
     pub fn parse(text: &str) -> Result<Self, InstanceError> {
-        let raw: raw::Instance = serde_json::from_str(text).map_err(|error| InstanceError::Text {
+        let wrong = |error: &serde_json::Error, place: &str| InstanceError::Text {
             line: error.line(),
             column: error.column(),
-            what: raw::explain(&error.to_string()),
+            what: place.to_owned() + &raw::explain(&error.to_string()),
+        };
+        let mut reader = serde_json::Deserializer::from_str(text);
+        let raw = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            let place = error.path().to_string();
+            let place = if place.chars().any(char::is_alphanumeric) { format!("{place}: ") } else { String::new() };
+            wrong(error.inner(), &place)
         })?;
+        reader.end().map_err(|error| wrong(&error, ""))?;
         checked(raw)
     }
 }
@@ -120,7 +127,7 @@ fn checked(raw: raw::Instance) -> Result<Instance, InstanceError> {
     }
     let mut robots = Vec::new();
     for raw in &raw.robots {
-        robots.push(robot(raw, &by_id, horizon)?);
+        robots.push(robot(raw, &by_id, horizon, battery.capacity)?);
     }
     let pack_ids = raw.stations.iter().map(|station| station.packs.iter().map(|pack| pack.id).collect()).collect();
     let tick_s = range("tick_s", raw.tick_s, 1, 86_400)? as u32;
@@ -238,13 +245,16 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
     })
 }
 
-fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Result<Robot, InstanceError> {
+fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64, capacity: i64) -> Result<Robot, InstanceError> {
     let at = |field: &str| format!("robot {}: {field}", raw.id);
     let mission_end = range(at("mission_end"), raw.mission_end, 0, 1_000_000)?;
     let drain = range(at("drain"), raw.drain, 0, ENERGY_MAX / HORIZON_MAX)?;
     let weight = range(at("weight"), raw.weight, 0, WORTH_MAX)?;
     let critical_weight = range(at("critical_weight"), raw.critical_weight, 0, WORTH_MAX)?;
     range(at("weight and critical_weight over all ticks of the mission"), (weight + critical_weight) * mission_end, 0, WORTH_MAX)?;
+    if let Some((from, to)) = raw.critical.filter(|(from, to)| from > to) {
+        return contradiction(at("critical"), format!("it ends at {to}, before it begins at {from}"));
+    }
     let (mut travel, mut beyond): (Vec<Travel>, Vec<Travel>) = (Vec::new(), Vec::new());
     for &(id, ticks) in &raw.travel {
         let Some(&station) = stations.get(&id) else {
@@ -266,7 +276,7 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64) -> Res
         wanted: None,
         held: false,
         lowest_target: 0,
-        energy: range(at("energy"), raw.energy, 0, ENERGY_MAX)?,
+        energy: range(at("energy"), raw.energy, 0, capacity)?,
         drain,
         drain_hi: range(at("drain_hi"), raw.drain_hi, drain.max(1), ENERGY_MAX / HORIZON_MAX)?,
         drain_served: raw.drain_hi,

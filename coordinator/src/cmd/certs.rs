@@ -90,7 +90,7 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
             let members = Members {
                 robots: config.robots.keys().cloned().collect(),
                 stations: config.stations.keys().cloned().collect(),
-                viewers: viewer.clone(),
+                viewers: config.viewers.iter().chain(viewer).cloned().collect(),
             };
             let rules = serde_json::json!({ "access_control": members.rules(&config.site) });
             say!("{}", serde_json::to_string_pretty(&rules)?);

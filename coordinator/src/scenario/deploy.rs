@@ -45,6 +45,7 @@ impl Scenario {
             robots: BTreeMap::new(),
             batteries: BTreeMap::new(),
             stations: BTreeMap::new(),
+            viewers: Vec::new(),
             network: NetworkConfig::coordinator(),
             // Several fleets may run on one machine.
             web: WebConfig { port: 0, ..WebConfig::default() },

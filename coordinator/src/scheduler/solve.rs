@@ -9,7 +9,7 @@ use proto::RobotId;
 use super::again::{unsure, with_the_uncounted};
 use super::plan::{Plan, Planned, Rejected};
 use super::problem::{RobotView, StationView, View};
-use super::translate::{Offer, Task, worth};
+use super::translate::{Offer, Task};
 use crate::models::{Settings, ShortEnergy};
 
 /// Fleets up to this size are planned as a whole whatever happens.
@@ -385,7 +385,7 @@ fn plan(task: &Task, settings: &Settings, before: &Plan, effort: Effort) -> Repl
     let robots = problem.robots.len();
     let most = if effort == Effort::Mend { MENDING_MOVES_MAX } else { MOVES_MAX };
     let mut moves = Moves((settings.moves_per_robot * robots as u64).max(MOVES_MIN).min(most));
-    let loyalty = worth(settings.loyalty_s, task.grid);
+    let loyalty = task.loyalty(settings.loyalty_s);
     if effort == Effort::Mend {
         let known: BTreeSet<&RobotId> = before.robots().collect();
         let new: Vec<usize> = (0..robots).filter(|&robot| !known.contains(&task.view.robots[robot].robot)).collect();

@@ -228,12 +228,16 @@ impl Task {
     pub fn work_s(&self, cost: i64) -> f64 {
         cost as f64 / WORTH * f64::from(self.grid.tick_s)
     }
-}
 
-/// What a cost of work that is counted in seconds comes to in a problem.
-#[must_use]
-pub fn worth(work_s: f64, grid: Grid) -> u32 {
-    (work_s / f64::from(grid.tick_s) * WORTH).round().clamp(0.0, 1e6) as u32
+    /// What moving a promise costs that is worth so many seconds of a robot's work: of its work as the fleet's is weighed on the mean, so
+    /// that weights say how robots compare, and nothing else.
+    #[must_use]
+    pub fn loyalty(&self, work_s: f64) -> u32 {
+        let weighed = self.view.robots.iter().map(|robot| robot.weight).filter(|weight| *weight > 0.0);
+        let (sum, count) = weighed.fold((0.0, 0.0), |(sum, count), weight| (sum + weight, count + 1.0));
+        let mean = if count > 0.0 { sum / count } else { 1.0 };
+        (work_s / f64::from(self.grid.tick_s) * mean * WORTH).round().clamp(0.0, 1e6) as u32
+    }
 }
 
 /// The shortest tick with which the books of all stations stay small.
