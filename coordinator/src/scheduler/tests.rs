@@ -299,6 +299,19 @@ fn what_was_promised_stays_where_it_is_as_long_as_it_can() {
 }
 
 #[test]
+fn what_a_promise_is_worth_goes_with_the_mean_weight_of_those_that_have_one() {
+    let loyalty = |weights: &[f64]| {
+        let robots = weights.iter().map(|&weight| RobotView { weight, ..robot("r", 0.2, &[(0, 60.0)]) });
+        let task =
+            translate::Task::new(view(robots.collect(), vec![station("s", 1, &[90.0], &[])]), &settings(), &[], translate::Offer::Usual);
+        task.loyalty(120.0)
+    };
+    let one = loyalty(&[1.0, 1.0]);
+    assert!(one > 0);
+    assert_eq!([loyalty(&[10.0, 10.0]), loyalty(&[2.0, 4.0]), loyalty(&[1.0, 0.0]), loyalty(&[0.0, 0.0])], [10 * one, 3 * one, one, one]);
+}
+
+#[test]
 fn an_account_names_who_is_in_the_way_and_what_else_would_cost() {
     let robots: Vec<RobotView> = ["a", "b"].map(|name| robot(name, 0.12, &[(0, 60.0), (1, 900.0)])).to_vec();
     let solved = solved(robots, vec![station("near", 1, &[90.0], &[]), station("far", 1, &[90.0], &[])]);

@@ -46,3 +46,14 @@ fn mistakes_are_named_with_the_leg_and_what_is_allowed() {
     assert!(refused("profile = [{ for_s = 0 }]").contains("mission.profile[0].for_s = 0: must be above 0"));
     assert!(refused("distance_m = -1").contains("mission.distance_m = -1: must be between 0"));
 }
+
+#[test]
+fn a_weight_is_nothing_or_within_what_plans_can_count() {
+    for weight in ["0", "0.1", "1000"] {
+        mission(&format!("weight = {weight}")).check().unwrap();
+    }
+    for weight in ["0.04", "1000.1", "-1", "1000000"] {
+        let said = mission(&format!("weight = {weight}")).check().unwrap_err().to_string();
+        assert!(said.ends_with("must be 0, or between 0.1 and 1000"), "{said}");
+    }
+}

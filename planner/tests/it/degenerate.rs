@@ -107,6 +107,17 @@ fn mistakes_are_named_with_what_was_meant() {
     assert!(error("\"bays\":", "\"bays\":-").contains("allowed are 0 to"));
     assert!(error("\"travel\":[[0,", "\"travel\":[[7,").contains("no station has the id 7; the nearest id is 0"));
     assert!(error("mds-inst-1", "mds-inst-9").contains("\"mds-inst-1\" can"));
+    assert!(error("\"horizon\":", "\"horizon\":0.5,\"x\":").contains("horizon: invalid type"));
+    let mut robots: serde_json::Value = serde_json::from_str(text).unwrap();
+    let mut changed = |key: &str, to: serde_json::Value| {
+        let was = std::mem::replace(&mut robots["robots"][1][key], to);
+        let said = Instance::parse(&robots.to_string()).expect_err("a mistake").to_string();
+        robots["robots"][1][key] = was;
+        said
+    };
+    assert!(changed("drain", serde_json::Value::Null).contains("robots[1].drain: invalid type"));
+    assert!(changed("energy", 1_000_000.into()).contains("robot 1: energy is 1000000, allowed are 0 to"));
+    assert!(changed("critical", serde_json::json!([20, 5])).contains("robot 1: critical: it ends at 5, before it begins at 20"));
     let unknown = plan(&problem(Vec::new(), Vec::new()), "optimize", 1, &mut Moves(10)).expect_err("no such policy");
     assert!(unknown.to_string().contains("did you mean \"optimise\""), "{unknown}");
 }
