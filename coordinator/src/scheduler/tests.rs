@@ -302,8 +302,7 @@ fn what_was_promised_stays_where_it_is_as_long_as_it_can() {
 fn what_a_promise_is_worth_goes_with_the_mean_weight_of_those_that_have_one() {
     let loyalty = |weights: &[f64]| {
         let robots = weights.iter().map(|&weight| RobotView { weight, ..robot("r", 0.2, &[(0, 60.0)]) });
-        let task =
-            translate::Task::new(view(robots.collect(), vec![station("s", 1, &[90.0], &[])]), &settings(), &[], translate::Offer::Usual);
+        let task = Task::new(view(robots.collect(), vec![station("s", 1, &[90.0], &[])]), &settings(), &[], translate::Offer::Usual);
         task.loyalty(120.0)
     };
     let one = loyalty(&[1.0, 1.0]);
