@@ -69,6 +69,8 @@ struct Track {
     /// How many messages in a row came from a clock that is off, and by how much that is ahead.
     clock_off: u32,
     clock_ahead_s: Option<f64>,
+    /// By how much the last message was ahead: what is told may be half of that.
+    ahead_s: f64,
     /// Since when, and how often, it has said the same.
     same: Option<(Timestamp, u32)>,
     jumped: Option<(Timestamp, f64)>,
@@ -93,6 +95,7 @@ impl Trust {
             *track = Track { told, clock_off, clock_ahead_s, ..Track::default() };
         }
         let ahead_s = gauge.at.seconds_since(now);
+        track.ahead_s = ahead_s;
         track.clock_off = if ahead_s.abs() > CLOCK_S { track.clock_off + 1 } else { 0 };
         match track.clock_ahead_s {
             Some(_) if track.clock_off == 0 => track.clock_ahead_s = None,
@@ -139,7 +142,7 @@ impl Trust {
     /// How far a robot's clock is known to be ahead of the coordinator's, s; 0 where it is not.
     #[must_use]
     pub fn clock_ahead_s(&self, robot: &RobotId) -> f64 {
-        self.robots.get(robot).and_then(|track| track.clock_ahead_s).map_or(0.0, |ahead_s| ahead_s.max(0.0))
+        self.robots.get(robot).filter(|track| track.clock_ahead_s.is_some()).map_or(0.0, |track| track.ahead_s.max(0.0))
     }
 
     /// What is to be told of a gauge, if that is something else than before: its fault, or that it has
@@ -261,6 +264,9 @@ mod tests {
             }
             assert_eq!((told, trust.fault(at(4400.0), &robot())), (1, Some(Fault::Clock(ahead_s))));
             assert_eq!(trust.clock_ahead_s(&robot()), ahead_s.max(0.0));
+            // One that drifts is told anew only when it is off by half as much more; deadlines go by what it shows now.
+            trust.heard(at(4400.5), &robot(), &gauge(4400.5 + 1.2 * ahead_s, 0.468, 11.09), Some(RobotPhase::Working), false);
+            assert_eq!(trust.clock_ahead_s(&robot()), (1.2 * ahead_s).max(0.0));
             // Set right, it is believed again.
             trust.heard(at(4401.0), &robot(), &gauge(4401.0, 0.468, 11.09), Some(RobotPhase::Working), false);
             assert_eq!(trust.clock_ahead_s(&robot()), 0.0);
