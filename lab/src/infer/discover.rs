@@ -161,16 +161,28 @@ impl Step {
 
 impl Step {
     /// Two effects, where one alone is kept from being accepted by nothing but the other: what both are missing from hides in the
-    /// held-out logs what either is worth there.
+    /// held-out logs what either is worth there. Where the one would hardly help in the logs that were fitted either (an arm that lifts
+    /// before each docking, where what docks then draws is missing too, leaves steps that contradict it), it must be accepted beside the other.
     fn jointly(&self, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
         let held = holdout?;
         let least = STRONG * threshold(self.scores.len());
-        let hidden = |place: &usize| self.refusals[*place] == [Refusal::Holdout] && self.trials[*place].delta_bic > least;
-        (0..self.trials.len()).filter(hidden).take(JOINTLY).find_map(|place| {
+        let likely = |place: &usize| {
+            let refused = &self.refusals[*place];
+            self.trials[*place].delta_bic > least && !refused.iter().any(|one| matches!(one, Refusal::Evidence | Refusal::Range))
+        };
+        (0..self.trials.len()).filter(likely).take(JOINTLY).find_map(|place| {
             let one = &self.trials[place];
             let other = Step::look_after(begun, one.state.clone(), holdout);
-            let both = matches!(other.outcome, Outcome::Missing(_)) && falls(held, &self.base_holdout, &other.trials[0].holdout);
-            both.then(|| [taken(self.clone(), one.clone()), other])
+            let Outcome::Missing(_) = other.outcome else { return None };
+            let both = &other.trials[0];
+            let helps = falls(held, &self.base_holdout, &both.holdout);
+            let stands = || {
+                let without = both.state.without(one.spec);
+                let beside = Trial::of(&without, both.state.clone(), one.spec, one.uniqueness, holdout);
+                let court = Court { holdout, tried: self.scores.len(), begun, whatever_size: false };
+                refusals(&without, &beside, &held_out(without.told(), held), court).is_empty()
+            };
+            (helps && (self.refusals[place] == [Refusal::Holdout] || stands())).then(|| [taken(self.clone(), one.clone()), other])
         })
     }
 }
@@ -289,7 +301,7 @@ pub struct Search {
     pub last: State,
 }
 
-/// So many effects that only held-out logs speak against are looked beyond.
+/// So many effects that only the error of the logs speaks against are looked beyond.
 const JOINTLY: usize = 4;
 /// Most effects that are added.
 const EFFECTS_MAX: usize = 8;

@@ -23,4 +23,5 @@ mod sets;
 mod stored;
 mod surroundings;
 mod thinning;
+mod together;
 mod unvisited;
