@@ -61,7 +61,8 @@ pub struct Sensor {
     /// Largest reading that is shown as 0.
     #[serde(default)]
     pub dead_band: f64,
-    /// Time by which a reading is late, s: a log's readings are compared with what was true so much earlier.
+    /// Time by which a reading is late, s: a log's readings are compared with what was true so much earlier. Below 0 it is early, as where
+    /// another sensor's clock is behind.
     #[serde(default)]
     pub lag_s: f64,
     /// Standard deviation of the time by which a reading is late or early beyond that, s.

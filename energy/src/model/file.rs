@@ -100,10 +100,10 @@ impl Model {
                 let hint = hint(name.get_ref(), names());
                 document.error_at(name.span(), format!("unknown channel `{}`{hint}", name.get_ref()))
             })?;
-            let numbers =
-                [sensor.sigma, sensor.quantum, sensor.dead_band, sensor.lag_s, sensor.lag_sigma_s, sensor.offset_sigma, sensor.gain_sigma];
-            if !numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
-                return Err(document.error_at(name.span(), format!("sensor.{}: every number must be finite and >= 0", name.get_ref())));
+            let numbers = [sensor.sigma, sensor.quantum, sensor.dead_band, sensor.lag_sigma_s, sensor.offset_sigma, sensor.gain_sigma];
+            if !(sensor.lag_s.is_finite() && numbers.iter().all(|x| x.is_finite() && *x >= 0.0)) {
+                let words = "every number must be finite and, but for lag_s, >= 0";
+                return Err(document.error_at(name.span(), format!("sensor.{}: {words}", name.get_ref())));
             }
             sensors.insert(channel, sensor);
         }

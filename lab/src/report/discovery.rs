@@ -74,6 +74,15 @@ pub struct FileErrors {
 }
 
 impl FileErrors {
+    /// Whether the model found leaves more, by as much as is printed.
+    #[must_use]
+    pub fn is_worse(&self) -> bool {
+        let told = |rms: f64| quantity(rms, unit_of(self.channel));
+        self.found > self.given && told(self.found) != told(self.given)
+    }
+}
+
+impl FileErrors {
     /// By channel, of the logs that were fitted or of those held out.
     #[must_use]
     pub fn of(given: &ByChannel, found: &ByChannel, holdout: bool) -> Vec<FileErrors> {
@@ -118,7 +127,7 @@ impl DiscoveryReport {
     }
 
     fn files(&self) -> String {
-        let worse = self.files.iter().any(|one| one.found > one.given);
+        let worse = self.files.iter().any(FileErrors::is_worse);
         let warning = "Where the model found is worse, what it learned of a log or a sensor is missing (below), or it holds for the \
                        logs that it was fitted to and not for others: look at both before you use it.\n";
         text(&tables::files(&self.files)) + if worse { warning } else { "" }

@@ -160,3 +160,29 @@ fn the_flags_reach_the_store() {
         refused(&[], "--log");
     });
 }
+
+/// An exchanged battery is another one: its charge and voltage jump, and no model of one battery explains that.
+#[test]
+fn an_exchange_ends_the_log_of_a_battery() {
+    let folder = tempfile::tempdir().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let (path, mut writer) = runtime.block_on(store(folder.path()));
+    let state = |second: i64, phase: &str| {
+        let at_ms = BEGIN_MS + 1000 * second;
+        format!("INSERT INTO robot_states VALUES ('explorer-1', {at_ms}, {second}, '{phase}', 'mds', 'bay-1', 1, 0.1, 'b', '{{}}');")
+    };
+    runtime.block_on(async {
+        raw_sql("COMMIT").execute(&mut writer).await.unwrap();
+        raw_sql(AssertSqlSafe(state(20, "swapping") + &state(25, "working"))).execute(&mut writer).await.unwrap();
+        writer.close().await.unwrap();
+    });
+    let log = read(&path, robot("explorer-1"), None, None).unwrap();
+    assert_eq!((log.rows(), log.time_s[34], log.facts.soc_initial), (35, 34.0, Some(0.9 - 0.025)), "from second 25 on");
+    let told = "the battery was exchanged at 2026-01-01T00:00:20.000Z: these are the rows from 2026-01-01T00:00:25.000Z to \
+                2026-01-01T00:00:59.000Z, the longest stretch of one battery; --from and --to choose another";
+    assert!(log.notes.iter().any(|note| note.ends_with(told)), "{:?}", log.notes);
+    let before = read(&path, robot("explorer-1"), None, Some("2026-01-01T00:00:22Z")).unwrap();
+    assert_eq!((before.rows(), before.facts.soc_initial), (20, Some(0.9)));
+    let during = read(&path, robot("explorer-1"), Some("2026-01-01T00:00:21Z"), Some("2026-01-01T00:00:23Z"));
+    assert!(during.unwrap_err().contains("no row of robot `explorer-1` lies between"));
+}

@@ -1,6 +1,6 @@
 //! What the gauge of one battery told.
 
-use proto::Timestamp;
+use proto::{RobotPhase, Timestamp};
 use sqlx::{FromRow, query_as};
 
 use super::{PAGE, Source, count_row, seconds};
@@ -51,8 +51,41 @@ struct Row {
 /// own voltage and current.
 const COLUMNS: [&str; 8] = ["time_s", "current_a", "voltage_v", "temperature_degc", "power_w", "soc", "gauge_mean_power_w", "phase"];
 
+/// What one battery told, without a break by an exchange.
+struct Stretch {
+    table: Table,
+    begin_ms: i64,
+    end_ms: i64,
+}
+
+impl Stretch {
+    fn of(row: &Row, with_phase: bool) -> Stretch {
+        let columns = COLUMNS.iter().take(if with_phase { COLUMNS.len() } else { COLUMNS.len() - 1 });
+        let mut table = Table::of(columns.map(|&name| name.to_owned()).collect(), "rows");
+        table.start = Some(GaugeStart { soc: row.soc, sigma: row.soc_sigma });
+        Stretch { table, begin_ms: row.at_ms, end_ms: row.at_ms }
+    }
+
+    fn push(&mut self, row: &Row) {
+        let (time_s, power_w) = (seconds(self.begin_ms, row.at_ms), row.voltage_v * row.current_a);
+        let cells = [time_s, row.current_a, row.voltage_v, row.temperature_degc, power_w, row.soc, row.power_w];
+        self.table.columns.iter_mut().zip(cells).for_each(|(column, value)| column.push(value));
+        if let Some(column) = self.table.columns.get_mut(COLUMNS.len() - 1) {
+            match &row.phase {
+                Some(phase) => column.push_text(phase),
+                None => column.push(f64::NAN),
+            }
+        }
+        self.end_ms = row.at_ms;
+    }
+
+    fn rows(&self) -> usize {
+        self.table.lines.len()
+    }
+}
+
 impl Source {
-    /// The log of one battery, and its first instant.
+    /// The log of one battery, and its first instant. Where a robot's was exchanged meanwhile, the longest stretch of one battery.
     pub(super) async fn gauges(
         &mut self,
         gauges: Gauges,
@@ -60,10 +93,14 @@ impl Source {
         (from_ms, to_ms): (i64, i64),
     ) -> Result<(Table, Timestamp), LogError> {
         let with_phase = gauges.what == "robot";
-        let columns = COLUMNS.iter().take(if with_phase { COLUMNS.len() } else { COLUMNS.len() - 1 });
-        let mut table = Table::of(columns.map(|&name| name.to_owned()).collect(), "rows");
-        let mut begin_ms = None;
+        let swapping = RobotPhase::Swapping.to_string();
+        let (mut longest, mut stretch): (Option<Stretch>, Option<Stretch>) = (None, None);
+        let mut exchanged_ms = Vec::new();
         let mut after = (i64::MIN, i64::MIN);
+        let longer = |one: Option<Stretch>, other: Option<Stretch>| match (one, other) {
+            (Some(one), Some(other)) if other.rows() > one.rows() => Some(other),
+            (one, other) => one.or(other),
+        };
         loop {
             let page = query_as::<_, Row>(gauges.page).bind(station.to_owned()).bind(name.to_owned()).bind(from_ms).bind(to_ms);
             let page = page.bind(after.0).bind(after.1).bind(PAGE).fetch_all(&mut self.connection).await;
@@ -71,26 +108,35 @@ impl Source {
             let Some(last) = page.last() else { break };
             after = (last.at_ms, last.seq);
             for row in &page {
-                if begin_ms.is_none() {
-                    begin_ms = Some(row.at_ms);
-                    table.start = Some(GaugeStart { soc: row.soc, sigma: row.soc_sigma });
-                }
-                let time_s = seconds(begin_ms.unwrap_or(row.at_ms), row.at_ms);
-                let power_w = row.voltage_v * row.current_a;
-                let cells = [time_s, row.current_a, row.voltage_v, row.temperature_degc, power_w, row.soc, row.power_w];
-                table.columns.iter_mut().zip(cells).for_each(|(column, value)| column.push(value));
-                if with_phase {
-                    match &row.phase {
-                        Some(phase) => table.columns[COLUMNS.len() - 1].push_text(phase),
-                        None => table.columns[COLUMNS.len() - 1].push(f64::NAN),
+                // Which of the two batteries spoke during an exchange nobody knows.
+                if row.phase.as_ref() == Some(&swapping) {
+                    if let Some(done) = stretch.take() {
+                        exchanged_ms.push(row.at_ms);
+                        longest = longer(longest, Some(done));
                     }
+                    continue;
                 }
-                count_row(&self.file, &mut table)?;
+                let stretch = stretch.get_or_insert_with(|| Stretch::of(row, with_phase));
+                stretch.push(row);
+                count_row(&self.file, &mut stretch.table)?;
             }
         }
-        match begin_ms {
-            Some(begin_ms) => Ok((table, Timestamp::from_unix_ms(begin_ms))),
-            None => Err(self.no_rows(gauges.what, name, gauges.names, gauges.ends).await),
+        let Some(Stretch { mut table, begin_ms, end_ms }) = longer(longest, stretch) else {
+            return Err(self.no_rows(gauges.what, name, gauges.names, gauges.ends).await);
+        };
+        if !exchanged_ms.is_empty() {
+            let [begin, end] = [begin_ms, end_ms].map(Timestamp::from_unix_ms);
+            let at: Vec<String> = exchanged_ms.iter().take(TOLD).map(|&ms| Timestamp::from_unix_ms(ms).to_string()).collect();
+            let more = if exchanged_ms.len() > TOLD { ", ..." } else { "" };
+            table.notes.push(format!(
+                "the battery was exchanged at {}{more}: these are the rows from {begin} to {end}, the longest stretch of one battery; \
+                 --from and --to choose another",
+                at.join(", ")
+            ));
         }
+        Ok((table, Timestamp::from_unix_ms(begin_ms)))
     }
 }
+
+/// Exchanges that are told one by one.
+const TOLD: usize = 5;

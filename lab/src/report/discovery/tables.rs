@@ -158,7 +158,7 @@ pub(in crate::report) fn files(errors: &[FileErrors]) -> Table {
             if one.holdout { "held out" } else { "" }.to_owned(),
             quantity(one.given, unit),
             quantity(one.found, unit),
-            if one.found > one.given { "worse" } else { "" }.to_owned(),
+            if one.is_worse() { "worse" } else { "" }.to_owned(),
         ]);
     }
     for column in [2, 3] {
