@@ -73,14 +73,14 @@ impl Outbox {
         self.records.clear();
     }
 
-    /// Nothing could be kept for now: it waits. Beyond a bound telemetry makes room; says whether it
-    /// had to.
-    pub fn failed(&mut self) -> bool {
-        let full = self.records.len() > RECORDS_MAX;
-        if full {
+    /// Nothing could be kept for now: it waits. Beyond a bound telemetry makes room; says how many
+    /// records did.
+    pub fn failed(&mut self) -> usize {
+        let before = self.records.len();
+        if before > RECORDS_MAX {
             self.records.retain(|record| !record.is_telemetry());
         }
-        full
+        before - self.records.len()
     }
 
     /// Takes the records out, to be kept; what is still to be kept comes back by [`Outbox::put_back`].

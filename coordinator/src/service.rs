@@ -233,7 +233,8 @@ impl Service {
     async fn show(&mut self, asked: Asked, config: &Config, path: Option<&Path>) {
         let now = self.clock.now();
         let replans = matches!(asked.question, Question::Replan);
-        let books = Books { site: &self.link.site, title: "", past: &self.past, ladder: config.web.ladder(path) };
+        let standing = self.standing();
+        let books = Books { site: &self.link.site, title: "", past: &self.past, store: Some(&standing), ladder: config.web.ladder(path) };
         asked.answer(now, &mut self.core, books);
         if replans {
             let before = self.outbox.records().len();

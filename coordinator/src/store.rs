@@ -22,6 +22,7 @@ mod record;
 mod retire;
 mod rows;
 mod server;
+mod standing;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -40,6 +41,7 @@ pub use record::Record;
 pub use retire::{Retention, Sweep};
 pub use server::shown;
 use server::{LEASE, PATIENCE, RENEWAL};
+pub use standing::{Failing, Standing};
 
 use lock::Lock;
 use place::{Content, Format};

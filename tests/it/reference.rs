@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 
 use coordinator::scenario::Scenario;
+use coordinator::store::Standing;
 use coordinator::web::{Past, metrics};
 use tests::{program, workspace};
 
@@ -53,7 +54,7 @@ fn sheet() -> String {
     let mut past = Past::default();
     let mut watch = |step: coordinator::sim::Step<'_>| step.news.iter().for_each(|event| past.event(event));
     let outcome = coordinator::sim::simulate(&deployment, 600.0, 25.0, coordinator::models::Kept::Nowhere, &mut watch).unwrap();
-    metrics::text(outcome.end, &outcome.core, &past)
+    metrics::text(outcome.end, &outcome.core, &past, Some(&Standing::default()))
 }
 
 #[test]

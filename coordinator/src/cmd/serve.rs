@@ -69,7 +69,7 @@ impl Stage {
             loop {
                 tokio::select! {
                     Some(asked) = asked.recv() => {
-                        asked.answer(outcome.end, &mut outcome.core, Books { site: &site, title, past, ladder: None });
+                        asked.answer(outcome.end, &mut outcome.core, Books { site: &site, title, past, store: None, ladder: None });
                     }
                     () = &mut stop => break,
                 }

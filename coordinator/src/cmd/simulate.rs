@@ -205,7 +205,7 @@ fn simulate(
             past.look(step.now, step.core);
         }
         if let Some(stage) = &mut stage {
-            stage.step(step, Books { site: &site, title: &title, past: &past, ladder: None });
+            stage.step(step, Books { site: &site, title: &title, past: &past, store: None, ladder: None });
         }
     };
     let outcome = sim::simulate(&deployment, duration_s, scenario.temperature_degc, kept, &mut watch);

@@ -12,7 +12,7 @@ use super::Service;
 use super::lead::monotonic;
 use crate::config::Config;
 use crate::core::Output;
-use crate::store::{Record, Retention, StoreError, Sweep};
+use crate::store::{Failing, Record, Retention, Standing, StoreError, Sweep};
 
 /// Longest that commands wait for a store that neither writes nor fails: a disk that hangs, a file that somebody locks.
 const HANGING: Duration = Duration::from_secs(2);
@@ -27,8 +27,10 @@ pub(super) struct Keeping {
     since: Option<Instant>,
     /// The commands that leave when it is done.
     commands: Vec<Output>,
-    /// The last time it could not be written, or it has not answered for too long.
-    failed: bool,
+    /// The last time it could not be written, or it has not answered for too long: since when, and why.
+    failing: Option<Failing>,
+    /// Records that were never written.
+    dropped: u64,
     /// How far the deleting of what is old has come.
     sweep: Sweep,
     sweep_due: bool,
@@ -77,15 +79,27 @@ impl Service {
     /// Lets commands go that a store keeps waiting which does not answer, as if it had failed.
     fn hurry(&mut self) {
         let waited = self.keeping.since.map_or(Duration::ZERO, |since| since.elapsed());
-        if waited < HANGING && !self.keeping.failed {
+        if waited < HANGING && self.keeping.failing.is_none() {
             return;
         }
-        if !std::mem::replace(&mut self.keeping.failed, true) {
-            error!("the store has not answered for {} s; the fleet is served on, events wait in memory", waited.as_secs());
-        }
+        self.fails(|| format!("the store has not answered for {} s", waited.as_secs()));
         let mut commands = std::mem::take(&mut self.keeping.commands);
         commands.append(&mut self.outbox.take_commands());
         self.send_all(commands);
+    }
+
+    /// Says that the store cannot be written, once.
+    fn fails(&mut self, why: impl FnOnce() -> String) {
+        if self.keeping.failing.is_none() {
+            let why = why();
+            error!("{why}; the fleet is served on, events wait in memory");
+            self.keeping.failing = Some(Failing { since: self.clock.now(), why });
+        }
+    }
+
+    /// How the store stands.
+    pub(super) fn standing(&self) -> Standing {
+        Standing { failing: self.keeping.failing.clone(), waiting: self.outbox.records().len(), dropped: self.keeping.dropped }
     }
 
     fn send_all(&self, commands: Vec<Output>) {
@@ -117,16 +131,16 @@ impl Service {
         match done {
             Done::Swept(sweep) => self.keeping.sweep = sweep,
             Done::Written(_, Ok(())) => {
-                if std::mem::take(&mut self.keeping.failed) {
+                if self.keeping.failing.take().is_some() {
                     info!("the store can be written again");
                 }
             }
             Done::Written(_, Err(StoreError::Deposed { .. })) => self.replaced = true,
             Done::Written(records, Err(failure)) => {
-                if !std::mem::replace(&mut self.keeping.failed, true) {
+                self.fails(|| {
                     let cause = std::error::Error::source(&failure).map_or_else(String::new, |source| format!(": {source}"));
-                    error!("{failure}{cause}; the fleet is served on, events wait in memory");
-                }
+                    format!("{failure}{cause}")
+                });
                 let waiting = if failure.may_pass() { records } else { self.write_singly(records).await };
                 self.outbox.put_back(waiting);
                 self.make_room();
@@ -140,7 +154,7 @@ impl Service {
     }
 
     /// One bad record must not hold back the others. Those that may still be kept.
-    async fn write_singly(&self, records: Vec<Record>) -> Vec<Record> {
+    async fn write_singly(&mut self, records: Vec<Record>) -> Vec<Record> {
         let mut waiting = Vec::new();
         for record in records {
             if let Err(failure) = self.store.append(std::slice::from_ref(&record)).await {
@@ -148,6 +162,7 @@ impl Service {
                     waiting.push(record);
                 } else {
                     error!("a record was dropped: {failure}");
+                    self.keeping.dropped += 1;
                 }
             }
         }
@@ -155,8 +170,10 @@ impl Service {
     }
 
     fn make_room(&mut self) {
-        if self.outbox.failed() {
-            warn!("telemetry was dropped: the store cannot be written");
+        let dropped = self.outbox.failed();
+        if dropped > 0 {
+            warn!("{dropped} rows of telemetry were dropped: the store cannot be written");
+            self.keeping.dropped += dropped as u64;
         }
     }
 

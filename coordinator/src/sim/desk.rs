@@ -113,7 +113,7 @@ impl Desk {
         let Some(process) = &mut self.process else { return Vec::new() };
         match self.disk.append(process.outbox.records()) {
             Ok(()) => process.outbox.written(),
-            Err(_) => drop(process.outbox.failed()),
+            Err(_) => _ = process.outbox.failed(),
         }
         let mut sent = Vec::new();
         for command in process.outbox.take_commands() {

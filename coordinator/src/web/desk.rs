@@ -12,6 +12,7 @@ use super::metrics;
 use super::past::Past;
 use super::view::{Ladder, View, Wanted};
 use crate::core::{Core, Input};
+use crate::store::Standing;
 
 /// Questions that may wait.
 const QUEUE: usize = 64;
@@ -37,6 +38,8 @@ pub enum Question {
     Fleet,
     /// What happened last.
     Events(usize),
+    /// Whether all is well.
+    Health,
     /// Metrics for Prometheus.
     Metrics,
     /// Make a new plan.
@@ -116,6 +119,8 @@ pub struct Books<'a> {
     pub title: &'a str,
     /// What was shown so far.
     pub past: &'a Past,
+    /// How the store stands; none where nothing is kept.
+    pub store: Option<&'a Standing>,
     /// The lab's last search, or why it cannot be read; none when none is configured.
     pub ladder: Option<Result<Ladder, String>>,
 }
@@ -144,7 +149,11 @@ impl Question {
             Question::Explain(robot) => core.explain(now, &robot).map(|explanation| json(&explanation)).map_err(NoAnswer::Unknown),
             Question::Fleet => Ok(fleet(now, core)),
             Question::Events(last) => Ok(json(&past.events.iter().rev().take(last).collect::<Vec<&Event>>())),
-            Question::Metrics => Ok(metrics::text(now, core, past)),
+            Question::Metrics => Ok(metrics::text(now, core, past, books.store)),
+            Question::Health => Ok(match books.store.and_then(Standing::complaint) {
+                Some(complaint) => format!("ok, but nothing is kept {complaint}\n"),
+                None => "ok\n".to_owned(),
+            }),
             Question::Replan => {
                 core.handle(now, Input::Replan(REPLAN_WHY.to_owned()));
                 Ok(json(&serde_json::json!({ "asked": "replan", "plan": core.schedule().plan })))

@@ -11,6 +11,7 @@ use proto::{RobotPhase, ServiceStatus, Timestamp};
 use super::past::Past;
 use crate::core::Core;
 use crate::models::from_wire;
+use crate::store::Standing;
 
 /// What the metrics' text is, for HTTP.
 pub const CONTENT_TYPE: &str = prometheus::TEXT_FORMAT;
@@ -63,18 +64,30 @@ fn set(gauges: &GaugeVec, labels: &[&str], estimate: Estimate, factor: f64) {
 
 /// All metrics of a coordinator, as text.
 #[must_use]
-pub fn text(now: Timestamp, core: &Core, past: &Past) -> String {
+pub fn text(now: Timestamp, core: &Core, past: &Past, store: Option<&Standing>) -> String {
     let sheet = Sheet::default();
     let build = sheet.gauges("tender_build_info", "The running program; always 1.", &["version"]);
     build.with_label_values(&[env!("CARGO_PKG_VERSION")]).set(1.0);
     robots(&sheet, core);
     packs(&sheet, core);
     decisions(&sheet, now, core);
+    if let Some(standing) = store {
+        kept(&sheet, standing);
+    }
     let events = sheet.counters("tender_events_total", "Events since the coordinator started, by kind.", &["kind"]);
     for (kind, count) in &past.counts {
         events.with_label_values(&[&kind.to_string()]).inc_by(*count);
     }
     sheet.text()
+}
+
+fn kept(sheet: &Sheet, standing: &Standing) {
+    let writable = sheet.gauges("tender_store_writable", "Whether what happens can be written to the store: 1 or 0.", &[]);
+    writable.with_label_values::<&str>(&[]).set(f64::from(u8::from(standing.failing.is_none())));
+    let waiting = sheet.gauges("tender_store_waiting_records", "Records that wait to be written to the store.", &[]);
+    waiting.with_label_values::<&str>(&[]).set(standing.waiting as f64);
+    let dropped = sheet.counters("tender_store_dropped_records_total", "Records that were never written to the store.", &[]);
+    dropped.with_label_values::<&str>(&[]).inc_by(standing.dropped);
 }
 
 fn robots(sheet: &Sheet, core: &Core) {
@@ -101,6 +114,8 @@ fn robots(sheet: &Sheet, core: &Core) {
 
 fn packs(sheet: &Sheet, core: &Core) {
     let powered = sheet.gauges("tender_station_powered", "Whether a station's bays have power: 1 or 0.", &["station"]);
+    let lost = sheet.gauges("tender_stations_lost", "Stations that have spoken and are no longer heard.", &[]);
+    lost.with_label_values::<&str>(&[]).set(core.fleet().stations.values().filter(|station| station.lost).count() as f64);
     let labels = ["station", "pack", "kind"];
     let soc = sheet.gauges("tender_pack_charge_ratio", "State of charge of a station's pack, 0 to 1.", &labels);
     let left = sheet.gauges("tender_pack_remaining_energy_joules", "Energy left in a station's pack.", &labels);

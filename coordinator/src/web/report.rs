@@ -64,7 +64,7 @@ impl Run {
         let core = &outcome.core;
         let site = outcome.site.clone();
         let wanted = Wanted { rows: usize::MAX, ..Wanted::default() };
-        let view = View::new(outcome.end, core, Books { site: &site, title: name, past, ladder: None }, &wanted);
+        let view = View::new(outcome.end, core, Books { site: &site, title: name, past, store: None, ladder: None }, &wanted);
         let known = core.fleet().robots.keys();
         let robots = known.filter_map(|id| Some((id.clone(), View::robot(outcome.end, core, past, id).ok()?))).collect();
         let packs = past.packs.iter().map(|((station, pack), series)| (format!("{station} {pack}"), series.clone())).collect();

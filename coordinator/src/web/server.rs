@@ -81,10 +81,7 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
         .route("/script.js", file("text/javascript; charset=utf-8", assets::JS))
         .route("/icon.svg", file("image/svg+xml", assets::ICON))
         .route("/metrics", get(metrics_page))
-        .route(
-            "/healthz",
-            get(|State(web): State<Web>| async move { web.desk.ask(Question::Events(0)).await.map(|_| "ok\n").map_err(refusal) }),
-        )
+        .route("/healthz", get(|State(web): State<Web>| async move { web.desk.ask(Question::Health).await.map_err(refusal) }))
         .route("/api/v1/", get(index))
         .nest("/api/v1", api)
         .fallback(|| async { refusal(NoAnswer::Unknown("there is no such page; see /api/v1/".to_owned())) })

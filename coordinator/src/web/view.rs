@@ -132,7 +132,7 @@ impl View {
     /// Looks at a core and its past.
     #[must_use]
     pub fn new(now: Timestamp, core: &Core, books: Books<'_>, wanted: &Wanted) -> Self {
-        let Books { site, title, past, ladder } = books;
+        let Books { site, title, past, store, ladder } = books;
         let (basis, schedule, capacity) = (core.basis(now), core.schedule(), core.capacity(now));
         let stacks = stack::stacks(&basis, schedule);
         let health = health::panel(now, core, ladder);
@@ -142,7 +142,7 @@ impl View {
             site: site.clone(),
             title: if title.is_empty() { format!("Site {site}") } else { title.to_owned() },
             headline: headline(core),
-            tiles: summary::tiles(&basis, schedule, &capacity, &health),
+            tiles: summary::tiles(&basis, schedule, &capacity, &health, store),
             fleet: fleet::table(&basis, schedule, wanted),
             stations: station::cards(&basis, schedule, &stacks),
             plan: plan::chart(now, &basis, schedule, past),

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::{HealthPanel, Tone};
 use crate::models::from_wire;
+use crate::store::Standing;
 use crate::view::Basis;
 use crate::web::number::span;
 
@@ -23,8 +24,21 @@ pub struct Tile {
     pub tone: Tone,
 }
 
-pub(super) fn tiles(basis: &Basis<'_>, schedule: &Schedule, capacity: &Capacity, health: &HealthPanel) -> Vec<Tile> {
-    vec![more(capacity), services(schedule), next_empty(basis), at_work(basis), models(health)]
+pub(super) fn tiles(
+    basis: &Basis<'_>,
+    schedule: &Schedule,
+    capacity: &Capacity,
+    health: &HealthPanel,
+    store: Option<&Standing>,
+) -> Vec<Tile> {
+    let usual = [more(capacity), services(schedule), next_empty(basis), at_work(basis), models(health)];
+    usual.into_iter().chain(store.and_then(unkept)).collect()
+}
+
+/// Only where it fails: nobody looks at a store that works.
+fn unkept(store: &Standing) -> Option<Tile> {
+    let note = store.complaint()?;
+    Some(Tile { id: "store", label: "Store".to_owned(), value: "not written".to_owned(), note, tone: Tone::Bad })
 }
 
 fn more(capacity: &Capacity) -> Tile {
