@@ -23,6 +23,8 @@ const STOPPING: Duration = Duration::from_secs(20);
 #[derive(Default)]
 pub(super) struct Keeping {
     task: Option<JoinHandle<Done>>,
+    /// So many records are being written.
+    writing: usize,
     /// When that began.
     since: Option<Instant>,
     /// The commands that leave when it is done.
@@ -68,6 +70,7 @@ impl Service {
         } else if !self.outbox.records().is_empty() {
             let (store, records) = (Arc::clone(&self.store), self.outbox.take_records());
             self.keeping.commands = self.outbox.take_commands();
+            self.keeping.writing = records.len();
             self.keeping.since = Some(monotonic());
             self.keeping.task = Some(tokio::spawn(async move {
                 let written = store.append(&records).await;
@@ -99,7 +102,8 @@ impl Service {
 
     /// How the store stands.
     pub(super) fn standing(&self) -> Standing {
-        Standing { failing: self.keeping.failing.clone(), waiting: self.outbox.records().len(), dropped: self.keeping.dropped }
+        let waiting = self.outbox.records().len() + self.keeping.writing;
+        Standing { failing: self.keeping.failing.clone(), waiting, dropped: self.keeping.dropped }
     }
 
     fn send_all(&self, commands: Vec<Output>) {
@@ -128,6 +132,7 @@ impl Service {
     /// What follows from what the store has done. A record that it will never take is dropped, and said so; when the
     /// disk is full all wait, and old telemetry makes room.
     pub(super) async fn kept(&mut self, done: Done) {
+        self.keeping.writing = 0;
         match done {
             Done::Swept(sweep) => self.keeping.sweep = sweep,
             Done::Written(_, Ok(())) => {
