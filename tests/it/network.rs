@@ -92,5 +92,20 @@ fn the_example_configurations_are_good_and_belong_together() -> anyhow::Result<(
     assert!(robot.travel_s.contains_key(&station.id));
     assert!(robot.site == coordinator.site && station.site == coordinator.site);
     assert_eq!(robot.network.connect, coordinator.network.listen);
+    names_every_key(&live("coordinator.toml"), &serde_json::to_value(&coordinator)?);
+    names_every_key(&live("station-mds-1.toml"), &serde_json::to_value(&station)?);
+    names_every_key(&live("robot-explorer-1.toml"), &serde_json::to_value(&robot)?);
     Ok(())
+}
+
+/// They say that they have every key: what is left out would be known to nobody.
+fn names_every_key(path: &std::path::Path, config: &serde_json::Value) {
+    let text = std::fs::read_to_string(path).unwrap();
+    for (key, value) in config.as_object().into_iter().flatten() {
+        assert!(text.contains(key.as_str()), "{} does not name `{key}`", path.display());
+        // What is true of a simulated body is told beside the scenarios.
+        if key != "source" {
+            names_every_key(path, value);
+        }
+    }
 }
