@@ -61,6 +61,20 @@ impl Prepared {
         let within = |piece: &Unmeasured| (piece.to_s.min(to_s) - piece.from_s.max(from_s)).max(0.0);
         to_s - from_s - self.unmeasured.iter().map(within).sum::<f64>()
     }
+
+    /// The same log if what was read of an input had been true so much earlier, s. Where nothing was read so late, nothing is judged.
+    #[must_use]
+    pub(crate) fn with_late_input(&self, channel: Channel, late_s: f64) -> Prepared {
+        let mut moved = self.clone();
+        for (_, values) in moved.inputs.iter_mut().filter(|(known, _)| *known == channel) {
+            let true_then = late::intervals(&self.time_s, values, late_s);
+            for target in &mut moved.targets {
+                target.used.iter_mut().zip(&true_then).for_each(|(used, value)| *used &= value.is_finite());
+            }
+            *values = held(&true_then).unwrap_or_default();
+        }
+        moved
+    }
 }
 
 /// Channels that this model predicts. Temperature is predicted only when an effect moves it;

@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::evidence::Evidence;
 use super::rough::Rough;
 use super::state::State;
+use crate::predict::{Prediction, predict};
 use crate::prepare::Prepared;
 
 /// Rows by which a sensor may be late or early here.
@@ -81,11 +82,57 @@ pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
         of_sensor(numbers, sensor.lag_s, Rough::Lag(channel), Sensor { lag_sigma_s: widest_s, ..sensor })
     });
     let inputs = logs.iter().flat_map(|log| log.inputs.iter()).filter(|(_, values)| !is_flag(values)).map(|&(channel, _)| channel);
-    let gains = inputs.collect::<BTreeSet<_>>().into_iter().filter_map(|channel| {
+    let inputs: BTreeSet<Channel> = inputs.collect();
+    let gains = inputs.iter().filter_map(|&channel| {
         let numbers = format!("gain of {}", channel.name());
         of_sensor(numbers, 1.0, Rough::Gain(channel), Sensor { gain_sigma: WIDE_GAIN, ..model.sensor(channel) })
     });
-    of_effects.chain(late).chain(gains).collect()
+    let late_inputs = inputs.iter().filter_map(|&channel| {
+        let (state, late_s, step_s) = with_late_input(&given, logs, channel)?;
+        let (numbers, stated) = (format!("sensor.{}.lag_s", channel.name()), model.sensor(channel).lag_s);
+        // It was sought by whole rows: it may be anything within one.
+        asked.tell(&state, vec![numbers], stated, stated + late_s, step_s / 12.0_f64.sqrt())
+    });
+    // That all inputs are early and that what they bring about is late is one thing: what explains most comes first.
+    let mut delays: Vec<OtherNumber> = late.chain(late_inputs).collect();
+    delays.sort_by(|a, b| b.explained.total_cmp(&a.explained));
+    of_effects.chain(delays).chain(gains).collect()
+}
+
+/// The model fitted to the logs with one input moved by as many whole rows as leave least, that time, and that of one row, s; none where
+/// the input is best as it was read.
+fn with_late_input(given: &State, logs: &[Prepared], channel: Channel) -> Option<(State, f64, f64)> {
+    let model = &given.frame.model;
+    let (length_s, steps) = logs.iter().fold((0.0, 0), |(length_s, steps), log| {
+        let own_s = log.time_s.last().zip(log.time_s.first()).map_or(0.0, |(last, first)| last - first);
+        (length_s + own_s, steps + log.time_s.len().saturating_sub(1))
+    });
+    let step_s = length_s / steps.max(1) as f64;
+    let moved = |late_s: f64| -> Vec<Prepared> { logs.iter().map(|log| log.with_late_input(channel, late_s)).collect() };
+    let values = given.frame.values(&given.x);
+    let left = |rows: i32| {
+        let of_logs =
+            moved(f64::from(rows) * step_s).into_iter().map(|log| squares(&predict(model, &log, &values), &log, &given.frame.evidence));
+        let (sum, count) = of_logs.fold((0.0, 0), |(sum, count), own| (sum + own.0, count + own.1));
+        sum / f64::from(count.max(1))
+    };
+    let most = LATE_ROWS as i32;
+    let (_, rows) = (-most..=most).map(|rows| (left(rows), rows)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let late_s = f64::from(rows) * step_s;
+    let evidence = || Arc::new(Evidence::new(model, moved(late_s)));
+    (rows != 0).then(|| (State::of_model(Arc::clone(model), evidence()), late_s, step_s))
+}
+
+/// Sum and count of the squares of what a prediction misses, in squares of the sensors' floors.
+fn squares(shown: &Prediction, log: &Prepared, evidence: &Evidence) -> (f64, u32) {
+    let mut told = (0.0, 0);
+    for target in &log.targets {
+        let floor = evidence.floor(target.channel);
+        for (row, shown) in shown.of(target.channel).unwrap_or_default().iter().enumerate().filter(|(row, _)| target.used[*row]) {
+            told = (told.0 + ((target.observed[row] - shown) / floor).powi(2), told.1 + 1);
+        }
+    }
+    told
 }
 
 /// What is left by the model as given, and by what was found.

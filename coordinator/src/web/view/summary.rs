@@ -8,6 +8,7 @@ use crate::models::from_wire;
 use crate::store::Standing;
 use crate::view::Basis;
 use crate::web::number::span;
+use crate::when::second;
 
 /// One tile.
 #[derive(Debug, Clone, Serialize)]
@@ -35,9 +36,10 @@ pub(super) fn tiles(
     usual.into_iter().chain(store.and_then(unkept)).collect()
 }
 
-/// Only where it fails: nobody looks at a store that works.
+/// Only where it fails: nobody looks at a store that works. Why it fails is told by `/healthz` and the log.
 fn unkept(store: &Standing) -> Option<Tile> {
-    let note = store.complaint()?;
+    let failing = store.failing.as_ref()?;
+    let note = format!("since {} UTC, {} records wait in memory", second(failing.since), store.waiting);
     Some(Tile { id: "store", label: "Store".to_owned(), value: "not written".to_owned(), note, tone: Tone::Bad })
 }
 
