@@ -163,3 +163,25 @@ fn decisions(sheet: &Sheet, now: Timestamp, core: &Core) {
         set(&service, &labels, from_wire(pack.service_wh), S_PER_H);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Failing;
+
+    #[test]
+    fn a_store_that_cannot_be_written_is_one_that_an_alert_sees() {
+        let told = |standing: &Standing| {
+            let sheet = Sheet::default();
+            kept(&sheet, standing);
+            let text = sheet.text();
+            let values = text.lines().filter(|line| !line.starts_with('#'));
+            values.map(str::to_owned).collect::<Vec<_>>()
+        };
+        let failing = Some(Failing { since: Timestamp::from_unix_ms(0), why: "full".to_owned() });
+        let names = ["tender_store_dropped_records_total", "tender_store_waiting_records", "tender_store_writable"];
+        let lines = |values: [u32; 3]| names.iter().zip(values).map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>();
+        assert_eq!(told(&Standing { failing, waiting: 7, dropped: 2 }), lines([2, 7, 0]));
+        assert_eq!(told(&Standing::default()), lines([0, 0, 1]));
+    }
+}

@@ -162,9 +162,9 @@ impl Step {
 impl Step {
     /// Two effects, where one alone is kept from being accepted by nothing but the other: what both are missing from hides in the
     /// held-out logs what either is worth there. Where the one would hardly help in the logs that were fitted either (an arm that lifts
-    /// before each docking, where what docks then draws is missing too, leaves steps that contradict it), it must be accepted beside the other.
+    /// before each docking, where what docks then draws is missing too, leaves steps that contradict it), it must be accepted beside the other. Without
+    /// held-out logs those that were fitted must speak for both.
     fn jointly(&self, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
-        let held = holdout?;
         let least = STRONG * threshold(self.scores.len());
         let likely = |place: &usize| {
             let refused = &self.refusals[*place];
@@ -175,12 +175,16 @@ impl Step {
             let other = Step::look_after(begun, one.state.clone(), holdout);
             let Outcome::Missing(_) = other.outcome else { return None };
             let both = &other.trials[0];
-            let helps = falls(held, &self.base_holdout, &both.holdout);
+            let helps = match holdout {
+                Some(held) => falls(held, &self.base_holdout, &both.holdout),
+                None => falls(&self.base.frame.evidence, &self.base.told().rms(), &both.state.told().rms()),
+            };
             let stands = || {
                 let without = both.state.without(one.spec);
                 let beside = Trial::of(&without, both.state.clone(), one.spec, one.uniqueness, holdout);
                 let court = Court { holdout, tried: self.scores.len(), begun, whatever_size: false };
-                refusals(&without, &beside, &held_out(without.told(), held), court).is_empty()
+                let before = holdout.map_or_else(Vec::new, |held| held_out(without.told(), held));
+                refusals(&without, &beside, &before, court).is_empty()
             };
             (helps && (self.refusals[place] == [Refusal::Holdout] || stands())).then(|| [taken(self.clone(), one.clone()), other])
         })

@@ -184,5 +184,5 @@ fn an_exchange_ends_the_log_of_a_battery() {
     let before = read(&path, robot("explorer-1"), None, Some("2026-01-01T00:00:22Z")).unwrap();
     assert_eq!((before.rows(), before.facts.soc_initial), (20, Some(0.9)));
     let during = read(&path, robot("explorer-1"), Some("2026-01-01T00:00:21Z"), Some("2026-01-01T00:00:23Z"));
-    assert!(during.unwrap_err().contains("no row of robot `explorer-1` lies between"));
+    assert!(during.unwrap_err().contains("all 3 rows of robot `explorer-1` between --from and --to are of an exchange"));
 }

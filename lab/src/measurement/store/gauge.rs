@@ -95,7 +95,7 @@ impl Source {
         let with_phase = gauges.what == "robot";
         let swapping = RobotPhase::Swapping.to_string();
         let (mut longest, mut stretch): (Option<Stretch>, Option<Stretch>) = (None, None);
-        let mut exchanged_ms = Vec::new();
+        let (mut exchanged_ms, mut in_exchange) = (Vec::new(), 0_usize);
         let mut after = (i64::MIN, i64::MIN);
         let longer = |one: Option<Stretch>, other: Option<Stretch>| match (one, other) {
             (Some(one), Some(other)) if other.rows() > one.rows() => Some(other),
@@ -110,6 +110,7 @@ impl Source {
             for row in &page {
                 // Which of the two batteries spoke during an exchange nobody knows.
                 if row.phase.as_ref() == Some(&swapping) {
+                    in_exchange += 1;
                     if let Some(done) = stretch.take() {
                         exchanged_ms.push(row.at_ms);
                         longest = longer(longest, Some(done));
@@ -122,6 +123,12 @@ impl Source {
             }
         }
         let Some(Stretch { mut table, begin_ms, end_ms }) = longer(longest, stretch) else {
+            if in_exchange > 0 {
+                return Err(self.whole(format!(
+                    "all {in_exchange} rows of {} `{name}` between --from and --to are of an exchange, and it is not known of which battery",
+                    gauges.what
+                )));
+            }
             return Err(self.no_rows(gauges.what, name, gauges.names, gauges.ends).await);
         };
         if !exchanged_ms.is_empty() {
