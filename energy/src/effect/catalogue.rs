@@ -39,6 +39,8 @@ catalogue! {
         rc_ladder::RcLadder,
         warburg::Warburg,
         surface_diffusion::SurfaceDiffusion,
+        polarisation_growth::PolarisationGrowth,
+        polarisation_health::PolarisationHealth,
         polarisation_arrhenius::PolarisationArrhenius,
         hysteresis::Hysteresis,
         thermal::LumpedThermal,

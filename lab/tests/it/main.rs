@@ -25,3 +25,4 @@ mod surroundings;
 mod thinning;
 mod together;
 mod unvisited;
+mod worn;

@@ -25,6 +25,7 @@ static SPEC: EffectSpec = EffectSpec {
     confused_with: &[
         ("arrhenius", "logs at two temperatures"),
         ("contact_resistance", "measure the voltage at the cells and at the terminals"),
+        ("rc_ladder", "current steps logged faster than its shortest time constant"),
     ],
     parameters: &[ParameterSpec {
         name: "resistance_ratio",

@@ -29,6 +29,7 @@ const BASES: &[(&str, &[&str])] = &[
     ("warburg", &["ohmic"]),
     ("rc2", &["ohmic", "rc1"]),
     ("polarisation_arrhenius", &["ohmic", "rc1"]),
+    ("polarisation_growth", &["ohmic", "rc1"]),
     ("thermal", &["ohmic"]),
     ("core_lag", &["ohmic", "thermal"]),
     ("temperature_bias", &["ohmic", "thermal"]),
