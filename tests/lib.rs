@@ -120,13 +120,20 @@ pub fn free_port() -> anyhow::Result<u16> {
 /// What a dashboard on this machine answers on a route, if it does and that is JSON.
 #[must_use]
 pub fn ask(port: u16, route: &str) -> Option<serde_json::Value> {
+    let answer = read(port, route)?;
+    // One chunk or several: the JSON lies between the first brace and the last.
+    let (from, to) = (answer.find('{')?, answer.rfind('}')?);
+    serde_json::from_str(&answer[from..=to]).ok()
+}
+
+/// The same, as it comes: head and all.
+#[must_use]
+pub fn read(port: u16, route: &str) -> Option<String> {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
     write!(stream, "GET {route} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n").ok()?;
     let mut answer = String::new();
     stream.read_to_string(&mut answer).ok()?;
-    // One chunk or several: the JSON lies between the first brace and the last.
-    let (from, to) = (answer.find('{')?, answer.rfind('}')?);
-    serde_json::from_str(&answer[from..=to]).ok()
+    Some(answer)
 }
 
 /// A fleet described by a scenario, as files of real programs.

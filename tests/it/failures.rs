@@ -220,10 +220,19 @@ async fn two_agents_with_one_id_do_not_both_obey() -> anyhow::Result<()> {
     anyhow::bail!("it obeyed: {answers:?}")
 }
 
-/// Somebody else writes into the store and does not end: commands leave all the same, and nothing is lost by it.
+/// Somebody else writes into the store and does not end: commands leave all the same, nothing is lost by it, and whoever looks is told.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_store_that_does_not_answer_stops_nobody() -> anyhow::Result<()> {
-    let fleet = fleet()?;
+    let mut fleet = fleet()?;
+    let page = tests::free_port()?;
+    fleet.deployment.coordinator.web.port = page;
+    fleet.write()?;
+    let says = |route: &str, what: &str| {
+        let shown = || tests::read(page, route).is_some_and(|answer| answer.contains(what));
+        let said = tokio::task::block_in_place(|| tests::patiently(Duration::from_secs(20), shown));
+        anyhow::ensure!(said, "{route} does not say {what}: {:?}", tests::read(page, route));
+        Ok(())
+    };
     let mut coordinator = fleet.coordinator()?;
     let link = Link::open(&fleet.network(), fleet.deployment.coordinator.site.clone()).await?;
     let (told, mut telling) = tokio::sync::mpsc::unbounded_channel();
@@ -244,7 +253,10 @@ async fn a_store_that_does_not_answer_stops_nobody() -> anyhow::Result<()> {
     };
     tokio::time::timeout(Duration::from_secs(60), charging).await.context("nobody was let in while the store was held")?;
     assert_eq!(tokio::task::block_in_place(|| fleet.events())?.len(), before, "nothing can have been written");
+    says("/metrics", "\ntender_store_writable 0\n")?;
+    says("/healthz", "nothing is kept since")?;
     sqlx::query("ROLLBACK").execute(&mut holder).await?;
+    says("/metrics", "\ntender_store_writable 1\n")?;
 
     let done = |event: &proto::Event| event.kind == EventKind::ServiceDone;
     tokio::task::block_in_place(|| fleet.wait_for("end of a service", Duration::from_secs(120), done))?;

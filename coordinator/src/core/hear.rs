@@ -74,8 +74,25 @@ impl Core {
 
     pub(super) fn heard_robot(&mut self, now: Timestamp, id: &RobotId) {
         if self.fleet.robots.get(id).is_some_and(|robot| robot.known().is_some()) {
-            self.event(now, EventKind::Joined, Some(id), None, None, format!("{id} joined"));
+            let other = self.other_battery(id);
+            self.event(now, EventKind::Joined, Some(id), None, None, format!("{id} joined{other}"));
             self.replan(format!("{id} joined"));
+        }
+    }
+
+    /// In words, where a robot counts its charge by another battery model than it is planned with: one of the two configurations is older,
+    /// or its battery is another one than somebody thinks.
+    fn other_battery(&self, id: &RobotId) -> String {
+        let told = self.fleet.robots.get(id).and_then(|robot| robot.state.as_ref()).map(|state| state.battery.as_str());
+        let planned = told.and_then(|told| self.models.battery(id, told));
+        match (told, planned) {
+            (Some(told), Some(planned)) if planned.name != told => {
+                format!(
+                    ": its agent counts its charge by the battery model `{told}`, and it is planned with `{}` (robots.{id})",
+                    planned.name
+                )
+            }
+            _ => String::new(),
         }
     }
 

@@ -1,6 +1,7 @@
 //! A fleet that is too large to be planned as a whole while somebody waits.
 
 mod capacity;
+mod joining;
 mod services;
 
 use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase, SpareId, SpareState, Travel};

@@ -12,7 +12,7 @@ use super::floors::{fitted, resettled};
 use super::judge::{Court, Refusal, STRONG, explained, falls, hardly_moves, refusals, squared, squares, threshold};
 use super::prune::{plainer, shorter, taken};
 use super::score::Score;
-use super::sketch::{Sketch, Sketches};
+use super::sketch::{Sketch, Sketches, are_taken_for_each_other};
 use super::state::State;
 use super::trial::{Trial, held_out};
 
@@ -258,7 +258,9 @@ fn alternatives(trials: &[Trial], refusals: &[Vec<Refusal>]) -> Vec<usize> {
         // others are then not those of the simpler one.
         let spared = other.state.freedom.saturating_sub(first.state.freedom) as f64;
         let degenerate = same && richer && other.has_a_number_to_spare() && first.state.cost - other.state.cost < spared;
-        let likely = ahead.abs() < ALIKE && !degenerate || same && !richer;
+        // Nor has one been passed over for nothing of which the catalogue says that it is taken for the first, and the logs that it does better.
+        let likely =
+            ahead.abs() < ALIKE && !degenerate || same && !richer || ahead > ALIKE && are_taken_for_each_other(first.spec, other.spec);
         likely && !first.is_also(other) && !other.is_also(first)
     };
     let alike: Vec<usize> = (1..trials.len()).filter(alike).collect();

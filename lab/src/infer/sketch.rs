@@ -213,7 +213,7 @@ impl Sketches {
 }
 
 /// Whether the catalogue says that one of two effects is taken for the other.
-fn are_taken_for_each_other(one: &EffectSpec, other: &EffectSpec) -> bool {
+pub(super) fn are_taken_for_each_other(one: &EffectSpec, other: &EffectSpec) -> bool {
     let says = |a: &EffectSpec, b: &EffectSpec| a.confused_with.iter().any(|(id, _)| *id == b.id);
     says(one, other) || says(other, one)
 }

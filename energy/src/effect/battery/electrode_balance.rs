@@ -43,6 +43,7 @@ static SPEC: EffectSpec = EffectSpec {
     confused_with: &[
         ("capacity_fade", "a slow discharge of the aged pack from full to empty, with rests"),
         ("hysteresis", "a long rest at one SoC reached from both sides"),
+        ("current_gain", "a second ammeter beside the gauge"),
     ],
     parameters: &[
         end!("shift_empty", "a: SoC of the new curve at which the aged cell is empty", 0.02),
