@@ -20,6 +20,7 @@
 //!     |          delays     how late a sensor may be
 //!     |          other_starts  and whether that alone explains them all
 //!     |          other_numbers  or one number that the model states
+//!     |          stated     or all that it states roughly, within their deviations
 //!     |          certainty  how well the numbers are known
 //!     |          told       the numbers that are told and written
 //!     |          dilution   without what the noise of inputs does to them
@@ -77,6 +78,7 @@ mod segment;
 mod sketch;
 mod starts;
 pub mod state;
+pub mod stated;
 mod steady;
 mod told;
 pub mod trial;

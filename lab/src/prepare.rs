@@ -75,6 +75,15 @@ impl Prepared {
         }
         moved
     }
+
+    /// The log with a channel, target or input, as so many times what was read.
+    pub(crate) fn with_scaled(&self, channel: Channel, factor: f64) -> Prepared {
+        let mut scaled = self.clone();
+        let inputs = scaled.inputs.iter_mut().filter(|(known, _)| *known == channel).map(|(_, values)| values);
+        let targets = scaled.targets.iter_mut().filter(|target| target.channel == channel).map(|target| &mut target.observed);
+        inputs.chain(targets).flatten().for_each(|value| *value *= factor);
+        scaled
+    }
 }
 
 /// Channels that this model predicts. Temperature is predicted only when an effect moves it;

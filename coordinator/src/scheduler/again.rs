@@ -11,13 +11,16 @@ use planner::Session;
 use proto::RobotId;
 
 use super::cover::Cover;
-use super::plan::Plan;
+use super::plan::{Plan, Planned};
 use super::problem::{PackState, View};
 use super::solve::Solved;
 use super::translate::KEEP_CONFIDENCE;
 
 /// Less than this is not worth another plan, Wh.
 const WORTH_IT_WH: f64 = 0.05;
+/// Deviations by which less is counted on, again and again, where what the packs were counted to hold is less sure once they are stepped: so small
+/// that a plan that is sure is not passed over, as often as it takes to be as sure as most are asked for.
+const LESS_SIGMAS: f64 = 0.1;
 
 /// The view of a plan with what it shows not to have been counted, at all stations but some; none where that is nothing.
 pub(super) fn with_the_uncounted(solved: &Solved, but: &BTreeSet<usize>) -> Option<View> {
@@ -50,4 +53,22 @@ pub(super) fn unsure(plan: &Plan, counted: &Plan, before: &Plan, confidence: f64
     };
     let unsure = plan.planned.iter().filter(|planned| planned.covered < asked(&planned.robot));
     unsure.map(|planned| planned.robot.clone()).collect()
+}
+
+/// Counts on less, by a part of the deviation of what is left in the end, at the stations of those who are unsure.
+pub(super) fn count_less(view: &mut View, plan: &Plan, unsure: &BTreeSet<RobotId>) {
+    for station in &mut view.stations {
+        let here: Vec<&Planned> = plan.planned.iter().filter(|planned| planned.station == station.station).collect();
+        if !here.iter().any(|planned| unsure.contains(&planned.robot)) {
+            continue;
+        }
+        let need = here.iter().fold(station.committed.clone(), |sum, planned| sum.plus(&planned.need)).estimate();
+        let held = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum::<f64>().sqrt();
+        let mut less_wh = LESS_SIGMAS * need.sigma.hypot(held);
+        for pack in station.packs.iter_mut().rev() {
+            let of_pack = less_wh.min(pack.usable_wh.value.max(0.0));
+            pack.usable_wh.value -= of_pack;
+            less_wh -= of_pack;
+        }
+    }
 }

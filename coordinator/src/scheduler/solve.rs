@@ -6,7 +6,7 @@ use planner::problem::{Problem, Tick};
 use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, optimise, renew, replan};
 use proto::RobotId;
 
-use super::again::{unsure, with_the_uncounted};
+use super::again::{count_less, unsure, with_the_uncounted};
 use super::plan::{Plan, Planned, Rejected};
 use super::problem::{RobotView, StationView, View};
 use super::translate::{Offer, Task};
@@ -21,15 +21,15 @@ const MOVES_MIN: u64 = 400;
 const MOVES_MAX: u64 = 10_000;
 /// Most moves of a search that mends a plan, some 10 us each: somebody waits for it.
 const MENDING_MOVES_MAX: u64 = 300;
-/// Deviations by which less is counted on, again and again, where what the packs were counted to hold is less sure once they are stepped: so small
-/// that a plan that is sure is not passed over, as often as it takes to be as sure as most are asked for.
-const LESS_SIGMAS: f64 = 0.1;
+/// How often less is counted on, where what the packs were counted to hold is less sure once they are stepped.
 const TIMES_LESS: usize = 16;
 /// So few robots are planned anew in no time.
 const FEW: usize = 16;
 /// So many times the usual moves look for what a few robots can share: who has none of it runs empty, and nobody has a promise yet that a
 /// plan that was found later could break.
 const SHARING: u64 = 10;
+/// So many times the usual moves look for a plan of a small fleet in which nobody strands anew, where the first does not prove that there is none.
+const HARDER: u64 = 10;
 /// The search's seed: the same beliefs and the same last plan give the same plan.
 const SEED: u64 = 1;
 
@@ -80,6 +80,13 @@ impl Solved {
         Self { sessions: found.plan.sessions, plan, task, wants_place }
     }
 
+    /// Whether somebody strands whom the last plan did not let strand, and nothing proves that so many must.
+    fn strands_unproven(&self, before: &Plan) -> bool {
+        let known = |robot: &RobotId| before.rejected.iter().any(|left| left.stranded && left.robot == *robot);
+        let quality = &self.plan.quality;
+        quality.stranded > quality.stranded_bound && self.plan.rejected.iter().any(|left| left.stranded && !known(&left.robot))
+    }
+
     /// Who would have an exchange and no spare for it: robot and station.
     fn without_a_spare(&self) -> Vec<(usize, usize)> {
         let exchanges = self.sessions.iter().filter(|session| !matches!(session.mode, Mode::Charge(_)));
@@ -109,14 +116,19 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     // Neither waiting until a service is wanted nor charging to the usual level must cost another robot its turn: if
     // somebody strands for want of a place, all may come earlier, and if that does not help, leave with less. In a large
     // fleet that comes into question with the next whole plan.
+    let mut offered = Offer::Usual;
     for offer in [Offer::Early, Offer::Scarce] {
         if !best.wants_place {
             break;
         }
-        best = asked.other(best, offer);
+        (best, offered) = (asked.other(best, offer), offer);
     }
     if !asked.is_small() {
         return best;
+    }
+    if best.strands_unproven(before) {
+        let settings = &Settings { moves_per_robot: HARDER * settings.moves_per_robot, ..*settings };
+        best = Asked { settings, ..asked }.other(best, offered);
     }
     best = asked.as_promised(&best).unwrap_or(best);
     if best.plan.quality.stranded == 0 {
@@ -347,24 +359,6 @@ impl Asked<'_> {
                 let kinds: Vec<usize> = view.stations[station].spares.iter().map(|spare| spare.kind).collect();
                 view.robots[robot].unfit.extend(kinds.into_iter().map(|kind| (station, kind)));
             }
-        }
-    }
-}
-
-/// Counts on less, by a part of the deviation of what is left in the end, at the stations of those who are unsure.
-fn count_less(view: &mut View, plan: &Plan, unsure: &BTreeSet<RobotId>) {
-    for station in &mut view.stations {
-        let here: Vec<&Planned> = plan.planned.iter().filter(|planned| planned.station == station.station).collect();
-        if !here.iter().any(|planned| unsure.contains(&planned.robot)) {
-            continue;
-        }
-        let need = here.iter().fold(station.committed.clone(), |sum, planned| sum.plus(&planned.need)).estimate();
-        let held = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum::<f64>().sqrt();
-        let mut less_wh = LESS_SIGMAS * need.sigma.hypot(held);
-        for pack in station.packs.iter_mut().rev() {
-            let of_pack = less_wh.min(pack.usable_wh.value.max(0.0));
-            pack.usable_wh.value -= of_pack;
-            less_wh -= of_pack;
         }
     }
 }

@@ -17,7 +17,7 @@ use lab::infer::evidence::Evidence;
 use lab::infer::floors::fitted;
 use lab::infer::frame::Frame;
 use lab::infer::state::State;
-use lab::infer::{other_numbers, other_starts};
+use lab::infer::{other_numbers, other_starts, stated};
 use lab::learned;
 use lab::measurement::Log;
 use lab::model_source::{Origin, parse_beside};
@@ -125,12 +125,25 @@ impl<'a> Case<'a> {
             holdout_unexplained = Unexplained::of(&discovery, &found);
         }
         let (decision, left_out) = (self.decisions(written), learned::left_out(last));
-        let (mut other_starts, mut other_numbers) = (Vec::new(), Vec::new());
+        let (mut other_starts, mut other_numbers, mut within_stated) = (Vec::new(), Vec::new(), Vec::new());
         if discovery.verdict != Verdict::Complete {
             other_starts = other_starts::other_starts(given, &self.evidence.logs);
             other_numbers = other_numbers::other_numbers(given, &self.evidence.logs, last);
+            within_stated = stated::within_stated(given, &self.evidence.logs, last);
         }
-        DiscoveryReport { discovery, decision, left_out, file_rms, files, holdout_unexplained, other_starts, other_numbers, reach, output }
+        DiscoveryReport {
+            discovery,
+            decision,
+            left_out,
+            file_rms,
+            files,
+            holdout_unexplained,
+            other_starts,
+            other_numbers,
+            within_stated,
+            reach,
+            output,
+        }
     }
 
     /// What it changes to plan with that model instead of the given one.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::candidate::Untested;
 use super::certainty::range_sigma;
 use super::discover::{Outcome, Search, Step};
-use super::judge::{Refusal, explained};
+use super::judge::{Refusal, leaves_little};
 use super::noise::Noise;
 use super::state::State;
 use super::trial::Trial;
@@ -151,7 +151,7 @@ impl Discovery {
         let (first, last) = (&search.steps[0], search.last.told());
         let selected: Vec<&'static str> = found.iter().map(|step| step.trials[0].spec.id).collect();
         let (equivalent, experiment) = equivalents(&found);
-        let complete = explained(last) || within(last) && beyond(last) < MOSTLY * beyond(first.base.told());
+        let complete = leaves_little(last) || within(last) && beyond(last) < MOSTLY * beyond(first.base.told());
         let verdict = match () {
             () if !complete => Verdict::Unknown,
             () if !equivalent.is_empty() => Verdict::Ambiguous,

@@ -7,7 +7,7 @@ use energy::{Channel, Model, catalogue};
 use super::anew::begun_anew;
 use super::candidate::Untested;
 use super::evidence::Evidence;
-use super::exchange::exchanged;
+use super::exchange::{begun_otherwise, exchanged};
 use super::floors::{fitted, resettled};
 use super::judge::{Court, Refusal, STRONG, explained, falls, hardly_moves, refusals, squared, squares, threshold};
 use super::prune::{plainer, shorter, taken};
@@ -61,7 +61,7 @@ impl Step {
     }
 
     /// The same where effects were found since every channel had so much squared error, in floors.
-    fn look_after(begun: &[f64], base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+    pub(super) fn look_after(begun: &[f64], base: State, holdout: Option<&Arc<Evidence>>) -> Step {
         let from = |base: State| {
             let sketches = Sketches::new(&base);
             Step::of(base, sketches, begun, holdout)
@@ -344,6 +344,10 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
         };
         steps.extend(found);
         state = steps[steps.len() - 1].trials[0].state.clone();
+        if let Some(way) = begun_otherwise(&steps, &begun, holdout) {
+            steps = way;
+            state = steps[steps.len() - 1].trials[0].state.clone();
+        }
         while let Some(way) = shorter(&steps, holdout) {
             steps = way;
             state = steps[steps.len() - 1].trials[0].state.clone();

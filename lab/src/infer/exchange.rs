@@ -17,7 +17,7 @@ use super::evidence::Evidence;
 use super::handover::handed_over;
 use super::judge::explained;
 use super::prune::taken;
-use super::sketch::BETTER;
+use super::sketch::{BETTER, are_taken_for_each_other};
 use super::state::State;
 use super::trial::Trial;
 
@@ -46,12 +46,29 @@ pub(super) fn exchanged(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Opti
     Some(way)
 }
 
+/// The way with another effect in the place of the last but one, of fewer numbers, that is taken for it, and what then comes next, where
+/// these two do better; none where they do not. What has many numbers may do the work of two that have one each (a ladder that of a
+/// resistance and a polarisation that wore), and then none of these two could take its place by itself.
+pub(super) fn begun_otherwise(steps: &[Step], begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Option<Vec<Step>> {
+    let [earlier @ .., before, newest] = steps else { return None };
+    let (first, last) = (&before.trials[0], &newest.trials[0].state);
+    let is_simpler =
+        |trial: &Trial| trial.spec.parameters.len() < first.spec.parameters.len() && are_taken_for_each_other(trial.spec, first.spec);
+    let accepted = before.trials.iter().zip(&before.refusals).filter(|(trial, refused)| refused.is_empty() && is_simpler(trial));
+    let two = accepted.filter_map(|(trial, _)| {
+        let next = Step::look_after(begun, trial.state.clone(), holdout);
+        let does_better = matches!(next.outcome, Outcome::Missing(_)) && next.trials[0].state.bic() < last.bic() - BETTER;
+        does_better.then(|| (trial.clone(), next))
+    });
+    let (trial, next) = two.min_by(|(_, a), (_, b)| a.trials[0].state.bic().total_cmp(&b.trials[0].state.bic()))?;
+    Some(earlier.iter().cloned().chain([taken(before.clone(), trial), next]).collect())
+}
+
 /// The best of what is taken for the effect of this step, in its place in the last model; none where none does better.
 fn in_place_of(step: &Step, last: &State) -> Option<(&'static EffectSpec, State)> {
     let spec = step.trials[0].spec;
-    let taken_for = |a: &EffectSpec, b: &EffectSpec| a.confused_with.iter().any(|(id, _)| *id == b.id);
     let has = |id: &str| last.frame.model.effects().any(|effect| effect.spec().id == id);
-    let alike = step.scores.iter().map(|score| score.spec).filter(|other| taken_for(spec, other) || taken_for(other, spec));
+    let alike = step.scores.iter().map(|score| score.spec).filter(|other| are_taken_for_each_other(spec, other));
     let alike: Vec<&'static EffectSpec> = alike.filter(|other| !has(other.id)).collect();
     if alike.is_empty() {
         return None;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, System, catalogue};
+use energy::{Channel, Facts, System, catalogue};
 
 use super::discover::AS_WELL;
 use super::evidence::Evidence;
@@ -187,10 +187,26 @@ fn rows(evidence: &Evidence, channel: Channel) -> f64 {
 /// smallest effect on such a channel that matters.
 #[must_use]
 pub fn explained(state: &State) -> bool {
+    at_most(state, |_| 1.0)
+}
+
+/// The same, where what is left of a pack's voltage counts by the cell: what matters does so in every one. A search goes on as long as there
+/// is anything to be found; at its end so little is no sign that something is missing.
+#[must_use]
+pub fn leaves_little(state: &State) -> bool {
+    let model = &state.frame.model;
+    at_most(state, |channel| match (&model.facts, channel) {
+        (Facts::Battery(battery), Channel::VoltageV) => f64::from(battery.series),
+        _ => 1.0,
+    })
+}
+
+/// Whether every channel is at its floor, or leaves less beyond it than so many times what matters.
+fn at_most(state: &State, times: impl Fn(Channel) -> f64) -> bool {
     state.rms().iter().all(|&(channel, rms)| {
         let floor = state.frame.evidence.floor(channel);
         let beyond = (rms * rms - floor * floor).max(0.0).sqrt();
-        rms <= EXPLAINED * floor || beyond < matters(state.frame.model.system, channel)
+        rms <= EXPLAINED * floor || beyond < times(channel) * matters(state.frame.model.system, channel)
     })
 }
 

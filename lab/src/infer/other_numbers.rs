@@ -7,7 +7,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use energy::{Channel, Model, Parameter, Sensor};
+use energy::{Channel, Model, Parameter, Sensor, System};
 use serde::Serialize;
 
 use super::evidence::Evidence;
@@ -20,6 +20,9 @@ use crate::prepare::Prepared;
 const LATE_ROWS: f64 = 10.0;
 /// Share by which a sensor may show too much or too little here: also pounds for kilograms, and hardly its sign.
 const WIDE_GAIN: f64 = 1.0;
+/// Units in which a column may be read for the right one: thousandths and thousands, minutes for seconds, km/h for m/s, degrees for
+/// radians, and the other sign.
+const UNITS: [f64; 8] = [1.0, 1e3, 1e-3, 60.0, 1.0 / 60.0, 3.6, 180.0 / std::f64::consts::PI, -1.0];
 /// Deviations from what is stated from which on a sensor's number is another.
 const SURELY: f64 = 5.0;
 /// Of the squared error beyond the floor, the most that another number may leave.
@@ -32,7 +35,7 @@ const SLACK: f64 = 0.1;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OtherNumber {
     /// Where it stands in the model file: `effect.parameter`, all that have one name and one value; `sensor.channel.lag_s`. Or `gain of
-    /// channel`, reading over true value, which no file holds.
+    /// channel`, reading over true value, and `offset of channel`, reading less true value, which no file holds.
     pub numbers: Vec<String>,
     /// As it is stated.
     pub stated: f64,
@@ -49,7 +52,7 @@ pub struct OtherNumber {
 #[must_use]
 pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Vec<OtherNumber> {
     let given = State::of_model(Arc::clone(model), Arc::new(Evidence::new(model, logs.to_vec())));
-    let asked = Asked { given: unexplained(&given), found: unexplained(found) };
+    let Some(asked) = Asked::between(&given, found) else { return Vec::new() };
     let evidence = &given.frame.evidence;
     let of_effects = alike(model).into_iter().filter_map(|alike| {
         let freed = Model::clone(model).freed(|parameter| alike.iter().any(|one| same(one, parameter)));
@@ -60,32 +63,51 @@ pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
         let numbers = alike.iter().map(|one| format!("{}.{}", one.effect, one.name)).collect();
         asked.tell(&state, numbers, alike[0].value, state.x[place], sigmas[place])
     });
-    let of_sensor = |numbers: String, stated: f64, what: Rough, wider: Sensor| {
-        let (Rough::Lag(channel) | Rough::Gain(channel)) = what else { return None };
+    // What it is off by, where that is surely something, or another unit is what explains.
+    let of_sensor = |logs: &[Prepared], what: Rough, wider: Sensor, in_other_unit: bool| {
+        let (Rough::Lag(channel) | Rough::Gain(channel) | Rough::Offset(channel)) = what else { return None };
         let mut model = Model::clone(model);
         model.sensors.insert(channel, wider);
         let own = Arc::new(Evidence::new(&model, logs.to_vec()));
         let state = State::of_model(Arc::new(model), own);
         let place = state.frame.free.len() + state.frame.known.iter().position(|known| known.what == what)?;
         let (shift, sigma) = (state.x[place], state.covariance()[(place, place)].max(0.0).sqrt());
-        let known = if let Rough::Lag(_) = what {
-            given.frame.model.sensor(channel).lag_sigma_s
-        } else {
-            given.frame.model.sensor(channel).gain_sigma
+        let sensor = given.frame.model.sensor(channel);
+        let known = match what {
+            Rough::Lag(_) => sensor.lag_sigma_s,
+            Rough::Offset(_) => sensor.offset_sigma,
+            _ => sensor.gain_sigma,
         };
-        (shift.abs() > SURELY * sigma.hypot(known)).then(|| asked.tell(&state, vec![numbers], stated, stated + shift, sigma))?
+        let surely = in_other_unit || shift.abs() > SURELY * sigma.hypot(known);
+        surely.then(|| asked.tell(&state, Vec::new(), 0.0, shift, sigma))?
     };
-    let targets = model.system.targets().iter().copied().filter(|&channel| logs.iter().any(|log| judged(log, channel)));
-    let late = targets.filter_map(|channel| {
+    let targets: Vec<Channel> =
+        model.system.targets().iter().copied().filter(|&channel| logs.iter().any(|log| judged(log, channel))).collect();
+    let late = targets.iter().filter_map(|&channel| {
         let (sensor, widest_s) = (model.sensor(channel), LATE_ROWS * evidence.step_s(channel));
-        let numbers = format!("sensor.{}.lag_s", channel.name());
-        of_sensor(numbers, sensor.lag_s, Rough::Lag(channel), Sensor { lag_sigma_s: widest_s, ..sensor })
+        let number = of_sensor(logs, Rough::Lag(channel), Sensor { lag_sigma_s: widest_s, ..sensor }, false)?;
+        let numbers = vec![format!("sensor.{}.lag_s", channel.name())];
+        Some(OtherNumber { numbers, stated: sensor.lag_s, found: sensor.lag_s + number.found, ..number })
     });
     let inputs = logs.iter().flat_map(|log| log.inputs.iter()).filter(|(_, values)| !is_flag(values)).map(|&(channel, _)| channel);
     let inputs: BTreeSet<Channel> = inputs.collect();
-    let gains = inputs.iter().filter_map(|&channel| {
-        let numbers = format!("gain of {}", channel.name());
-        of_sensor(numbers, 1.0, Rough::Gain(channel), Sensor { gain_sigma: WIDE_GAIN, ..model.sensor(channel) })
+    let gains = targets.iter().chain(&inputs).filter_map(|&channel| {
+        let wider = Sensor { gain_sigma: WIDE_GAIN, ..model.sensor(channel) };
+        let from = |unit: f64| {
+            let read: Vec<Prepared> = logs.iter().map(|log| log.with_scaled(channel, 1.0 / unit)).collect();
+            let number = of_sensor(&read, Rough::Gain(channel), wider, unit != 1.0)?;
+            let numbers = vec![format!("gain of {}", channel.name())];
+            Some(OtherNumber { numbers, stated: 1.0, found: unit * (1.0 + number.found), sigma: unit.abs() * number.sigma, ..number })
+        };
+        // No way leads from W to mW: then from the unit on in which it seems to be read.
+        from(1.0).or_else(|| Some(unit(model, logs, channel, evidence)).filter(|&unit| unit != 1.0).and_then(from))
+    });
+    // A battery's are effects of the catalogue.
+    let measured = inputs.iter().filter(|_| model.system != System::Battery);
+    let offsets = measured.filter_map(|&channel| {
+        let wider = Sensor { offset_sigma: spread(logs, channel), ..model.sensor(channel) };
+        let number = of_sensor(logs, Rough::Offset(channel), wider, false)?;
+        Some(OtherNumber { numbers: vec![format!("offset of {}", channel.name())], ..number })
     });
     let late_inputs = inputs.iter().filter_map(|&channel| {
         let (state, late_s, step_s) = with_late_input(&given, logs, channel)?;
@@ -96,7 +118,7 @@ pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
     // That all inputs are early and that what they bring about is late is one thing: what explains most comes first.
     let mut delays: Vec<OtherNumber> = late.chain(late_inputs).collect();
     delays.sort_by(|a, b| b.explained.total_cmp(&a.explained));
-    of_effects.chain(delays).chain(gains).collect()
+    of_effects.chain(delays).chain(gains).chain(offsets).collect()
 }
 
 /// The model fitted to the logs with one input moved by as many whole rows as leave least, that time, and that of one row, s; none where
@@ -136,17 +158,33 @@ fn squares(shown: &Prediction, log: &Prepared, evidence: &Evidence) -> (f64, u32
 }
 
 /// What is left by the model as given, and by what was found.
-struct Asked {
+pub(super) struct Asked {
     given: f64,
     found: f64,
 }
 
 impl Asked {
+    /// Of these; nothing where nothing is left by the model as given that could be explained.
+    pub(super) fn between(given: &State, found: &State) -> Option<Self> {
+        let asked = Self { given: unexplained(given), found: unexplained(found) };
+        (asked.given > 0.0).then_some(asked)
+    }
+
+    /// Whether a model without what was found leaves no more than that did.
+    pub(super) fn leaves_no_more(&self, state: &State) -> bool {
+        unexplained(state) <= self.found + SLACK
+    }
+
+    /// Whether a model without what was found explains nearly as much, and most of all.
+    pub(super) fn does_as_well(&self, state: &State) -> bool {
+        unexplained(state) <= (AS_WELL * self.found + SLACK).min(MOST_LEFT * self.given)
+    }
+
     /// Another number, where it explains nearly as much as what was found.
     fn tell(&self, state: &State, numbers: Vec<String>, stated: f64, found: f64, sigma: f64) -> Option<OtherNumber> {
-        let left = unexplained(state);
-        let most = (AS_WELL * self.found + SLACK).min(MOST_LEFT * self.given);
-        (left <= most).then(|| OtherNumber { numbers, stated, found, sigma, explained: 1.0 - left / self.given })
+        // A share of next to nothing is none.
+        let explained = if self.given > SLACK { 1.0 - unexplained(state) / self.given } else { return None };
+        self.does_as_well(state).then_some(OtherNumber { numbers, stated, found, sigma, explained })
     }
 }
 
@@ -170,6 +208,24 @@ fn same(one: &Parameter, other: &Parameter) -> bool {
 /// Whether something is only there or not: it has no gain.
 fn is_flag(values: &[f64]) -> bool {
     values.iter().all(|&value| value == 0.0 || value == 1.0)
+}
+
+/// In how many of the right units a channel seems to be read: of [`UNITS`] the one with which the model as it stands leaves least.
+fn unit(model: &Arc<Model>, logs: &[Prepared], channel: Channel, evidence: &Evidence) -> f64 {
+    let values = model.values();
+    let left = |unit: f64| -> f64 {
+        let read = logs.iter().map(|log| log.with_scaled(channel, 1.0 / unit));
+        read.map(|log| squares(&predict(model, &log, &values), &log, evidence).0).filter(|sum| sum.is_finite()).sum()
+    };
+    UNITS.into_iter().map(|unit| (left(unit), unit)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(1.0, |(_, unit)| unit)
+}
+
+/// Standard deviation of an input over all rows.
+fn spread(logs: &[Prepared], channel: Channel) -> f64 {
+    let inputs = logs.iter().flat_map(|log| &log.inputs).filter(|(input, _)| *input == channel);
+    let values: Vec<f64> = inputs.flat_map(|(_, values)| values.iter().copied()).filter(|value| value.is_finite()).collect();
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 fn judged(log: &Prepared, channel: Channel) -> bool {

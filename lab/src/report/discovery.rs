@@ -13,6 +13,7 @@ use crate::decision::Decisions;
 use crate::infer::answer::{ByChannel, Discovery, Rung};
 use crate::infer::other_numbers::OtherNumber;
 use crate::infer::other_starts::OtherStart;
+use crate::infer::stated::Roughly;
 use crate::learned::LeftOut;
 
 use super::quantity::{digits, quantity, unit_of, with_sigma};
@@ -20,7 +21,7 @@ use super::table::text;
 
 pub use holdout::{Unexplained, held_out};
 pub use tables::{decisions, fall, floor_name};
-pub use words::{effects, headline, left, other_numbers, other_starts, refusal, untested};
+pub use words::{effects, headline, left, other_numbers, other_starts, refusal, untested, within_stated};
 
 /// How far a search went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -54,6 +55,10 @@ pub struct DiscoveryReport {
     /// Numbers of the model as given, each of which alone would explain all logs if it were another, without what was found.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_numbers: Vec<OtherNumber>,
+    /// Numbers that the model states with deviations and that are not free, as they would together explain all logs within these, without what was
+    /// found.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub within_stated: Vec<Roughly>,
     /// How far the search went.
     pub reach: Reach,
     /// The file written; null when none was asked for.
@@ -102,7 +107,8 @@ impl DiscoveryReport {
         let held = held_out(found, &self.holdout_unexplained).map_or_else(String::new, |words| words + "\n");
         let starts = other_starts(&self.other_starts).map_or_else(String::new, |words| words + "\n");
         let numbers = other_numbers(&self.other_numbers).map_or_else(String::new, |words| words + "\n");
-        let mut parts = vec![format!("{}: {}\n{starts}{numbers}{held}", found.model, headline(found, self.reach))];
+        let within = within_stated(&self.within_stated).map_or_else(String::new, |words| words + "\n");
+        let mut parts = vec![format!("{}: {}\n{starts}{within}{numbers}{held}", found.model, headline(found, self.reach))];
         parts.push(ladder(&found.ladder));
         parts.extend(section("", text(&tables::ranking(found, PRINTED)), !found.ranking.is_empty()));
         let more = found.ranking.len().saturating_sub(PRINTED);

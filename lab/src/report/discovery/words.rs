@@ -5,6 +5,7 @@ use crate::infer::candidate::Untested;
 use crate::infer::judge::Refusal;
 use crate::infer::other_numbers::OtherNumber;
 use crate::infer::other_starts::OtherStart;
+use crate::infer::stated::Roughly;
 use crate::report::quantity::{digits, quantity, unit_of, with_sigma};
 
 use super::Reach;
@@ -30,7 +31,11 @@ const NUMBERS_TOLD: usize = 4;
 pub fn other_numbers(numbers: &[OtherNumber]) -> Option<String> {
     numbers.first()?;
     let one = |number: &OtherNumber| {
-        let found = with_sigma(number.found, Some(number.sigma), "");
+        // A gain that goes together with what the model leaves free is no number of its own: a thousand says enough.
+        let found = match number.sigma < 0.5 * number.found.abs() {
+            true => with_sigma(number.found, Some(number.sigma), ""),
+            false => format!("about {}", digits(number.found)),
+        };
         let share = (100.0 * number.explained).floor();
         format!("{} = {found} in place of {} ({share} %)", number.numbers.join(" and "), digits(number.stated))
     };
@@ -41,6 +46,21 @@ pub fn other_numbers(numbers: &[OtherNumber]) -> Option<String> {
     Some(format!(
         "Without any effect, another number explains as much of the squared error beyond the noise: {}{more}; {which}",
         told.join(", or ")
+    ))
+}
+
+/// That what the model states only roughly would explain the logs as well; nothing where it would not.
+#[must_use]
+pub fn within_stated(numbers: &[Roughly]) -> Option<String> {
+    numbers.first()?;
+    let one = |number: &Roughly| {
+        let (found, stated) = (with_sigma(number.found, Some(number.sigma), ""), with_sigma(number.stated, Some(number.stated_sigma), ""));
+        format!("{} = {found} in place of {stated}", number.number)
+    };
+    let all: Vec<String> = numbers.iter().map(one).collect();
+    Some(format!(
+        "Without any effect, what the model states explains as much within its own deviations ({}): a number without `free = true` was taken as exact.",
+        all.join(", ")
     ))
 }
 

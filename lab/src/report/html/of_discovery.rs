@@ -5,7 +5,9 @@ use energy::Model;
 use super::sections::{Answer, Confounding, Epc, Evidence, Ladder, LadderStep, Page, ParameterRow, Tone};
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
 use crate::infer::score::Score;
-use crate::report::discovery::{DiscoveryReport, floor_name, headline, held_out, left, other_numbers, other_starts, untested};
+use crate::report::discovery::{
+    DiscoveryReport, floor_name, headline, held_out, left, other_numbers, other_starts, untested, within_stated,
+};
 use crate::report::quantity::unit_of;
 
 /// Effects in the picture of what looks alike: more cannot be read.
@@ -37,6 +39,7 @@ fn answer(report: &DiscoveryReport, compared: Option<Answer>) -> Answer {
     let headline = capitals.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + capitals.as_str());
     let mut words: Vec<String> = held_out(found, &report.holdout_unexplained).into_iter().collect();
     words.extend(other_starts(&report.other_starts));
+    words.extend(within_stated(&report.within_stated));
     words.extend(other_numbers(&report.other_numbers));
     words.extend(left(found).lines().map(|line| format!("At the end of the search: {line}.")));
     words.extend(compared.into_iter().flat_map(|compared| std::iter::once(compared.headline).chain(compared.words)));
