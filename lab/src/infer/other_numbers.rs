@@ -99,8 +99,9 @@ pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
             let numbers = vec![format!("gain of {}", channel.name())];
             Some(OtherNumber { numbers, stated: 1.0, found: unit * (1.0 + number.found), sigma: unit.abs() * number.sigma, ..number })
         };
-        // No way leads from W to mW: then from the unit on in which it seems to be read.
-        from(1.0).or_else(|| Some(unit(model, logs, channel, evidence)).filter(|&unit| unit != 1.0).and_then(from))
+        // No way leads from W to mW: also from the unit on in which it seems to be read.
+        let other = Some(unit(model, logs, channel, evidence)).filter(|&unit| unit != 1.0);
+        [Some(1.0), other].into_iter().flatten().filter_map(from).max_by(|a, b| a.explained.total_cmp(&b.explained))
     });
     // A battery's are effects of the catalogue.
     let measured = inputs.iter().filter(|_| model.system != System::Battery);

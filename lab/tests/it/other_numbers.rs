@@ -6,6 +6,7 @@ use energy::{Channel, Model};
 use lab::infer::discover::search;
 use lab::infer::evidence::Evidence;
 use lab::infer::other_numbers::{OtherNumber, other_numbers};
+use lab::infer::stated::{Roughly, within_stated};
 use lab::measurement::{Log, LogFacts, read_log};
 use lab::predict::predict;
 use lab::prepare::{Prepared, prepare};
@@ -64,30 +65,42 @@ fn a_voltage_that_is_read_two_rows_late_is_told_to_be_late() {
     assert!((voltage.found - 2.0).abs() < 0.05, "{voltage:?}");
 }
 
-/// A station, of which the power into its robots is read three rows after everything else.
-#[test]
-fn an_input_that_is_read_late_is_told_to_be_late() {
+/// What is told of a station, of which the power into its robots is read so many rows after everything else, and in such units.
+fn told_of_a_station(late: usize, units: f64) -> Vec<OtherNumber> {
     let base = "schema = 1\nsystem = \"station\"\nname = \"t\"\n[sensor.pack_power_w]\nsigma = 0.05\n[[effect]]\nid = \"charger_efficiency\"\n\
-                efficiency = { value = 0.88, source = \"t\", sigma = 0.01, free = true }\n[[effect]]\nid = \"robot_own_load\"\n\
+                efficiency = { value = 0.88, source = \"t\", sigma = 0.01 }\n[[effect]]\nid = \"robot_own_load\"\n\
                 own_load_w = { value = 4.2, source = \"t\" }\n";
     let base = Arc::new(Model::parse("station.toml", base, &|_| Err("no table".to_owned())).unwrap());
     let into_w = |row: usize| f64::from([0, 14, 30, 9, 0, 22][row / 70 % 6]);
     let docked = |row: usize| [0, 1, 2, 1, 1, 2][(row + 35) / 70 % 6];
-    let read = |late: usize| {
-        let line = |row: usize| format!("{},{},{},12.0,20\n", 5 * row, into_w(row.saturating_sub(late)), docked(row));
+    let read = |late: usize, units: f64| {
+        let line = |row: usize| format!("{},{},{},12.0,20\n", 5 * row, units * into_w(row.saturating_sub(late)), docked(row));
         let rows: String = (0..1500).map(line).collect();
         let text = format!("time_s,charge_power_w,robots_docked,pack_voltage_v,pack_power_w\n{rows}");
         read_log("station.csv", text.as_bytes(), LogFacts::default()).unwrap()
     };
-    let shown = predict(&base, &prepare(&base, &read(0)).unwrap(), &base.values());
+    let shown = predict(&base, &prepare(&base, &read(0, 1.0)).unwrap(), &base.values());
     let (noise, mut random) = (Normal::new(0.0, 0.05).unwrap(), Pcg64::new(1, 0));
-    let mut log = read(3);
+    let mut log = read(late, units);
     let values = shown.of(Channel::PackPowerW).unwrap().iter().map(|watts| watts + noise.sample(&mut random)).collect();
     log.channels.insert(Channel::PackPowerW, values);
-    let told = told(&base, &[prepare(&base, &log).unwrap()]);
+    told(&base, &[prepare(&base, &log).unwrap()])
+}
+
+#[test]
+fn an_input_that_is_read_late_is_told_to_be_late() {
+    let told = told_of_a_station(3, 1.0);
     let number = &told[0];
     assert_eq!((&number.numbers[..], number.stated, number.found), (&["sensor.charge_power_w.lag_s".to_owned()][..], 0.0, 15.0));
     assert!(number.explained > 0.99 && (number.sigma - 5.0 / 12.0_f64.sqrt()).abs() < 0.01, "{number:?}");
+}
+
+/// Milliwatts: no way leads there from watts, step by step.
+#[test]
+fn an_input_that_is_read_in_another_unit_is_told_to_be() {
+    let told = told_of_a_station(0, 1000.0);
+    let gain = told.iter().find(|number| number.numbers == ["gain of charge_power_w"]).unwrap_or_else(|| panic!("{told:?}"));
+    assert!((gain.found - 1000.0).abs() < 4.0 * gain.sigma && gain.sigma < 10.0 && gain.explained > 0.99, "{gain:?}");
 }
 
 #[test]
@@ -96,4 +109,29 @@ fn an_effect_that_no_number_stands_in_for_is_told_alone() {
     let mut truth = base.with("hysteresis").unwrap();
     truth = truth.with("rc1").unwrap();
     assert_eq!(told(&base, &logs(&base, &Arc::new(truth), 0)), []);
+}
+
+/// Two numbers that are stated with deviations, and not to be fitted.
+fn roughly_stated(resistance_ohm: f64, tau_s: f64) -> Arc<Model> {
+    made_up::model(&format!(
+        "[sensor.voltage_v]\nsigma = 1e-3\n[[effect]]\nid = \"ohmic\"\nresistance_ohm = {{ value = {resistance_ohm}, source = \"t\", sigma = 4e-3 }}\n\
+         [[effect]]\nid = \"rc1\"\nresistance_ohm = {{ value = 0.03, source = \"t\" }}\ntau_s = {{ value = {tau_s}, source = \"t\", sigma = 8.0 }}\n"
+    ))
+}
+
+#[test]
+fn numbers_that_are_each_off_by_no_more_than_is_stated_are_told_together() {
+    let within = |truth: Arc<Model>| -> Vec<Roughly> {
+        let base = roughly_stated(0.05, 40.0);
+        let logs = logs(&base, &truth, 0);
+        let search = search(Arc::clone(&base), Arc::new(Evidence::new(&base, logs.clone())), None);
+        within_stated(&base, &logs, search.last.told())
+    };
+    let told = within(roughly_stated(0.057, 52.0));
+    let [resistance, tau] = &told[..] else { panic!("{told:?}") };
+    assert_eq!((&*resistance.number, resistance.stated, resistance.stated_sigma), ("ohmic.resistance_ohm", 0.05, 4e-3));
+    assert!((resistance.found - 0.057).abs() < 4.0 * resistance.sigma && resistance.sigma < 1e-3, "{resistance:?}");
+    assert!((tau.found - 52.0).abs() < 4.0 * tau.sigma && tau.sigma < 2.0, "{tau:?}");
+    // Seven deviations are another resistance, and not what was said of it.
+    assert_eq!(within(roughly_stated(0.08, 52.0)), Vec::new());
 }
