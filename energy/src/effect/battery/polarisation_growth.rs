@@ -7,10 +7,11 @@
 //!
 //! Absence: what relaxes after a current step grows from month to month.
 
-use super::resistance_growth::factor;
-use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
+use super::resistance_growth::Growth;
+use crate::{Channel, EffectSpec, ParameterSpec, Phase, System};
 
-pub(crate) struct PolarisationGrowth;
+/// Of what pairs and ladders have put together.
+pub(crate) static SLOW: Growth = Growth(&SPEC);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "polarisation_growth",
@@ -39,18 +40,6 @@ static SPEC: EffectSpec = EffectSpec {
     }],
     states: &[],
 };
-
-impl Physics for PolarisationGrowth {
-    fn spec(&self) -> &'static EffectSpec {
-        &SPEC
-    }
-
-    #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let growth = own.parameters[0] * channels[Channel::CycleCount];
-        channels[Channel::OverpotentialV] *= factor(growth);
-    }
-}
 
 #[cfg(test)]
 mod tests {

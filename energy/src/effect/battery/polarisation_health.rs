@@ -6,9 +6,11 @@
 //!
 //! Absence: after every current step the residual relaxes as the model's own polarisation does.
 
-use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
+use super::resistance_health::Health;
+use crate::{Channel, EffectSpec, ParameterSpec, Phase, System};
 
-pub(crate) struct PolarisationHealth;
+/// Of what pairs and ladders have put together.
+pub(crate) static SLOW: Health = Health(&SPEC, &[Channel::CycleCount]);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "polarisation_health",
@@ -39,21 +41,6 @@ static SPEC: EffectSpec = EffectSpec {
     }],
     states: &[],
 };
-
-impl Physics for PolarisationHealth {
-    fn spec(&self) -> &'static EffectSpec {
-        &SPEC
-    }
-
-    fn told_by(&self) -> &'static [Channel] {
-        &[Channel::CycleCount]
-    }
-
-    #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        channels[Channel::OverpotentialV] *= own.parameters[0];
-    }
-}
 
 #[cfg(test)]
 mod tests {

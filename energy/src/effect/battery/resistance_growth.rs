@@ -7,7 +7,11 @@
 
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
-pub(crate) struct ResistanceGrowth;
+/// What multiplies the drops of its phase: those at once, or what is slow (`polarisation_growth`).
+pub(crate) struct Growth(pub(crate) &'static EffectSpec);
+
+/// Of every drop at once.
+pub(crate) static AT_ONCE: Growth = Growth(&SPEC);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "resistance_growth",
@@ -46,9 +50,9 @@ pub(crate) fn factor<S: Real>(growth: S) -> S {
     if growth.re() > LEAST - 1.0 { growth + 1.0 } else { S::from(LEAST) }
 }
 
-impl Physics for ResistanceGrowth {
+impl Physics for Growth {
     fn spec(&self) -> &'static EffectSpec {
-        &SPEC
+        self.0
     }
 
     #[inline]
@@ -67,7 +71,7 @@ mod tests {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::OverpotentialV] = 1.0;
         channels[Channel::CycleCount] = cycles;
-        step_once(&ResistanceGrowth, &Facts::robot(), 1.0, &[growth_per_cycle], &mut [], &mut channels);
+        step_once(&AT_ONCE, &Facts::robot(), 1.0, &[growth_per_cycle], &mut [], &mut channels);
         channels[Channel::OverpotentialV]
     }
 

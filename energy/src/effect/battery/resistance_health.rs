@@ -8,7 +8,11 @@
 
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
-pub(crate) struct ResistanceHealth;
+/// What multiplies the drops of its phase: those at once, or what is slow (`polarisation_health`); and what tells how it came to be.
+pub(crate) struct Health(pub(crate) &'static EffectSpec, pub(crate) &'static [Channel]);
+
+/// Of every drop at once.
+pub(crate) static AT_ONCE: Health = Health(&SPEC, &[Channel::CycleCount, Channel::AgeDays]);
 
 static SPEC: EffectSpec = EffectSpec {
     id: "resistance_health",
@@ -39,13 +43,13 @@ static SPEC: EffectSpec = EffectSpec {
     states: &[],
 };
 
-impl Physics for ResistanceHealth {
+impl Physics for Health {
     fn spec(&self) -> &'static EffectSpec {
-        &SPEC
+        self.0
     }
 
     fn told_by(&self) -> &'static [Channel] {
-        &[Channel::CycleCount, Channel::AgeDays]
+        self.1
     }
 
     #[inline]
@@ -63,7 +67,7 @@ mod tests {
     fn every_drop_at_once_grows_alike() {
         let mut channels = Channels::filled(0.0_f64);
         channels[Channel::OverpotentialV] = 0.1;
-        step_once(&ResistanceHealth, &Facts::robot(), 1.0, &[1.5], &mut [], &mut channels);
+        step_once(&AT_ONCE, &Facts::robot(), 1.0, &[1.5], &mut [], &mut channels);
         assert!((channels[Channel::OverpotentialV] - 0.15).abs() < 1e-12);
     }
 }
