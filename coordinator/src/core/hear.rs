@@ -84,8 +84,7 @@ impl Core {
     /// or its battery is another one than somebody thinks.
     fn other_battery(&self, id: &RobotId) -> String {
         let told = self.fleet.robots.get(id).and_then(|robot| robot.state.as_ref()).map(|state| state.battery.as_str());
-        let planned = told.and_then(|told| self.models.battery(id, told));
-        match (told, planned) {
+        match (told, self.models.robots.get(id)) {
             (Some(told), Some(planned)) if planned.name != told => {
                 format!(
                     ": its agent counts its charge by the battery model `{told}`, and it is planned with `{}` (robots.{id})",

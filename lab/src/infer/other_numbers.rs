@@ -216,7 +216,9 @@ fn unit(model: &Arc<Model>, logs: &[Prepared], channel: Channel, evidence: &Evid
     let values = model.values();
     let left = |unit: f64| -> f64 {
         let read = logs.iter().map(|log| log.with_scaled(channel, 1.0 / unit));
-        read.map(|log| squares(&predict(model, &log, &values), &log, evidence).0).filter(|sum| sum.is_finite()).sum()
+        let sum: f64 = read.map(|log| squares(&predict(model, &log, &values), &log, evidence).0).sum();
+        // What cannot be predicted at all explains nothing.
+        if sum.is_finite() { sum } else { f64::INFINITY }
     };
     UNITS.into_iter().map(|unit| (left(unit), unit)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(1.0, |(_, unit)| unit)
 }

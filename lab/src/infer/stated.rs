@@ -56,5 +56,8 @@ pub fn within_stated(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
     };
     let numbers: Vec<Roughly> = state.frame.free.iter().zip(state.sigmas()).filter_map(number).collect();
     let as_stated = |one: &Roughly| (one.found - one.stated).abs() <= WITHIN * one.stated_sigma.hypot(one.sigma);
-    if asked.leaves_no_more(&state) && numbers.iter().all(as_stated) { numbers } else { Vec::new() }
+    // Where no effect was found, to leave no more than nothing did is no merit.
+    let is_found = found.frame.model.effects().count() > model.effects().count();
+    let explains = if is_found { asked.leaves_no_more(&state) } else { asked.does_as_well(&state) };
+    if explains && numbers.iter().all(as_stated) { numbers } else { Vec::new() }
 }

@@ -134,4 +134,12 @@ fn numbers_that_are_each_off_by_no_more_than_is_stated_are_told_together() {
     assert!((tau.found - 52.0).abs() < 4.0 * tau.sigma && tau.sigma < 2.0, "{tau:?}");
     // Seven deviations are another resistance, and not what was said of it.
     assert_eq!(within(roughly_stated(0.08, 52.0)), Vec::new());
+    // Readings that jump by themselves are nothing that numbers explain, and no effect does: then nothing is told either.
+    let base = roughly_stated(0.05, 40.0);
+    let mut logs = logs(&base, &base, 0);
+    for target in logs.iter_mut().flat_map(|log| &mut log.targets) {
+        target.observed.iter_mut().step_by(7).for_each(|volts| *volts -= 0.02);
+    }
+    let search = search(Arc::clone(&base), Arc::new(Evidence::new(&base, logs.clone())), None);
+    assert_eq!(within_stated(&base, &logs, search.last.told()), Vec::new());
 }
