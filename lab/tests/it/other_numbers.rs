@@ -65,23 +65,24 @@ fn a_voltage_that_is_read_two_rows_late_is_told_to_be_late() {
     assert!((voltage.found - 2.0).abs() < 0.05, "{voltage:?}");
 }
 
-/// What is told of a station, of which the power into its robots is read so many rows after everything else, and in such units.
-fn told_of_a_station(late: usize, units: f64) -> Vec<OtherNumber> {
+/// What is told of a station, of which the power into its robots is read so many rows after everything else, in such units and with such an offset.
+fn told_of_a_station(late: usize, units: f64, offset_w: f64) -> Vec<OtherNumber> {
     let base = "schema = 1\nsystem = \"station\"\nname = \"t\"\n[sensor.pack_power_w]\nsigma = 0.05\n[[effect]]\nid = \"charger_efficiency\"\n\
                 efficiency = { value = 0.88, source = \"t\", sigma = 0.01 }\n[[effect]]\nid = \"robot_own_load\"\n\
                 own_load_w = { value = 4.2, source = \"t\" }\n";
     let base = Arc::new(Model::parse("station.toml", base, &|_| Err("no table".to_owned())).unwrap());
     let into_w = |row: usize| f64::from([0, 14, 30, 9, 0, 22][row / 70 % 6]);
     let docked = |row: usize| [0, 1, 2, 1, 1, 2][(row + 35) / 70 % 6];
-    let read = |late: usize, units: f64| {
-        let line = |row: usize| format!("{},{},{},12.0,20\n", 5 * row, units * into_w(row.saturating_sub(late)), docked(row));
+    let read = |late: usize, units: f64, offset_w: f64| {
+        let shown = |row: usize| units * into_w(row.saturating_sub(late)) + offset_w;
+        let line = |row: usize| format!("{},{},{},12.0,20\n", 5 * row, shown(row), docked(row));
         let rows: String = (0..1500).map(line).collect();
         let text = format!("time_s,charge_power_w,robots_docked,pack_voltage_v,pack_power_w\n{rows}");
         read_log("station.csv", text.as_bytes(), LogFacts::default()).unwrap()
     };
-    let shown = predict(&base, &prepare(&base, &read(0, 1.0)).unwrap(), &base.values());
+    let shown = predict(&base, &prepare(&base, &read(0, 1.0, 0.0)).unwrap(), &base.values());
     let (noise, mut random) = (Normal::new(0.0, 0.05).unwrap(), Pcg64::new(1, 0));
-    let mut log = read(late, units);
+    let mut log = read(late, units, offset_w);
     let values = shown.of(Channel::PackPowerW).unwrap().iter().map(|watts| watts + noise.sample(&mut random)).collect();
     log.channels.insert(Channel::PackPowerW, values);
     told(&base, &[prepare(&base, &log).unwrap()])
@@ -89,7 +90,7 @@ fn told_of_a_station(late: usize, units: f64) -> Vec<OtherNumber> {
 
 #[test]
 fn an_input_that_is_read_late_is_told_to_be_late() {
-    let told = told_of_a_station(3, 1.0);
+    let told = told_of_a_station(3, 1.0, 0.0);
     let number = &told[0];
     assert_eq!((&number.numbers[..], number.stated, number.found), (&["sensor.charge_power_w.lag_s".to_owned()][..], 0.0, 15.0));
     assert!(number.explained > 0.99 && (number.sigma - 5.0 / 12.0_f64.sqrt()).abs() < 0.01, "{number:?}");
@@ -98,9 +99,16 @@ fn an_input_that_is_read_late_is_told_to_be_late() {
 /// Milliwatts: no way leads there from watts, step by step.
 #[test]
 fn an_input_that_is_read_in_another_unit_is_told_to_be() {
-    let told = told_of_a_station(0, 1000.0);
+    let told = told_of_a_station(0, 1000.0, 0.0);
     let gain = told.iter().find(|number| number.numbers == ["gain of charge_power_w"]).unwrap_or_else(|| panic!("{told:?}"));
     assert!((gain.found - 1000.0).abs() < 4.0 * gain.sigma && gain.sigma < 10.0 && gain.explained > 0.99, "{gain:?}");
+}
+
+#[test]
+fn an_input_that_is_read_with_an_offset_is_told_to_be() {
+    let told = told_of_a_station(0, 1.0, 2.0);
+    let offset = told.iter().find(|number| number.numbers == ["offset of charge_power_w"]).unwrap_or_else(|| panic!("{told:?}"));
+    assert!((offset.found - 2.0).abs() < 4.0 * offset.sigma && offset.sigma < 0.1 && offset.explained > 0.99, "{offset:?}");
 }
 
 #[test]
