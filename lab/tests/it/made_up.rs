@@ -22,5 +22,11 @@ ocv = { soc = [0.0, 0.2, 1.0], voltage_v = [3.0, 3.6, 4.2] }
 
 /// The cell with what follows in its file.
 pub fn model(rest: &str) -> Arc<Model> {
-    Arc::new(Model::parse("synthetic.toml", &format!("{CELL}{rest}"), &|_| Err("no table".to_owned())).unwrap())
+    pack(1, rest)
+}
+
+/// So many of these cells in series.
+pub fn pack(series: u32, rest: &str) -> Arc<Model> {
+    let cells = CELL.replace("series = 1", &format!("series = {series}"));
+    Arc::new(Model::parse("synthetic.toml", &format!("{cells}{rest}"), &|_| Err("no table".to_owned())).unwrap())
 }

@@ -9,6 +9,7 @@ mod discovery;
 mod gaps;
 mod inputs;
 mod known_together;
+mod little_left;
 mod made_up;
 mod measured;
 mod noisy_current;
