@@ -337,6 +337,7 @@ impl Core {
             planned: &self.plan.planned,
             watch: &self.watch,
             trust: &self.trust,
+            crowd: self.plan.crowd,
             in_reach: OnceCell::new(),
         }
     }

@@ -50,7 +50,7 @@ impl Robot {
 pub struct Station {
     /// Its last state message.
     pub state: Option<StationState>,
-    /// The last gauge message of each pack.
+    /// The last gauge message of each pack; of one that was brought back since, with the charge that its station expected it with.
     pub packs: BTreeMap<PackId, Gauge>,
     /// How warm it is there, °C, as is counted with: what its coolest pack is on average, since work only warms them, once that has
     /// moved by a degree; none before one has spoken.
@@ -103,6 +103,19 @@ impl Station {
         let moved = |counted_degc: &f64| (average_degc - counted_degc).abs() >= SURROUNDINGS_MOVE_K;
         if is_new || self.surroundings_degc.as_ref().is_none_or(moved) {
             self.surroundings_degc = Some(average_degc);
+        }
+    }
+
+    /// Takes in that packs which were away are in their places again: what their gauges said before holds no longer.
+    pub fn is_brought(&mut self, before: &StationState, state: &StationState) {
+        for was in before.packs.iter().filter(|was| !was.connected) {
+            let is_there = state.packs.iter().any(|pack| pack.pack == was.pack && pack.connected);
+            let Some((back, gauge)) = was.back.filter(|_| is_there).zip(self.packs.get_mut(&was.pack)) else { continue };
+            if gauge.at < state.at {
+                let (soc, full_wh) = (back.soc, gauge.full_wh.value);
+                (gauge.soc, gauge.remaining_wh) = (soc, proto::Estimate::new(soc.value * full_wh, soc.sigma * full_wh));
+                (gauge.time_to_empty_s, gauge.time_to_full_s) = (None, None);
+            }
         }
     }
 

@@ -9,7 +9,9 @@
 //!      |
 //!   translate.rs  that view as a `planner::Problem`, on a grid of ticks
 //!      |
-//!   solve.rs      the planner, beginning from the last plan
+//!   effort.rs     how much of the last plan comes into question
+//!   solve.rs      the planner, beginning from that plan
+//!   crowd.rs      the same with more robots side by side than a station's converters feed
 //!   again.rs      once more with what packs give beyond what was counted
 //!      |
 //!   plan.rs       its sessions as services: bay, spare, packs, times, probability
@@ -26,6 +28,8 @@ pub mod capacity;
 mod carry;
 pub mod charging;
 mod cover;
+mod crowd;
+mod effort;
 mod plan;
 mod problem;
 mod racks;
@@ -37,11 +41,13 @@ mod words;
 
 pub use carry::packs_after_begun;
 pub use charging::Tables;
+pub use crowd::{crowds, solve_side_by_side};
+pub use effort::{Effort, WHOLE_FLEET_MAX};
 pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, HANDOVER_S, PackState, PackView, RobotView, SpareView, StationView, View};
 pub use racks::Racks;
 pub use recharging::Recharging;
-pub use solve::{Effort, Solved, WHOLE_FLEET_MAX, solve};
+pub use solve::{Solved, solve};
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts};
 pub(crate) use words::{apart, short_of};

@@ -1,6 +1,7 @@
 //! Makes the planning view from beliefs, models and services that have begun.
 
 mod begun;
+mod crowd;
 mod fit;
 mod packs;
 mod spares;
@@ -15,7 +16,7 @@ use proto::{BayPhase, Gauge, RobotId, RobotPhase, RobotState, StationId, Station
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::fit::SpareKind;
-use crate::fleet::{Fleet, Robot, Station};
+use crate::fleet::{Fleet, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::{Table, step_degc, uncritical_degc};
@@ -53,6 +54,8 @@ pub struct Basis<'a> {
     pub(crate) watch: &'a Watch,
     /// Doubts in gauges.
     pub(crate) trust: &'a Trust,
+    /// So many robots more are taken in side by side than a station's converters feed at full current.
+    pub(crate) crowd: usize,
     /// Robots that can come to each station, counted when first asked for.
     pub(crate) in_reach: OnceCell<BTreeMap<StationId, usize>>,
 }
@@ -91,7 +94,7 @@ impl Basis<'_> {
             plannable.then(|| self.robot(id, gauge, state, battery, &mut around))
         });
         let robots = robots.collect();
-        View { now: self.now, robots, stations }
+        View { now: self.now, robots, stations, crowd: self.crowd }
     }
 
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, around: &mut Around<'_>) -> RobotView {
@@ -188,6 +191,7 @@ impl Basis<'_> {
             opens_s: 0.0,
             handling: models.handling,
             bays: Vec::new(),
+            unfed: 0,
             begun: Vec::new(),
             spares: Vec::new(),
             charges_spares: models.spare_battery.is_some(),
@@ -215,6 +219,7 @@ impl Basis<'_> {
             view.committed = view.committed.plus(&self.still_needs(run, models, ends_s));
             view.begun.push(self.begun(run, ends_s));
         }
+        self.leave_unfed(&mut view);
         view.packs = self.packs(id, models, station, state);
         view
     }
@@ -223,22 +228,6 @@ impl Basis<'_> {
     fn comes_s(&self, at: Timestamp) -> f64 {
         let left_s = at.seconds_since(self.now);
         if left_s > 0.0 { left_s } else { COMES_LATE_S }
-    }
-
-    /// How many robots may charge side by side at a station: as many as it has bays, or as can come.
-    #[must_use]
-    pub fn side_by_side(&self, id: &StationId) -> usize {
-        let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map_or(1, |state| state.bays.len());
-        let in_reach = self.in_reach.get_or_init(|| {
-            let mut in_reach: BTreeMap<StationId, usize> = BTreeMap::new();
-            let ways = self.fleet.robots.values().filter_map(Robot::known).flat_map(|(_, state)| state.travel.keys());
-            ways.for_each(|station| match in_reach.get_mut(station) {
-                Some(robots) => *robots += 1,
-                None => drop(in_reach.insert(station.clone(), 1)),
-            });
-            in_reach
-        });
-        bays.min(in_reach.get(id).copied().unwrap_or(0)).max(1)
     }
 
     /// Whether a bay works, and is free or held by a service that has begun. If somebody is in it whom no

@@ -99,7 +99,7 @@ pub fn why_not(draft: &Draft<'_, '_>, robot: usize, obstacles: &[Obstacle]) -> V
     if who.travel.is_empty() {
         return vec!["no station is in reach".to_owned()];
     }
-    if choices.ways.is_empty() && !choices.strands {
+    if obstacles.iter().all(|obstacle| matches!(obstacle.why, Why::Pointless)) {
         return vec!["a service would cost more work than it gives".to_owned()];
     }
     obstacles.iter().map(|obstacle| format!("station {}: {}", problem.stations[obstacle.station].name, obstacle.why)).collect()

@@ -118,6 +118,9 @@ impl Core {
         }
         let before = station.state.replace(state.clone());
         station.lost = false;
+        if let Some(before) = &before {
+            station.is_brought(before, &state);
+        }
         let here = self.running.values().filter(|run| run.station == *id);
         let taken: BTreeMap<&SpareId, &ServiceRun> = here.filter_map(|run| Some((run.how.spare()?, run))).collect();
         for spare in &state.spares {

@@ -11,8 +11,9 @@ use proto::{EventKind, RobotId, Schedule, Timestamp};
 use super::study::Study;
 use super::{Core, Output};
 use crate::answers;
-use crate::scheduler::{Effort, Plan, Solved, View, WHOLE_FLEET_MAX, solve};
+use crate::scheduler::{Effort, Plan, Solved, View, WHOLE_FLEET_MAX, crowds, solve, solve_side_by_side};
 use crate::store::Record;
+use crate::view::Basis;
 
 /// The trigger of a plan that nothing but the clock asked for.
 const TIME_PASSED: &str = "time passed";
@@ -83,8 +84,17 @@ impl Core {
             self.renewed = Some(now);
         }
         self.plans(now);
-        let solved = solve(view, &self.settings, &self.plan, effort);
+        let solved = match effort {
+            Effort::Whole => solve_side_by_side(self.views(now), &self.settings, &self.plan),
+            Effort::Mend => solve(view, &self.settings, &self.plan, effort),
+        };
         self.take_plan(now, solved, trigger, effort);
+    }
+
+    /// What is believed, with as many robots side by side as come into question, the fewest first.
+    fn views(&self, now: Timestamp) -> impl Iterator<Item = View> {
+        let crowds = crowds(&self.settings, self.basis(now).crowd_max());
+        crowds.map(move |crowd| Basis { crowd, ..self.basis(now) }.view())
     }
 
     /// Has a whole plan made beside the core.
@@ -98,7 +108,7 @@ impl Core {
         self.renewed = Some(now);
         // The first plan is on its way.
         self.planned.get_or_insert(now);
-        let study = Arc::new(Study::new(view.clone(), self.settings, self.plan.clone()));
+        let study = Arc::new(Study::new(self.views(now).collect(), self.settings, self.plan.clone()));
         self.outputs.push_back(Output::Study(Arc::clone(&study)));
         self.studying = Some((study, trigger.clone()));
         // What happened cannot wait that long.
@@ -114,7 +124,7 @@ impl Core {
     pub(super) fn studied(&mut self, now: Timestamp) -> bool {
         let Some((study, trigger)) = self.studying.take() else { return false };
         let whole = study.run().plan.clone().with_newer(&self.plan);
-        let mut view = self.basis(now).view();
+        let mut view = Basis { crowd: whole.crowd, ..self.basis(now) }.view();
         let settings = &self.settings;
         if Effort::takes_long(&view, settings) && Effort::needed(&view, &whole, settings) == Effort::Whole {
             let known: BTreeSet<&RobotId> = whole.robots().collect();

@@ -5,24 +5,25 @@ use std::fmt;
 use std::sync::OnceLock;
 
 use crate::models::Settings;
-use crate::scheduler::{Effort, Plan, Solved, View, solve};
+use crate::scheduler::{Plan, Solved, View, solve_side_by_side};
 
 /// A plan to be made.
 pub struct Study {
-    view: View,
+    /// At least one.
+    views: Vec<View>,
     settings: Settings,
     before: Plan,
     found: OnceLock<Solved>,
 }
 
 impl Study {
-    pub(super) fn new(view: View, settings: Settings, before: Plan) -> Self {
-        Self { view, settings, before, found: OnceLock::new() }
+    pub(super) fn new(views: Vec<View>, settings: Settings, before: Plan) -> Self {
+        Self { views, settings, before, found: OnceLock::new() }
     }
 
     /// Makes the plan, the first time that it is asked for.
     pub fn run(&self) -> &Solved {
-        self.found.get_or_init(|| solve(self.view.clone(), &self.settings, &self.before, Effort::Whole))
+        self.found.get_or_init(|| solve_side_by_side(self.views.iter().cloned(), &self.settings, &self.before))
     }
 }
 
@@ -35,6 +36,6 @@ impl PartialEq for Study {
 
 impl fmt::Debug for Study {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Study").field("robots", &self.view.robots.len()).finish_non_exhaustive()
+        f.debug_struct("Study").field("views", &self.views.len()).finish_non_exhaustive()
     }
 }

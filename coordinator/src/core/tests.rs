@@ -2,6 +2,7 @@
 
 mod capacity;
 mod joining;
+mod packs;
 mod services;
 
 use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase, SpareId, SpareState, Travel};

@@ -245,6 +245,7 @@ mod tests {
             opens_s: 0.0,
             handling: Handling { load_s: 30.0, unload_s: 30.0, swap_s: 60.0 },
             bays: Vec::new(),
+            unfed: 0,
             begun: Vec::new(),
             spares: Vec::new(),
             charges_spares: false,

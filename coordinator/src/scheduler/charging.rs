@@ -12,6 +12,7 @@ use energy::protection::Trip;
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 
+use super::crowd::fed;
 use super::usable::Usable;
 use crate::forecast::{self, Draw, Recharge};
 use crate::models::{Alike, StationModels};
@@ -270,6 +271,8 @@ pub struct Tables {
     gains: Mutex<BTreeMap<Ending, f64>>,
     /// How long packs are charged side by side, s.
     beside: Mutex<BTreeMap<Beside, Option<f64>>>,
+    /// How many robots with a kind of battery are charged at full current.
+    fed: Mutex<BTreeMap<(Alike, usize, usize), usize>>,
     /// What packs give.
     pub usable: Usable,
 }
@@ -305,6 +308,17 @@ impl Tables {
         let made = || forecast::spare_again(station, battery, at_once, degc, percent / 100.0).map(|(_, charge_s)| charge_s);
         let key = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc as i32, percent as i32);
         *known.entry(key).or_insert_with(made)
+    }
+
+    /// How many of `most` robots side by side with this battery a station's converters charge at full current.
+    #[must_use]
+    pub fn fed(&self, station: &StationModels, most: usize, battery: &Arc<Model>, [from_soc, to_soc]: [f64; 2]) -> usize {
+        let charge_s = |at_once: usize| {
+            let circumstances = (energy::units::REFERENCE_DEGC, true);
+            forecast::recharge(station, at_once, battery, circumstances, Estimate::exact(from_soc), to_soc).charge_s
+        };
+        let mut known = self.fed.lock().unwrap_or_else(PoisonError::into_inner);
+        *known.entry((station.alike(), most, Arc::as_ptr(battery).addr())).or_insert_with(|| fed(most, charge_s))
     }
 
     /// How much more a pack of this kind gives because the load of the station's bays ends gently, Wh.

@@ -13,9 +13,9 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::carry::{Load, Part, SIGMAS_MAX};
 use super::charging::Course;
+use super::effort::WHOLE_FLEET_MAX;
 use super::problem::{PackState, PackView, StationView};
 use super::recharging::Recharging;
-use super::solve::WHOLE_FLEET_MAX;
 use super::translate::Task;
 
 /// What a station's packs are asked for.

@@ -26,6 +26,8 @@ pub struct Plan {
     pub moved: Vec<RobotId>,
     /// What it amounts to.
     pub quality: Quality,
+    /// So many robots more than the converters feed at full current charge side by side in it ([`super::View::crowd`]).
+    pub crowd: usize,
 }
 
 /// A planned service.
@@ -128,7 +130,8 @@ impl Plan {
             };
             Rejected { robot, stranded: unserved.stranded, reasons, short }
         });
-        Self { rejected: rejected.collect(), planned, moved, quality: Quality::new(task, plan.objective, plan.bound) }
+        let quality = Quality::new(task, plan.objective, plan.bound);
+        Self { rejected: rejected.collect(), planned, moved, quality, crowd: task.view.crowd }
     }
 
     /// Everybody that it is about.

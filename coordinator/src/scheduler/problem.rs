@@ -21,6 +21,8 @@ pub struct View {
     pub robots: Vec<RobotView>,
     /// Stations, in order of id.
     pub stations: Vec<StationView>,
+    /// At a station whose converters cannot feed all bays, so many robots more are taken in side by side than are fed at full current.
+    pub crowd: usize,
 }
 
 /// A robot.
@@ -103,8 +105,10 @@ pub struct StationView {
     pub opens_s: f64,
     /// How long it takes to handle a robot.
     pub handling: Handling,
-    /// Bays that work and are free or held by a service that has begun.
+    /// Bays that work, are free or held by a service that has begun, and take part: no more than may charge side by side.
     pub bays: Vec<BayId>,
+    /// Bays that are free and take no part, since the converters would not feed them.
+    pub unfed: usize,
     /// Services that have begun.
     pub begun: Vec<Begun>,
     /// Its spares, charged ones first.

@@ -7,15 +7,12 @@ use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, optimise, renew, re
 use proto::RobotId;
 
 use super::again::{count_less, unsure, with_the_uncounted};
+use super::effort::{Effort, WHOLE_FLEET_MAX};
 use super::plan::{Plan, Planned, Rejected};
 use super::problem::{RobotView, StationView, View};
 use super::translate::{Offer, Task};
 use crate::models::{Settings, ShortEnergy};
 
-/// Fleets up to this size are planned as a whole whatever happens.
-pub const WHOLE_FLEET_MAX: usize = 64;
-/// And if this share of it was not planned for yet.
-const NEW_SHARE_MAX: f64 = 0.1;
 /// Fewest moves of a search, and most: whoever waits for a plan of a large fleet waits for all of them.
 const MOVES_MIN: u64 = 400;
 const MOVES_MAX: u64 = 10_000;
@@ -32,33 +29,6 @@ const SHARING: u64 = 10;
 const HARDER: u64 = 10;
 /// The search's seed: the same beliefs and the same last plan give the same plan.
 const SEED: u64 = 1;
-
-/// How much of a plan may come into question.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Effort {
-    /// What no longer fits, and its neighbours.
-    Mend,
-    /// Everything.
-    Whole,
-}
-
-impl Effort {
-    /// The least that makes a plan of what is believed from the last one: only of a large fleet can a plan
-    /// be mended, and only when few of it are new.
-    #[must_use]
-    pub fn needed(view: &View, before: &Plan, settings: &Settings) -> Self {
-        let known: BTreeSet<&RobotId> = before.robots().collect();
-        let new = view.robots.iter().filter(|robot| !known.contains(&robot.robot)).count();
-        let is_mendable = Self::takes_long(view, settings) && (new as f64) < NEW_SHARE_MAX * view.robots.len() as f64;
-        if is_mendable { Self::Mend } else { Self::Whole }
-    }
-
-    /// Whether a whole plan takes longer than anybody should wait for.
-    #[must_use]
-    pub fn takes_long(view: &View, settings: &Settings) -> bool {
-        view.robots.len() > WHOLE_FLEET_MAX && settings.policy.name() == optimise::NAME
-    }
-}
 
 /// A plan and the problem that it solves.
 #[derive(Debug, Clone)]
@@ -85,6 +55,17 @@ impl Solved {
         let known = |robot: &RobotId| before.rejected.iter().any(|left| left.stranded && left.robot == *robot);
         let quality = &self.plan.quality;
         quality.stranded > quality.stranded_bound && self.plan.rejected.iter().any(|left| left.stranded && !known(&left.robot))
+    }
+
+    /// How many of those whom the last plan promised a service have none.
+    fn broken(&self, before: &Plan) -> usize {
+        let is_kept = |promised: &&Planned| self.plan.planned.iter().any(|planned| planned.robot == promised.robot);
+        before.planned.len() - before.planned.iter().filter(is_kept).count()
+    }
+
+    /// What it costs, the worst first: promises of the last plan that it breaks, robots that run empty, work that is missed, s.
+    pub(super) fn loss(&self, before: &Plan) -> (usize, i64, f64) {
+        (self.broken(before), self.plan.quality.stranded, self.plan.quality.missed_s)
     }
 
     /// Who would have an exchange and no spare for it: robot and station.
@@ -265,13 +246,12 @@ impl Asked<'_> {
     /// Whether a plan breaks fewer promises than another, or as many and misses less. Promises come first: a service hours ahead that
     /// nobody was promised is no reason to break one.
     fn is_better(&self, one: &Solved, than: &Solved) -> bool {
-        (self.broken(one), missed(one)) < (self.broken(than), missed(than))
+        one.loss(self.before) < than.loss(self.before)
     }
 
     /// How many of those who were promised a service have none.
     fn broken(&self, solved: &Solved) -> usize {
-        let is_kept = |promised: &&Planned| solved.plan.planned.iter().any(|planned| planned.robot == promised.robot);
-        self.before.planned.len() - self.before.planned.iter().filter(is_kept).count()
+        solved.broken(self.before)
     }
 
     /// Who strands and could come to such a station.
@@ -361,11 +341,6 @@ impl Asked<'_> {
             }
         }
     }
-}
-
-/// What a plan misses: robots that run empty, then work.
-fn missed(solved: &Solved) -> (i64, f64) {
-    (solved.plan.quality.stranded, solved.plan.quality.missed_s)
 }
 
 /// Who is serviced where, when and how.

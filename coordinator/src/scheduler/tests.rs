@@ -60,6 +60,7 @@ fn station(name: &str, bays: usize, usable_wh: &[f64], spares: &[f64]) -> Statio
         opens_s: 0.0,
         handling: Handling { load_s: 30.0, unload_s: 40.0, swap_s: 60.0 },
         bays: (0..bays).map(bay).collect(),
+        unfed: 0,
         begun: Vec::new(),
         spares: spares.iter().enumerate().map(spare).collect(),
         charges_spares: false,
@@ -112,7 +113,7 @@ fn whole_charges() -> Settings {
 }
 
 fn view(robots: Vec<RobotView>, stations: Vec<StationView>) -> View {
-    View { now: Timestamp::from_unix_ms(1_767_225_603_000), robots, stations }
+    View { now: Timestamp::from_unix_ms(1_767_225_603_000), robots, stations, crowd: 0 }
 }
 
 fn solved(robots: Vec<RobotView>, stations: Vec<StationView>) -> Solved {

@@ -159,6 +159,9 @@ fn odds(
 fn clash_in_words(task: &Task, station: usize, service: (Tick, Mode), clash: Clash) -> String {
     let at = |tick: Tick| on_clock(task, tick);
     match clash {
+        Clash::Bay(tick) if task.view.stations[station].unfed > 0 => {
+            format!("every bay that the converters feed at once is taken at {}", at(tick))
+        }
         Clash::Bay(tick) => format!("every bay is taken at {}", at(tick)),
         Clash::Lift(tick) => format!("the lift is taken at {}", at(tick)),
         Clash::Slot(tick) => format!("the place for exchanges is taken at {}", at(tick)),
