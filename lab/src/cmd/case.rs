@@ -127,7 +127,7 @@ impl<'a> Case<'a> {
         let (decision, left_out) = (self.decisions(written), learned::left_out(last));
         let (mut other_starts, mut other_numbers, mut within_stated) = (Vec::new(), Vec::new(), Vec::new());
         if discovery.verdict != Verdict::Complete {
-            other_starts = other_starts::other_starts(given, &self.evidence.logs);
+            other_starts = other_starts::other_starts(given, &self.evidence.logs, last);
             other_numbers = other_numbers::other_numbers(given, &self.evidence.logs, last);
             within_stated = stated::within_stated(given, &self.evidence.logs, last);
         }

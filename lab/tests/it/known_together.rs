@@ -6,7 +6,7 @@ use energy::{Channel, Model};
 use lab::infer::answer::{Discovery, Value, Verdict};
 use lab::infer::discover::search;
 use lab::infer::evidence::Evidence;
-use lab::infer::other_starts::other_starts;
+use lab::infer::other_starts::{OtherStart, other_starts};
 use lab::measurement::{Log, LogFacts, read_log};
 use lab::predict::predict;
 use lab::prepare::prepare;
@@ -64,17 +64,32 @@ fn a_wrong_start_is_told_beside_what_stands_in_for_it() {
         let facts = LogFacts { soc_initial: Some(soc), ..LogFacts::default() };
         read_log("blocks.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), facts).unwrap()
     };
-    let (mut said, truth) = (log(0.95), log(0.90));
-    let seen = predict(&base, &prepare(&base, &truth).unwrap(), &base.values());
     let (noise, mut random) = (Normal::new(0.0, 1e-3).unwrap(), Pcg64::new(1, 0));
-    let volts: Vec<f64> = seen.of(Channel::VoltageV).unwrap().iter().map(|volts| volts + noise.sample(&mut random)).collect();
-    said.channels.insert(Channel::VoltageV, volts.clone());
-    let [told] = &other_starts(&base, &[prepare(&base, &said).unwrap()])[..] else { panic!("nothing is told") };
-    assert!(told.stated == 0.95 && (told.found - 0.90).abs() < 0.002, "{told:?}");
-    // Where the start is right there is nothing to be told.
-    let mut right = truth.clone();
-    right.channels.insert(Channel::VoltageV, volts);
-    assert_eq!(other_starts(&base, &[prepare(&base, &right).unwrap()]), []);
+    for true_soc in [0.90, 0.52] {
+        let truth = log(true_soc);
+        let seen = predict(&base, &prepare(&base, &truth).unwrap(), &base.values());
+        let volts: Vec<f64> = seen.of(Channel::VoltageV).unwrap().iter().map(|volts| volts + noise.sample(&mut random)).collect();
+        let told = |mut log: Log| {
+            log.channels.insert(Channel::VoltageV, volts.clone());
+            told(&base, &log)
+        };
+        let [other] = &told(log(0.95))[..] else { panic!("nothing is told") };
+        assert!(other.stated == 0.95 && (other.found - true_soc).abs() < 0.002, "{other:?}");
+        // Where the start is right there is nothing to be told.
+        assert_eq!(told(truth), []);
+    }
+    // A battery cannot hold more than it holds: 0.3 V too much is no charge of 120 %.
+    let mut over = log(0.95);
+    let seen = predict(&base, &prepare(&base, &over).unwrap(), &base.values());
+    over.channels.insert(Channel::VoltageV, seen.of(Channel::VoltageV).unwrap().iter().map(|volts| volts + 0.3).collect());
+    assert_eq!(told(&base, &over), []);
+}
+
+/// What is told of the starts of a log that was searched.
+fn told(base: &Arc<Model>, log: &Log) -> Vec<OtherStart> {
+    let logs = [prepare(base, log).unwrap()];
+    let found = search(Arc::clone(base), Arc::new(Evidence::new(base, logs.to_vec())), None);
+    other_starts(base, &logs, &found.last)
 }
 
 /// Surroundings that are stated without a deviation are taken at their word: that others would do as well is told.
@@ -100,10 +115,10 @@ fn wrong_surroundings_are_told_beside_what_stands_in_for_them() {
         let mut said = log(ambient_degc);
         said.channels.insert(Channel::VoltageV, volts.clone());
         said.channels.insert(Channel::TemperatureDegc, degrees.clone());
-        other_starts(&base, &[prepare(&base, &said).unwrap()])
+        told(&base, &said)
     };
-    let [told] = &measured(25.0)[..] else { panic!("nothing is told") };
-    assert!(told.fact == "ambient_degc" && told.stated == 25.0 && (told.found - 28.0).abs() < 0.1, "{told:?}");
+    let [other] = &measured(25.0)[..] else { panic!("nothing is told") };
+    assert!(other.fact == "ambient_degc" && other.stated == 25.0 && (other.found - 28.0).abs() < 0.1, "{other:?}");
     assert_eq!(measured(28.0), []);
 }
 
