@@ -343,19 +343,19 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
             return Search { steps, last };
         };
         steps.extend(found);
+        let briefly = |mut steps: Vec<Step>| {
+            while let Some(way) = shorter(&steps, holdout) {
+                steps = way;
+            }
+            steps
+        };
+        steps = briefly(steps);
+        let other_way = exchanged(&steps, holdout).or_else(|| {
+            let steps = briefly(begun_otherwise(&steps, &begun, holdout)?);
+            exchanged(&steps, holdout).or(Some(steps))
+        });
+        steps = other_way.unwrap_or(steps);
         state = steps[steps.len() - 1].trials[0].state.clone();
-        if let Some(way) = begun_otherwise(&steps, &begun, holdout) {
-            steps = way;
-            state = steps[steps.len() - 1].trials[0].state.clone();
-        }
-        while let Some(way) = shorter(&steps, holdout) {
-            steps = way;
-            state = steps[steps.len() - 1].trials[0].state.clone();
-        }
-        if let Some(way) = exchanged(&steps, holdout) {
-            steps = way;
-            state = steps[steps.len() - 1].trials[0].state.clone();
-        }
         if let Some(trial) = plainer(&steps, holdout)
             && let Some(newest) = steps.last_mut()
         {
