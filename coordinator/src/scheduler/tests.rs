@@ -1,5 +1,6 @@
 //! Small fleets by hand, through the whole of the translation.
 
+mod harder;
 mod heat;
 mod racks;
 mod stepped;
