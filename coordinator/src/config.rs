@@ -296,7 +296,9 @@ impl Config {
             config.charging.check().with_context(|| format!("stations.{station}"))?;
             let (converter_w_max, recharge_w) = (config.charging.converter_w(), config.charging.recharge_w);
             let spare_battery = config.charging.load(path).with_context(|| format!("stations.{station}"))?;
-            models.stations.insert(station.clone(), StationModels { load, handling, packs, converter_w_max, recharge_w, spare_battery });
+            let spare_ready_soc = config.charging.spare_ready_soc;
+            let station_models = StationModels { load, handling, packs, converter_w_max, recharge_w, spare_battery, spare_ready_soc };
+            models.stations.insert(station.clone(), station_models);
         }
         models.named = loaded.into_iter().map(|(reference, model)| (model, reference.named(path))).collect();
         Ok((self.policy.settings()?, models))

@@ -48,13 +48,14 @@ pub fn overhead_breakdown(station: &StationModels) -> BTreeMap<String, f64> {
 /// A charger that nobody stops goes on until its current has fallen off: no battery that is charged so holds as much as this before.
 const UNTIL_IT_ENDS_SOC: f64 = 1.1;
 
-/// What the station's packs give to charge a pack of this model that a robot left behind until its charger ends, Wh, and how long that
+/// What the station's packs give to charge a pack of this model that a robot left behind until it is a spare again, Wh, and how long that
 /// takes, s, where so many are charged side by side at this temperature. They give nothing where such packs are charged from outside; none where packs are put aside.
 #[must_use]
 pub fn spare_again(station: &StationModels, battery: &Arc<Model>, at_once: usize, temperature_degc: f64, soc: f64) -> Option<(f64, f64)> {
     station.spare_battery.as_ref()?;
     let around = Circumstances { temperature_degc, ..circumstances(station, at_once) };
-    let recharge = service::pack_energy(&station.load, battery, Estimate::exact(soc), UNTIL_IT_ENDS_SOC, &around);
+    let to_soc = station.spare_ready_soc.unwrap_or(UNTIL_IT_ENDS_SOC);
+    let recharge = service::pack_energy(&station.load, battery, Estimate::exact(soc), to_soc, &around);
     let given_wh = if station.recharge_w <= 0.0 { recharge.need.mean_wh } else { 0.0 };
     Some((given_wh, recharge.charge_s))
 }

@@ -70,13 +70,15 @@ pub struct StationModels {
     /// What packs of robots are, where they are charged and become spares; none where they are put
     /// aside.
     pub spare_battery: Option<Arc<Model>>,
+    /// State of charge from which on they are spares again, 0..1; none for when their charger has ended.
+    pub spare_ready_soc: Option<f64>,
 }
 
 /// Stations that are alike in all that decides what a service takes there: models by address, figures by their bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Alike {
     models: [usize; 3],
-    figures: [u64; 5],
+    figures: [u64; 6],
 }
 
 impl StationModels {
@@ -88,7 +90,8 @@ impl StationModels {
         Alike {
             // Of its packs the first stands for their voltage.
             models: [address(Some(&self.load)), address(self.packs.values().next()), address(self.spare_battery.as_ref())],
-            figures: [load_s, unload_s, swap_s, self.converter_w_max, self.recharge_w].map(f64::to_bits),
+            figures: [load_s, unload_s, swap_s, self.converter_w_max, self.recharge_w, self.spare_ready_soc.unwrap_or(f64::INFINITY)]
+                .map(f64::to_bits),
         }
     }
 }

@@ -195,6 +195,7 @@ impl Basis<'_> {
             begun: Vec::new(),
             spares: Vec::new(),
             charges_spares: models.spare_battery.is_some(),
+            ready_soc: models.spare_ready_soc.unwrap_or(self.settings.charge_to_soc),
             packs: Vec::new(),
             committed: Need::default(),
             committed_until_s: 0.0,

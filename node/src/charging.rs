@@ -24,6 +24,9 @@ pub struct Charging<M = ModelRef> {
     /// supply or else from the active pack, and become spares again. None: they are put aside.
     #[serde(default = "none", skip_serializing_if = "Option::is_none")]
     pub spare_battery: Option<M>,
+    /// State of charge, above 0 to 1, from which on such a pack is a spare again. None: when its charger has ended.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spare_ready_soc: Option<f64>,
 }
 
 fn none<M>() -> Option<M> {
@@ -35,7 +38,7 @@ const POWER_W_MAX: f64 = 1e6;
 
 impl<M> Default for Charging<M> {
     fn default() -> Self {
-        Self { converter_w_max: None, recharge_w: 0.0, spare_battery: None }
+        Self { converter_w_max: None, recharge_w: 0.0, spare_battery: None, spare_ready_soc: None }
     }
 }
 
@@ -53,6 +56,9 @@ impl<M> Charging<M> {
         }
         let recharge_w = self.recharge_w;
         ensure!((0.0..=POWER_W_MAX).contains(&recharge_w), "charging.recharge_w = {recharge_w}: must be between 0 and {POWER_W_MAX}");
+        if let Some(soc) = self.spare_ready_soc {
+            ensure!(soc > 0.0 && soc <= 1.0, "charging.spare_ready_soc = {soc}: must be above 0 and at most 1");
+        }
         Ok(())
     }
 
@@ -69,6 +75,7 @@ impl<M> Charging<M> {
             converter_w_max: self.converter_w_max,
             recharge_w: self.recharge_w,
             spare_battery: self.spare_battery.as_ref().map(name),
+            spare_ready_soc: self.spare_ready_soc,
         }
     }
 }

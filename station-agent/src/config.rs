@@ -270,6 +270,7 @@ impl Config {
             converter_w_max: charging.converter_w(),
             recharge_w: charging.recharge_w,
             spare_battery: charging.load(path)?,
+            spare_ready_soc: charging.spare_ready_soc,
             spare_batteries: spares
                 .iter()
                 .map(|(id, battery)| Ok((id.clone(), battery.load_as(System::Battery, &format!("source.spares.{id}"), path)?)))

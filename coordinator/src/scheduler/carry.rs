@@ -249,6 +249,7 @@ mod tests {
             begun: Vec::new(),
             spares: Vec::new(),
             charges_spares: false,
+            ready_soc: 0.98,
             packs: vec![pack(0, 0.2), pack(1, 0.9)],
             committed: Need { mean_wh: 18.0, ..Need::default() },
             committed_until_s: 3600.0,

@@ -115,6 +115,8 @@ pub struct StationView {
     pub spares: Vec<SpareView>,
     /// Whether packs that robots leave are charged and become spares.
     pub charges_spares: bool,
+    /// State of charge that such a pack is counted on with once it is a spare again, 0..1.
+    pub ready_soc: f64,
     /// Its packs, in the order in which they are to be drained.
     pub packs: Vec<PackView>,
     /// What services that have begun still take.

@@ -2,8 +2,8 @@
 
 use super::problem::{RobotView, SpareView, StationView, View};
 
-/// Spares that hold so much less than another of their kind, which is ready no later, are handed out later: a plan takes all for as full
-/// as the last one.
+/// Spares that hold so much less than another of their kind, which is ready no later, and less than those that are charged again, are handed
+/// out later: a plan takes all for as full as the last one.
 const ALIKE_SOC: f64 = 0.1;
 
 /// The kinds of all stations' spares, as a plan tells them apart.
@@ -59,11 +59,12 @@ impl Racks {
         best.map(|(kind, _)| kind)
     }
 
-    /// Spares of a kind that are handed out next: those beside which none is ready that holds much more.
+    /// Spares of a kind that are handed out next: those that hold as much as any that is charged again, or beside which none is ready that
+    /// holds much more.
     pub(super) fn next<'a>(&'a self, view: &'a View, station: usize, kind: u16) -> impl Iterator<Item = &'a SpareView> {
         let own = move || view.stations[station].spares.iter().filter(move |spare| self.kind(station, spare) == kind);
-        let is_next = move |spare: &&SpareView| !own().any(|other| other.ready_s <= spare.ready_s && other.soc - ALIKE_SOC > spare.soc);
-        own().filter(is_next)
+        let is_behind = move |spare: &SpareView| own().any(|other| other.ready_s <= spare.ready_s && other.soc - ALIKE_SOC > spare.soc);
+        own().filter(move |spare| spare.soc >= view.stations[station].ready_soc || !is_behind(spare))
     }
 
     /// The same of all kinds.

@@ -65,6 +65,7 @@ fn station(name: &str, bays: usize, usable_wh: &[f64], spares: &[f64]) -> Statio
         begun: Vec::new(),
         spares: spares.iter().enumerate().map(spare).collect(),
         charges_spares: false,
+        ready_soc: 0.98,
         packs: usable_wh.iter().enumerate().map(pack).collect(),
         committed: Need::default(),
         committed_until_s: 0.0,

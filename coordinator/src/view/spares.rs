@@ -52,11 +52,11 @@ impl Basis<'_> {
                 let from_s = self.ends_s(run);
                 let (charge_s, need) = self.whole(&view.station, models, state, spare, soc);
                 view.recharging.extend(need.map(|need| Recharging { from_s, until_s: from_s + charge_s, need }));
-                (from_s + charge_s, self.settings.charge_to_soc)
+                (from_s + charge_s, view.ready_soc)
             } else if spare.ready {
                 (0.0, spare.soc.value)
             } else {
-                (ready_s, self.settings.charge_to_soc)
+                (ready_s, view.ready_soc)
             };
             // A spare at the level at which robots want a service is none.
             let charged = spare.soc.value > self.settings.serve_below_soc;

@@ -42,6 +42,8 @@ pub struct World {
     /// What packs of robots are, where they are charged and become spares; none where they are put
     /// aside.
     pub spare_battery: Option<Arc<Model>>,
+    /// State of charge from which on they are spares again, 0..1; none for when their charger has ended.
+    pub spare_ready_soc: Option<f64>,
     /// The same of spares that are of another kind.
     pub spare_batteries: BTreeMap<SpareId, Arc<Model>>,
     /// What happens while it changes packs; none for changes that nobody notices.
@@ -147,7 +149,7 @@ impl StationBody {
             converter_w_max: world.converter_w_max,
             bay_w_max: f64::INFINITY,
             recharge_w: world.recharge_w,
-            shelf: Shelf::new((world.spare_battery, world.spare_batteries), world.temperature_degc, world.seed),
+            shelf: Shelf::new((world.spare_battery, world.spare_batteries), world.spare_ready_soc, world.temperature_degc, world.seed),
             charged: Vec::new(),
             selector: world.selector,
             depot: world.depot,

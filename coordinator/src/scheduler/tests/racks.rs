@@ -66,3 +66,15 @@ fn who_can_have_two_kinds_leaves_the_one_that_others_need() {
     let wanted = [("e", "spare-1"), ("r", "spare-0")].map(|(robot, spare)| (robot.to_owned(), spare.to_owned()));
     assert_eq!(given(&found.plan), wanted.into());
 }
+
+/// Where packs are handed out again from 80 % on, one of these counts although another spare is full.
+#[test]
+fn a_spare_as_full_as_those_that_are_charged_again_counts_beside_a_fuller_one() {
+    let both = |ready_soc: f64| {
+        let rack = StationView { ready_soc, ..station("rack", 0, &[80.0], &[0.8, 0.98]) };
+        given(&solved(vec![robot("a", 0.12, &[(0, 60.0)]), robot("b", 0.13, &[(0, 60.0)])], vec![rack]).plan)
+    };
+    let wanted = [("a", "spare-1"), ("b", "spare-0")].map(|(robot, spare)| (robot.to_owned(), spare.to_owned()));
+    assert_eq!(both(0.8), wanted.into());
+    assert_eq!(both(0.98).len(), 1, "it waits for its turn");
+}

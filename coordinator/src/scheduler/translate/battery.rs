@@ -44,7 +44,7 @@ pub(super) fn battery(
         let spares = racks.given(view, robot, station).map(|kind| racks.next(view, station, kind));
         let swap_soc = spares.into_iter().flatten().map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
         let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
-        let again_energy = ((settings.charge_to_soc * capacity) as i64).max(swap_energy);
+        let again_energy = ((stations[station].ready_soc * capacity) as i64).max(swap_energy);
         let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, again_energy as f64 / capacity, tick_s));
         let at_once = capacity as i64;
         let any = Segment { below: at_once, gain: at_once, gain_bare: at_once, draw: 0, draw_bare: 0 };

@@ -157,7 +157,7 @@ impl StationBody {
             let given_w = if self.powered { self.bay_w_max } else { 0.0 };
             self.shelf.step(&vec![given_w; asked_w.len()], dt_s);
         }
-        for (spare, soc) in self.shelf.full() {
+        for (spare, soc) in self.shelf.charged() {
             self.charged.push((spare.clone(), label(soc)));
             self.spares.insert(spare, soc);
         }

@@ -61,6 +61,8 @@ pub(super) struct Shelf {
     /// What is left, where it is charged at all, and where that is of another kind.
     battery: Option<Arc<Model>>,
     others: BTreeMap<SpareId, Arc<Model>>,
+    /// State of charge at which one is charged; none for when its charger has ended.
+    ready_soc: Option<f64>,
     temperature_degc: f64,
     seed: u64,
     /// Robots whose pack was exchanged and that have not said what they left.
@@ -69,8 +71,13 @@ pub(super) struct Shelf {
 }
 
 impl Shelf {
-    pub(super) fn new((battery, others): (Option<Arc<Model>>, BTreeMap<SpareId, Arc<Model>>), temperature_degc: f64, seed: u64) -> Self {
-        Self { battery, others, temperature_degc, seed, awaited: BTreeMap::new(), left: BTreeMap::new() }
+    pub(super) fn new(
+        (battery, others): (Option<Arc<Model>>, BTreeMap<SpareId, Arc<Model>>),
+        ready_soc: Option<f64>,
+        temperature_degc: f64,
+        seed: u64,
+    ) -> Self {
+        Self { battery, others, ready_soc, temperature_degc, seed, awaited: BTreeMap::new(), left: BTreeMap::new() }
     }
 
     /// A robot's pack is now in the place of a spare.
@@ -107,9 +114,11 @@ impl Shelf {
         self.left.values().map(of).filter(|[power_w, _]| *power_w > 0.0).map(|[power_w, current_a]| (power_w, current_a))
     }
 
-    /// Those that are full now leave the chargers, with their true state of charge.
-    pub(super) fn full(&mut self) -> Vec<(SpareId, f64)> {
-        let done: Vec<SpareId> = self.left.iter().filter(|(_, left)| left.charger.done()).map(|(place, _)| place.clone()).collect();
+    /// Those that are charged now leave the chargers, with their true state of charge.
+    pub(super) fn charged(&mut self) -> Vec<(SpareId, f64)> {
+        let is_ready = |left: &Left| self.ready_soc.is_some_and(|soc| left.body.truth(Channel::Soc) >= soc);
+        let done = self.left.iter().filter(|(_, left)| left.charger.done() || is_ready(left));
+        let done: Vec<SpareId> = done.map(|(place, _)| place.clone()).collect();
         done.into_iter().filter_map(|place| Some((place.clone(), self.left.remove(&place)?.body.truth(Channel::Soc)))).collect()
     }
 }

@@ -45,6 +45,7 @@ fn world(socs: &[f64]) -> World {
         converter_w_max: f64::INFINITY,
         recharge_w: 0.0,
         spare_battery: None,
+        spare_ready_soc: None,
         spare_batteries: BTreeMap::new(),
         selector: None,
         depot: None,
