@@ -10,9 +10,15 @@ fn crowded(seed: u64) -> View {
         (state >> 33) % most
     };
     let robots = (0..14).map(|n| {
-        let ways = (0..3).filter_map(|station| (dice(3) > 0).then(|| (station, 60.0 * (1 + dice(8)) as f64)));
-        let ways: Vec<(usize, f64)> = ways.collect();
-        let ways = if ways.is_empty() { vec![(0, 120.0)] } else { ways };
+        let mut ways = Vec::new();
+        for station in 0..3 {
+            if dice(3) > 0 {
+                ways.push((station, 60.0 * (1 + dice(8)) as f64));
+            }
+        }
+        if ways.is_empty() {
+            ways.push((0, 120.0));
+        }
         robot(&format!("r{n:02}"), 0.12 + 0.0064 * dice(100) as f64, &ways)
     });
     let robots = robots.collect();
