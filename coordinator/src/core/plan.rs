@@ -85,16 +85,17 @@ impl Core {
         }
         self.plans(now);
         let solved = match effort {
-            Effort::Whole => solve_side_by_side(self.views(now), &self.settings, &self.plan),
+            Effort::Whole => solve_side_by_side(self.views(now, view), &self.settings, &self.plan),
             Effort::Mend => solve(view, &self.settings, &self.plan, effort),
         };
         self.take_plan(now, solved, trigger, effort);
     }
 
-    /// What is believed, with as many robots side by side as come into question, the fewest first.
-    fn views(&self, now: Timestamp) -> impl Iterator<Item = View> {
-        let crowds = crowds(&self.settings, self.basis(now).crowd_max());
-        crowds.map(move |crowd| Basis { crowd, ..self.basis(now) }.view())
+    /// What is believed, one of which is known, with as many robots side by side as come into question, the fewest first.
+    fn views(&self, now: Timestamp, known: View) -> impl Iterator<Item = View> {
+        let (crowds, mut known) = (crowds(&self.settings, self.basis(now).crowd_max()), Some(known));
+        let made = move |crowd| Basis { crowd, ..self.basis(now) }.view();
+        crowds.map(move |crowd| known.take_if(|known| known.crowd == crowd).unwrap_or_else(|| made(crowd)))
     }
 
     /// Has a whole plan made beside the core.
@@ -108,7 +109,7 @@ impl Core {
         self.renewed = Some(now);
         // The first plan is on its way.
         self.planned.get_or_insert(now);
-        let study = Arc::new(Study::new(self.views(now).collect(), self.settings, self.plan.clone()));
+        let study = Arc::new(Study::new(self.views(now, view.clone()).collect(), self.settings, self.plan.clone()));
         self.outputs.push_back(Output::Study(Arc::clone(&study)));
         self.studying = Some((study, trigger.clone()));
         // What happened cannot wait that long.
