@@ -7,6 +7,7 @@ mod failures;
 mod kills;
 mod network;
 mod operations;
+mod pages;
 mod python;
 mod reference;
 mod replay;

@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         accepted: refused.is_empty(),
         refused,
         delta_bic: trial.delta_bic,
-        parameters: Addition::parameters_of(&trial),
+        parameters: Addition::parameters_of(&case.source.model, &trial),
         ladder: Addition::ladder_of(&base, &before, &trial),
         logs: Addition::logs_of(&[look(&case.given()?), look(&refitted), look(&extended)]),
         regimes: Addition::regimes_of(&look(&refitted).train, &look(&extended).train),

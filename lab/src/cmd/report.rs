@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         let search = searched(&case);
         let found = case.learned(search.last.told(), None, args.date.as_deref())?;
         let report = case.report(Discovery::of(&search), search.last.told(), &found, Reach::Whole, None);
-        page.add_discovery(model, &report, &search.steps[0].scores);
+        page.add_discovery(&report, &search.steps[0].scores);
         discovery = Some(report);
     }
     write_whole(&args.output, render(&page).as_bytes())?;

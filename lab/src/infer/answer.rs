@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use energy::{Channel, EffectSpec, Parameter};
+use energy::{Channel, EffectSpec, Model, Parameter};
 use serde::Serialize;
 
 use super::candidate::Untested;
@@ -61,6 +61,9 @@ pub struct Discovery {
 /// A number and its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Value {
+    /// The number that the model had when it was given; none where the effect is new.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given: Option<f64>,
     /// The number.
     pub value: f64,
     /// Its standard deviation; none where the logs do not determine it.
@@ -71,10 +74,11 @@ pub struct Value {
 }
 
 impl Value {
-    /// Of a parameter.
+    /// Of a parameter, which the model `given` may have had.
     #[must_use]
-    pub fn of(parameter: &Parameter, value: f64, sigma: Option<f64>) -> Value {
-        Value { value, sigma, at_end_of_range: value <= parameter.min || value >= parameter.max }
+    pub fn of(parameter: &Parameter, given: &Model, value: f64, sigma: Option<f64>) -> Value {
+        let given = given.parameter(parameter.effect, parameter.name).map(|parameter| parameter.value);
+        Value { given, value, sigma, at_end_of_range: value <= parameter.min || value >= parameter.max }
     }
 }
 
@@ -166,7 +170,7 @@ impl Discovery {
             equivalent,
             ranking: ranking(first),
             ladder: ladder(search),
-            parameters: parameters(last),
+            parameters: parameters(&first.base.frame.model, last),
             residual: left(last),
             experiment,
             untested: first.untested.clone(),
@@ -329,11 +333,11 @@ pub(crate) fn floors_from_rows(state: &State) -> Vec<&'static str> {
     state.frame.evidence.floors.iter().map(|(channel, _)| *channel).filter(unstated).map(Channel::name).collect()
 }
 
-fn parameters(state: &State) -> BTreeMap<&'static str, BTreeMap<&'static str, Value>> {
+fn parameters(given: &Model, state: &State) -> BTreeMap<&'static str, BTreeMap<&'static str, Value>> {
     let mut all: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();
     for (index, value, sigma) in deviations(state) {
         let parameter = &state.frame.model.parameters()[index];
-        all.entry(parameter.effect).or_default().insert(parameter.name, Value::of(parameter, value, sigma));
+        all.entry(parameter.effect).or_default().insert(parameter.name, Value::of(parameter, given, value, sigma));
     }
     all
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use energy::Channel;
+use energy::{Channel, Model};
 use serde::Serialize;
 
 use crate::compare::{Comparison, RegimeError};
@@ -100,13 +100,13 @@ pub struct Addition {
 const REGIMES: usize = 8;
 
 impl Addition {
-    /// The effect's own parameters.
+    /// The effect's own parameters, which the model given may have had under the same name.
     #[must_use]
-    pub fn parameters_of(trial: &Trial) -> BTreeMap<&'static str, Value> {
+    pub fn parameters_of(given: &Model, trial: &Trial) -> BTreeMap<&'static str, Value> {
         let model = &trial.state.frame.model;
         let own = deviations(trial.state.told()).into_iter().map(|(index, value, sigma)| {
             let parameter = &model.parameters()[index];
-            (parameter, Value::of(parameter, value, sigma))
+            (parameter, Value::of(parameter, given, value, sigma))
         });
         own.filter(|(parameter, _)| parameter.effect == trial.spec.id).map(|(parameter, value)| (parameter.name, value)).collect()
     }

@@ -129,20 +129,24 @@ pub(super) fn parameters(found: &Discovery) -> Table {
     parameter_table(all.map(|(effect, name, value)| (format!("{effect}.{name}"), name, value)))
 }
 
-/// Parameters by their full and their own names.
+/// Parameters by their full and their own names, beside what the model had when it was given.
 pub(in crate::report) fn parameter_table(parameters: impl Iterator<Item = (String, &'static str, Value)>) -> Table {
     let parameters: Vec<_> = parameters.collect();
+    let given = parameters.iter().any(|(_, _, value)| value.given.is_some());
     let ends = parameters.iter().any(|(_, _, value)| value.at_end_of_range);
-    let mut rows = table(if ends { &["parameter", "value", ""] } else { &["parameter", "value"] });
+    let header = [("parameter", true), ("given", given), ("value", true), ("", ends)];
+    let shown = |cells: [String; 4]| cells.into_iter().zip(header).filter(|(_, (_, shown))| *shown).map(|(cell, _)| cell);
+    let mut rows = table(&header.iter().filter(|(_, shown)| *shown).map(|(name, _)| *name).collect::<Vec<_>>());
     for (full, name, value) in parameters {
-        let mut row = vec![full, with_sigma(value.value, value.sigma, unit_of(name))];
-        if ends {
-            row.push(if value.at_end_of_range { "at the end of its range" } else { "" }.to_owned());
-        }
-        rows.add_row(row);
+        rows.add_row(shown([
+            full,
+            value.given.map_or_else(|| "new".to_owned(), |given| named(name, given, None)),
+            with_sigma(value.value, value.sigma, unit_of(name)),
+            if value.at_end_of_range { "at the end of its range" } else { "" }.to_owned(),
+        ]));
     }
     numbers_from(&mut rows, 1);
-    if let Some(words) = rows.column_mut(2) {
+    if let Some(words) = rows.column_mut(2 + usize::from(given)) {
         words.set_cell_alignment(comfy_table::CellAlignment::Left);
     }
     rows

@@ -1,7 +1,5 @@
 //! The part of a report that a search for missing effects fills.
 
-use energy::Model;
-
 use super::sections::{Answer, Confounding, Epc, Evidence, Ladder, LadderStep, Page, ParameterRow, Tone};
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
 use crate::infer::score::Score;
@@ -14,14 +12,14 @@ use crate::report::quantity::unit_of;
 const ALIKE: usize = 12;
 
 impl Page {
-    /// Adds what a search found that began with the model given. `scores` are those of its first look.
-    pub fn add_discovery(&mut self, given: &Model, report: &DiscoveryReport, scores: &[Score]) {
+    /// Adds what a search found. `scores` are those of its first look.
+    pub fn add_discovery(&mut self, report: &DiscoveryReport, scores: &[Score]) {
         let found = &report.discovery;
         self.verdict = Some(answer(report, self.verdict.take()));
         self.ladders = ladders(found);
         self.evidence = found.ranking.iter().map(|ranked| evidence(ranked, found)).collect();
         self.confounding = confounding(scores);
-        self.parameters = parameters(given, found);
+        self.parameters = parameters(found);
         self.decisions = report.decision.rows();
     }
 }
@@ -103,18 +101,17 @@ fn confounding(scores: &[Score]) -> Option<Confounding> {
     })
 }
 
-fn parameters(given: &Model, found: &Discovery) -> Vec<ParameterRow> {
+fn parameters(found: &Discovery) -> Vec<ParameterRow> {
     let mut rows = Vec::new();
     for (effect, own) in &found.parameters {
         for (name, value) in own {
-            let before = given.parameter(effect, name);
-            let remarks = [(before.is_none(), "new"), (value.at_end_of_range, "at the end of its range")];
+            let remarks = [(value.given.is_none(), "new"), (value.at_end_of_range, "at the end of its range")];
             let remarks: Vec<&str> = remarks.iter().filter(|(holds, _)| *holds).map(|(_, remark)| *remark).collect();
             rows.push(ParameterRow {
                 effect: (*effect).to_owned(),
                 name: (*name).to_owned(),
                 unit: unit_of(name).to_owned(),
-                before: before.map(|parameter| parameter.value),
+                before: value.given,
                 value: value.value,
                 sigma: value.sigma,
                 remark: remarks.join(", "),
