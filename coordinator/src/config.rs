@@ -296,7 +296,13 @@ impl Config {
             config.charging.check().with_context(|| format!("stations.{station}"))?;
             let (converter_w_max, recharge_w) = (config.charging.converter_w(), config.charging.recharge_w);
             let spare_battery = config.charging.load(path).with_context(|| format!("stations.{station}"))?;
-            let spare_ready_soc = config.charging.spare_ready_soc;
+            let (spare_ready_soc, wanted_soc) = (config.charging.spare_ready_soc, self.policy.serve_below_soc);
+            ensure!(
+                spare_ready_soc.is_none_or(|soc| soc > wanted_soc),
+                "stations.{station}.charging.spare_ready_soc = {}: must lie above policy.serve_below_soc = {wanted_soc}: robots would come \
+                 back for another at once",
+                spare_ready_soc.unwrap_or_default()
+            );
             let station_models = StationModels { load, handling, packs, converter_w_max, recharge_w, spare_battery, spare_ready_soc };
             models.stations.insert(station.clone(), station_models);
         }

@@ -41,7 +41,7 @@ mod words;
 
 pub use carry::packs_after_begun;
 pub use charging::Tables;
-pub use crowd::{crowds, solve_side_by_side};
+pub use crowd::{Fed, crowds, solve_side_by_side};
 pub use effort::{Effort, WHOLE_FLEET_MAX};
 pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, HANDOVER_S, PackState, PackView, RobotView, SpareView, StationView, View};

@@ -15,6 +15,7 @@ use energy::{Channel, Estimate, Model, Need};
 use proto::{BayPhase, Gauge, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use self::crowd::InReach;
 use self::fit::SpareKind;
 use crate::fleet::{Fleet, Station};
 use crate::forecast::{self, Draw};
@@ -56,8 +57,8 @@ pub struct Basis<'a> {
     pub(crate) trust: &'a Trust,
     /// So many robots more are taken in side by side than a station's converters feed at full current.
     pub(crate) crowd: usize,
-    /// Robots that can come to each station, counted when first asked for.
-    pub(crate) in_reach: OnceCell<BTreeMap<StationId, usize>>,
+    /// What the robots that can come to each station ask of it, counted when first asked for.
+    pub(crate) in_reach: OnceCell<BTreeMap<StationId, InReach>>,
 }
 
 /// What the views of all robots have in common.
@@ -166,12 +167,24 @@ impl Basis<'_> {
     /// What charging a battery takes at a station, in its robot, where it is that warm, and where that left it.
     #[must_use]
     pub fn table(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, temperature_degc: f64) -> Arc<Table> {
+        self.table_beside(self.side_by_side(id), id, models, battery, temperature_degc)
+    }
+
+    /// The same where so many robots are side by side.
+    fn table_beside(
+        &self,
+        at_once: usize,
+        id: &StationId,
+        models: &StationModels,
+        battery: &Arc<Model>,
+        temperature_degc: f64,
+    ) -> Arc<Table> {
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
         let left_degc = models.spare_battery.as_ref().map_or(temperature_degc, |_| self.left_degc(id, battery));
         // Without a bay only what was left is charged.
         let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map(|state| state.bays.len());
         let in_robot_degc = if bays == Some(0) { left_degc } else { temperature_degc };
-        self.tables.of(models, self.side_by_side(id), battery, [in_robot_degc, left_degc], levels)
+        self.tables.of(models, at_once, battery, [in_robot_degc, left_degc], levels)
     }
 
     /// The temperature at which a battery is charged that a robot left at a station, °C; as of a promise that was given where one waits for that.

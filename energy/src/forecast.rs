@@ -109,8 +109,8 @@ pub fn charge(run: &mut impl Battery, target_soc: f64) -> Charge {
     charge_within(run, target_soc, f64::INFINITY, false, |_, _, _| {})
 }
 
-/// [`charge`] with at most `power_w_max` into the battery, W (> 0): several share what charges
-/// them. A `protected` one rests while the pack is too hot or too cold to be charged, as long as that helps; its surroundings
+/// [`charge`] with at most `power_w_max` into the battery, W: several share what charges
+/// them, and a charge for which nothing is left never ends. A `protected` one rests while the pack is too hot or too cold to be charged, as long as that helps; its surroundings
 /// keep the temperature that it began with. Says of each stretch how long it was (s) and what went into the battery (A, W; nothing
 /// while it rests).
 pub fn charge_within(
@@ -145,8 +145,13 @@ pub fn charge_within(
         let limit_a = most_a(run.channel(Channel::TerminalVoltageV));
         let current_a = -run.step_charge(limit_a, facts.full_v(), dt_s);
         let after = run.channel(Channel::Soc);
+        if limit_a <= 0.0 {
+            // Nothing is left for it.
+            time_s = TIME_MAX_S;
+            break;
+        }
         // A current cut by a shared limit is not the end of the charge.
-        if current_a < facts.charge.cutoff_a.min(0.999 * limit_a) || limit_a <= 0.0 {
+        if current_a < facts.charge.cutoff_a.min(0.999 * limit_a) {
             break;
         }
         // The last step counts only up to the target.
@@ -330,6 +335,19 @@ mod tests {
             assert!(reaches_soc.contains(&charge.soc), "{degc}: {charge:?}");
             assert!(charged_behind_protection(&pack, degc).0 >= S_PER_DAY, "{degc}");
         }
+    }
+
+    /// Robots' own loads may take all that there is.
+    #[test]
+    fn a_pack_for_which_nothing_is_left_is_never_charged() {
+        let pack = model("explorer-3s1p-1320mah");
+        let at = |power_w_max: f64, soc: f64| {
+            charge_within(&mut Run::new(Arc::clone(&pack), Start::at_soc(soc)), 0.98, power_w_max, false, |_, _, _| {})
+        };
+        assert_eq!(at(0.0, 0.1), Charge { energy_wh: 0.0, time_s: TIME_MAX_S, soc: at(0.0, 0.1).soc, stopped: None });
+        assert!((at(0.0, 0.1).soc - 0.1).abs() < 1e-3 && at(0.0, 0.99).time_s == 0.0);
+        // 13 Wh at 1 W.
+        assert!((11.0..15.0).contains(&(at(1.0, 0.1).time_s / S_PER_H)), "{:?}", at(1.0, 0.1));
     }
 
     /// A deviation a hundred times smaller must come out a hundred times smaller.

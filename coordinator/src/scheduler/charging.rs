@@ -12,7 +12,7 @@ use energy::protection::Trip;
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 
-use super::crowd::fed;
+use super::crowd::Fed;
 use super::usable::Usable;
 use crate::forecast::{self, Draw, Recharge};
 use crate::models::{Alike, StationModels};
@@ -152,10 +152,20 @@ impl Table {
     /// Level that the charge of the pack alone has reached this long (s) after it was at that one.
     #[must_use]
     pub fn reached_alone(&self, soc: f64, after_s: f64) -> f64 {
-        let left_s = self.at(soc).bare_s - after_s;
-        let above = self.points.partition_point(|point| point.bare_s > left_s).clamp(1, self.points.len() - 1);
+        self.reached_by(|point| point.bare_s, soc, after_s)
+    }
+
+    /// Level that a charge has reached this long (s) after it was at that one.
+    #[must_use]
+    pub fn reached(&self, soc: f64, after_s: f64) -> f64 {
+        self.reached_by(|point| point.charge_s, soc, after_s)
+    }
+
+    fn reached_by(&self, left_s: fn(&Point) -> f64, soc: f64, after_s: f64) -> f64 {
+        let still_s = left_s(&self.at(soc)) - after_s;
+        let above = self.points.partition_point(|point| left_s(point) > still_s).clamp(1, self.points.len() - 1);
         let [low, high] = [self.points[above - 1], self.points[above]];
-        let share = ((low.bare_s - left_s) / (low.bare_s - high.bare_s).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let share = ((left_s(&low) - still_s) / (left_s(&low) - left_s(&high)).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         (low.soc + share * (high.soc - low.soc)).max(soc)
     }
 
@@ -271,8 +281,8 @@ pub struct Tables {
     gains: Mutex<BTreeMap<Ending, f64>>,
     /// How long packs are charged side by side, s.
     beside: Mutex<BTreeMap<Beside, Option<f64>>>,
-    /// How many robots with a kind of battery are charged at full current.
-    fed: Mutex<BTreeMap<(Alike, usize, usize), usize>>,
+    /// How many robots with a kind of battery are charged side by side.
+    fed: Mutex<BTreeMap<(Alike, usize, usize), Fed>>,
     /// What packs give.
     pub usable: Usable,
 }
@@ -310,15 +320,15 @@ impl Tables {
         *known.entry(key).or_insert_with(made)
     }
 
-    /// How many of `most` robots side by side with this battery a station's converters charge at full current.
+    /// How many of `most` robots with this battery a station's converters charge side by side.
     #[must_use]
-    pub fn fed(&self, station: &StationModels, most: usize, battery: &Arc<Model>, [from_soc, to_soc]: [f64; 2]) -> usize {
+    pub fn fed(&self, station: &StationModels, most: usize, battery: &Arc<Model>, [from_soc, to_soc]: [f64; 2]) -> Fed {
         let charge_s = |at_once: usize| {
             let circumstances = (energy::units::REFERENCE_DEGC, true);
             forecast::recharge(station, at_once, battery, circumstances, Estimate::exact(from_soc), to_soc).charge_s
         };
         let mut known = self.fed.lock().unwrap_or_else(PoisonError::into_inner);
-        *known.entry((station.alike(), most, Arc::as_ptr(battery).addr())).or_insert_with(|| fed(most, charge_s))
+        *known.entry((station.alike(), most, Arc::as_ptr(battery).addr())).or_insert_with(|| Fed::of(most, charge_s))
     }
 
     /// How much more a pack of this kind gives because the load of the station's bays ends gently, Wh.
@@ -364,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pack_alone_has_reached_the_level_from_which_its_charge_takes_as_much_less_time() {
+    fn a_charge_has_reached_the_level_from_which_it_takes_as_much_less_time() {
         // An hour from empty to 90 %, the last third of it for the last tenth; a robot in a bay takes three times as long.
         let point = |soc: f64, bare_s: f64| Point {
             soc,
@@ -380,6 +390,7 @@ mod tests {
         for (soc, after_s, reached) in [(0.0, 0.0, 0.0), (0.0, 1200.0, 0.4), (0.4, 1800.0, 0.85), (0.4, 9000.0, 0.9), (0.95, 60.0, 0.95)] {
             let found = table.reached_alone(soc, after_s);
             assert!((found - reached).abs() < 1e-9, "{soc} {after_s}: {found}");
+            assert!((table.reached(soc, 3.0 * after_s) - reached).abs() < 1e-9, "in a bay, {soc} {after_s}");
         }
     }
 }

@@ -263,11 +263,15 @@ fn close_horizon(problem: &mut Problem, view: &View) {
     let service = services.filter(|&ticks| ticks < most).max().unwrap_or(0);
     let until = |robot: usize| problem.endurance(robot).min(i64::from(most)).max(problem.robots[robot].wanted.map_or(0, i64::from));
     let empty = (0..problem.robots.len()).map(until).max().unwrap_or(0);
-    let begun = problem.stations.iter().flat_map(|station| &station.ongoing).map(|ongoing| ongoing.until).max().unwrap_or(0);
+    let ends = problem.stations.iter().flat_map(|station| &station.ongoing).map(|ongoing| ongoing.until);
+    let begun = ends.filter(|&until| until < most).max().unwrap_or(0);
     // Who never gets empty may come one after the other, all the same.
     let lasting = (0..problem.robots.len()).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
     let queue = service * (1 + lasting.min(QUEUE_MAX));
     problem.horizon = (empty as Tick + queue + 2).max(begun + 1);
+    for ongoing in problem.stations.iter_mut().flat_map(|station| &mut station.ongoing) {
+        ongoing.until = ongoing.until.min(problem.horizon - 1);
+    }
     let end = i64::from(problem.horizon);
     for (robot, view) in problem.robots.iter_mut().zip(&view.robots) {
         let until = view.until_s.map_or(end, |until_s| (until_s / f64::from(problem.tick_s)).max(0.0) as i64);

@@ -2,7 +2,7 @@
 
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
-use proto::{RobotPhase, StationId};
+use proto::StationId;
 
 use super::Basis;
 use crate::fleet::Robot;
@@ -23,19 +23,14 @@ impl Basis<'_> {
         }
         let planned_s = (run.end.seconds_since(self.now) + self.late_s(run)).max(1.0);
         if !matches!(run.stage, Stage::Charging | Stage::ChargingItself) {
-            return planned_s;
+            return self.shared_end_s(run).unwrap_or(planned_s);
         }
-        let belief = self.fleet.robots.get(&run.robot).and_then(Robot::known);
         if let Some(since) = run.takes_none_since {
             let given_up_s = since.max(run.end).seconds_since(self.now) + self.settings.late_s;
             return if run.end > self.now { planned_s } else { given_up_s.max(1.0) };
         }
-        let charging = belief.filter(|(_, state)| state.phase == RobotPhase::Charging).and_then(|(gauge, state)| {
-            let (models, battery) = (self.models.stations.get(&run.station)?, self.models.battery(&run.robot, &state.battery)?);
-            let table = self.table(&run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
-            let to_soc = run.how.to_soc().unwrap_or(table.target_soc());
-            Some(table.between(gauge.soc.value, to_soc).charge_s + models.handling.unload_s)
-        });
+        let unload_s = self.models.stations.get(&run.station).map_or(0.0, |models| models.handling.unload_s);
+        let charging = self.charges_for_s(run).map(|left_s| left_s + unload_s);
         charging.map_or(planned_s, |left_s| left_s.max(1.0))
     }
 
@@ -79,6 +74,22 @@ impl Basis<'_> {
         Begun { bay, from_s, load_s, until_s }
     }
 
+    /// When a recharge ends that has yet to begin, s, where the converters may feed it less by then than was planned.
+    fn shared_end_s(&self, run: &ServiceRun) -> Option<f64> {
+        let models = self.models.stations.get(&run.station).filter(|models| models.converter_w_max.is_finite())?;
+        if !run.under_way() && run.stage != Stage::Loading {
+            return None;
+        }
+        let (gauge, state) = self.fleet.robots.get(&run.robot).and_then(Robot::known)?;
+        let battery = self.models.battery(&run.robot, &state.battery)?;
+        let begun = self.begun(run, 0.0);
+        let drained = state.drain_w.value.max(0.0) * (begun.from_s + begun.load_s) / S_PER_H / battery.battery().stored_wh();
+        let at_once = self.beside_each_other(&run.station).max(self.side_by_side(&run.station));
+        let table = self.table_beside(at_once, &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
+        let charge_s = table.between((gauge.soc.value - drained).max(0.0), run.how.to_soc()?).charge_s;
+        Some(begun.from_s + begun.load_s + charge_s + models.handling.unload_s)
+    }
+
     /// When a service begins whose robot is under way, s.
     fn begins_s(&self, run: &ServiceRun) -> f64 {
         (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0)
@@ -95,7 +106,8 @@ impl Basis<'_> {
         let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
         let factor = self.watch.wider(&Subject::Station(run.station.clone()));
-        let table = self.table(&run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
+        let at_once = self.beside_each_other(&run.station).max(self.side_by_side(&run.station));
+        let table = self.table_beside(at_once, &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
         // Until it is in its bay it lives on its own pack, and that is charged as well.
         let drain_w = if run.under_way() { state.drain_w.value.max(0.0) } else { 0.0 };
         let drained = drain_w * self.begins_s(run) / S_PER_H / battery.battery().stored_wh();
@@ -107,7 +119,7 @@ impl Basis<'_> {
 
 /// The temperature at which a charge that goes on is looked up, °C: the battery has warmed itself, and a table would take that for the
 /// warmth of what is around it.
-fn warmed_degc(battery: &Model, gauged_degc: f64) -> f64 {
+pub(super) fn warmed_degc(battery: &Model, gauged_degc: f64) -> f64 {
     let [hot_degc, cold_degc] = uncritical_degc(battery);
     gauged_degc.clamp(cold_degc, hot_degc)
 }

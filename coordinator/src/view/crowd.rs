@@ -1,61 +1,169 @@
-//! How many robots are taken in side by side at a station.
+//! How many robots are taken in side by side at a station, and how long those that are in it share what its converters give.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use proto::{BayId, StationId};
+use energy::Model;
+use energy::units::S_PER_H;
+use proto::{BayId, RobotId, RobotPhase, StationId};
 
 use super::Basis;
+use super::begun::warmed_degc;
 use crate::fleet::Robot;
-use crate::scheduler::StationView;
+use crate::scheduler::{Begun, Fed, StationView};
+use crate::service_run::{How, ServiceRun, Stage};
+
+/// A charge that goes on.
+struct Going {
+    robot: RobotId,
+    battery: Arc<Model>,
+    temperature_degc: f64,
+    soc: f64,
+    to_soc: f64,
+}
 
 impl Basis<'_> {
-    /// Leaves free bays out that would not be fed.
+    /// Leaves bays out that would not be fed: free ones, and, where more are held than are fed, those that are given back first. What is in these
+    /// still counts, and nobody comes after it.
     pub(super) fn leave_unfed(&self, view: &mut StationView) {
         let fed = self.side_by_side(&view.station);
         if fed == self.most_side_by_side(&view.station) {
             return;
         }
-        let held = |bay: &BayId| view.begun.iter().any(|begun| begun.bay.as_ref() == Some(bay));
-        let (held, mut free): (Vec<BayId>, Vec<BayId>) = view.bays.iter().cloned().partition(held);
-        let fed = fed.saturating_sub(held.len());
-        view.unfed = free.len().saturating_sub(fed);
-        free.truncate(fed);
-        view.bays.retain(|bay| held.contains(bay) || free.contains(bay));
+        let until_s = |bay: &BayId| {
+            let holds = |begun: &&Begun| begun.bay.as_ref() == Some(bay);
+            view.begun.iter().filter(holds).map(|begun| begun.until_s).reduce(f64::max)
+        };
+        let (mut held, free): (Vec<BayId>, Vec<BayId>) = view.bays.iter().cloned().partition(|bay| until_s(bay).is_some());
+        held.sort_by(|a, b| until_s(b).unwrap_or(0.0).total_cmp(&until_s(a).unwrap_or(0.0)));
+        view.unfed = free.len().saturating_sub(fed.saturating_sub(held.len()));
+        let kept: BTreeSet<BayId> = held.into_iter().chain(free).take(fed).collect();
+        view.bays.retain(|bay| kept.contains(bay));
+    }
+
+    /// How long the charge of a robot that is in its bay still takes, s: as long as more are in the bays than are taken in side by side, all share
+    /// what there is. None where its gauge does not say that it charges.
+    pub(super) fn charges_for_s(&self, run: &ServiceRun) -> Option<f64> {
+        let models = self.models.stations.get(&run.station)?;
+        let mut going: Vec<Going> =
+            self.running.values().filter(|other| other.station == run.station).filter_map(|other| self.going(other)).collect();
+        let (mut in_bays, most) = (self.beside_each_other(&run.station), self.side_by_side(&run.station));
+        let mut passed_s = 0.0;
+        loop {
+            let at_once = in_bays.max(most);
+            let table = |one: &Going| self.table_beside(at_once, &run.station, models, &one.battery, one.temperature_degc);
+            let left_s = |one: &Going| table(one).between(one.soc, one.to_soc).charge_s;
+            let own_s = left_s(going.iter().find(|one| one.robot == run.robot)?);
+            let (first, first_s) = going.iter().map(left_s).enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+            if in_bays <= most || own_s <= first_s {
+                return Some(passed_s + own_s);
+            }
+            let reached: Vec<f64> = going.iter().map(|one| table(one).reached(one.soc, first_s)).collect();
+            going.iter_mut().zip(reached).for_each(|(one, soc)| one.soc = soc);
+            going.remove(first);
+            (in_bays, passed_s) = (in_bays - 1, passed_s + first_s);
+        }
+    }
+
+    /// The charge of a robot that is in its bay, if its gauge says that it charges.
+    fn going(&self, run: &ServiceRun) -> Option<Going> {
+        let to_soc = run.how.to_soc()?;
+        let (gauge, state) = self.fleet.robots.get(&run.robot).and_then(Robot::known)?;
+        let charges = matches!(run.stage, Stage::Charging | Stage::ChargingItself) && state.phase == RobotPhase::Charging;
+        let battery = self.models.battery(&run.robot, &state.battery).filter(|_| charges)?;
+        let (robot, temperature_degc) = (run.robot.clone(), warmed_degc(battery, gauge.temperature_degc));
+        Some(Going { robot, battery: Arc::clone(battery), temperature_degc, soc: gauge.soc.value, to_soc })
+    }
+
+    /// Bays of a station that robots are in, or are on their way into.
+    pub(super) fn beside_each_other(&self, id: &StationId) -> usize {
+        let here = self.running.values().filter(|run| run.station == *id && run.stage != Stage::LetOut);
+        here.filter_map(|run| if let How::Recharge { bay, .. } = &run.how { Some(bay) } else { None }).collect::<BTreeSet<_>>().len()
     }
 
     /// How many robots may charge side by side at a station: as many as its converters feed at full current, and the crowd beside these.
     #[must_use]
     pub fn side_by_side(&self, id: &StationId) -> usize {
         let most = self.most_side_by_side(id);
-        self.fed(id, most).saturating_add(self.crowd).min(most)
+        self.fed(id).map_or(most, |fed| fed.full.saturating_add(self.crowd).min(self.most_in_a_crowd(id, fed)))
     }
 
     /// By how many the converters of a station could take in more side by side than they feed at full current, at most.
     #[must_use]
     pub fn crowd_max(&self) -> usize {
         let ids = self.models.stations.keys();
-        ids.map(|id| (self.most_side_by_side(id), id)).map(|(most, id)| most - self.fed(id, most)).max().unwrap_or(0)
+        ids.filter_map(|id| self.fed(id).map(|fed| self.most_in_a_crowd(id, fed) - fed.full)).max().unwrap_or(0)
     }
 
-    /// How many of so many robots a station's converters feed at full current.
-    fn fed(&self, id: &StationId, most: usize) -> usize {
-        let models = self.models.stations.get(id).filter(|models| models.converter_w_max.is_finite());
-        let Some((models, battery)) = models.zip(self.reference_battery()) else { return most };
-        self.tables.fed(models, most, battery, [self.settings.serve_below_soc, self.settings.charge_to_soc])
+    /// How many may be side by side if somebody is to be saved. Who is taken in although that leaves less for all is saved at the cost of the
+    /// others: a station that robots ask more of than it can give at its best does not take that up again.
+    fn most_in_a_crowd(&self, id: &StationId, fed: Fed) -> usize {
+        let levels_soc = self.settings.charge_to_soc - self.settings.serve_below_soc;
+        let is_overloaded =
+            self.in_reach().get(id).is_some_and(|asked| asked.services(levels_soc) > fed.full as f64 * asked.whole_s() / fed.charge_s);
+        if is_overloaded { fed.gaining } else { self.most_side_by_side(id) }
+    }
+
+    /// How many robots the converters of a station feed, where that is limited: robots with the battery that most have who can come.
+    fn fed(&self, id: &StationId) -> Option<Fed> {
+        let models = self.models.stations.get(id).filter(|models| models.converter_w_max.is_finite())?;
+        let battery = self.in_reach().get(id).and_then(InReach::usual_battery).or_else(|| self.reference_battery())?;
+        let levels_soc = [self.settings.serve_below_soc, self.settings.charge_to_soc];
+        Some(self.tables.fed(models, self.most_side_by_side(id), battery, levels_soc))
     }
 
     /// As many robots as can be side by side at a station: as many as it has bays, or as can come.
     fn most_side_by_side(&self, id: &StationId) -> usize {
         let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map_or(1, |state| state.bays.len());
-        let in_reach = self.in_reach.get_or_init(|| {
-            let mut in_reach: BTreeMap<StationId, usize> = BTreeMap::new();
-            let ways = self.fleet.robots.values().filter_map(Robot::known).flat_map(|(_, state)| state.travel.keys());
-            ways.for_each(|station| match in_reach.get_mut(station) {
-                Some(robots) => *robots += 1,
-                None => drop(in_reach.insert(station.clone(), 1)),
-            });
-            in_reach
-        });
-        bays.min(in_reach.get(id).copied().unwrap_or(0)).max(1)
+        bays.min(self.in_reach().get(id).map_or(0, |asked| asked.robots)).max(1)
+    }
+
+    fn in_reach(&self) -> &BTreeMap<StationId, InReach> {
+        self.in_reach.get_or_init(|| {
+            let mut all: BTreeMap<StationId, InReach> = BTreeMap::new();
+            for (robot, (gauge, state)) in self.fleet.robots.iter().filter_map(|(id, robot)| Some((id, robot.known()?))) {
+                let battery = self.models.battery(robot, &state.battery);
+                for station in state.travel.keys() {
+                    let asked = match all.get_mut(station) {
+                        Some(asked) => asked,
+                        None => all.entry(station.clone()).or_default(),
+                    };
+                    asked.robots += 1;
+                    asked.lacking += (1.0 - gauge.soc.value).max(0.0) / state.travel.len() as f64;
+                    let Some(battery) = battery else { continue };
+                    asked.whole_s += battery.battery().stored_wh() * S_PER_H / state.drain_w.value.max(0.0);
+                    asked.batteries.entry(battery.name.clone()).or_insert_with(|| (0, Arc::clone(battery))).0 += 1;
+                }
+            }
+            all
+        })
+    }
+}
+
+/// What the robots that can come to a station ask of it.
+#[derive(Debug, Default)]
+pub struct InReach {
+    robots: usize,
+    /// Whole charges that they lack; a robot that can come to several stations lacks a part at each.
+    lacking: f64,
+    /// How long whole charges last, summed over robots, s.
+    whole_s: f64,
+    /// How many have which battery.
+    batteries: BTreeMap<String, (usize, Arc<Model>)>,
+}
+
+impl InReach {
+    /// Services by so much charge that they need within the time that a whole charge lasts.
+    fn services(&self, levels_soc: f64) -> f64 {
+        self.lacking / levels_soc
+    }
+
+    /// How long a whole charge lasts on the mean, s.
+    fn whole_s(&self) -> f64 {
+        self.whole_s / self.robots.max(1) as f64
+    }
+
+    fn usual_battery(&self) -> Option<&Arc<Model>> {
+        self.batteries.values().max_by_key(|(robots, _)| *robots).map(|(_, battery)| battery)
     }
 }

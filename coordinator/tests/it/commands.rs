@@ -89,6 +89,11 @@ const MISTAKES: &[(&str, &str, &[&str])] = &[
     ("robots_served = 0", "robots_serve = 0", &["changed.toml:24:1: `robots_serve` is not measured", "did you mean `robots_served`?"]),
     ("robots_served = 0", "soc.pack-2 = 0", &["changed.toml:24:1: "]),
     ("robots_served = 0", "\"soc.pack-2\" = 0", &["there is no pack pack-2", "did you mean `pack-1`?"]),
+    (
+        "unload_s = 30",
+        "unload_s = 30\ncharging = { spare_ready_soc = 0.2 }",
+        &["stations.mds-1.charging.spare_ready_soc = 0.2: must lie above policy.serve_below_soc = 0.2"],
+    ),
     ("\"least_slack\"", "\"least_slak\"", &["changed.toml:4:1: policy.name = \"least_slak\"", "did you mean `least_slack`?"]),
 ];
 

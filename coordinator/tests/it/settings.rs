@@ -87,3 +87,16 @@ fn more_energy_serves_as_many_at_least() {
     let found: Vec<f64> = (0..24).map(|step| promised(0.2 + 0.005 * f64::from(step))).collect();
     assert!(found.is_sorted() && found[0] == 2.0 && found[23] == 3.0, "{found:?}");
 }
+
+/// Of 14 W one robot gets 8 into its battery beside what it takes itself, two share half of that, and three get nothing: with more bays than one,
+/// nobody is worse off. A bay without power was once a charge that was over in a minute.
+#[test]
+fn bays_that_the_converters_cannot_feed_do_no_harm() {
+    let [one, three] = [1, 3].map(|bays| {
+        let station = format!("bays = {bays}\nload_s = 30\nunload_s = 30\ncharging = {{ converter_w_max = 14 }}");
+        outcome(&world(&station, &[1.0, 1.0], &[0.15, 0.2, 0.25, 0.3], 60), 1).measured.metrics
+    });
+    assert_eq!((one["promises_broken"], three["promises_broken"]), (0.0, 0.0));
+    assert!(three["robots_stranded"] <= one["robots_stranded"] && three["robots_served"] >= one["robots_served"], "{one:?}, {three:?}");
+    assert!(three["mission_h"] > one["mission_h"] - 0.1, "{} h, {} h", one["mission_h"], three["mission_h"]);
+}
