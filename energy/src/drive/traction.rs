@@ -49,8 +49,17 @@ pub(crate) fn pushed_w<S: Real>(channels: &mut Channels<S>, force_n: S) -> S {
 /// Adds a force that resists motion in either direction, N >= 0; nothing at a standstill.
 pub(crate) fn resist<S: Real>(channels: &mut Channels<S>, force_n: S) {
     if drives(channels) {
-        let forward = channels[Channel::SpeedMps].re() > 0.0;
-        push(channels, if forward { force_n } else { -force_n });
+        let along_n = along(channels, force_n);
+        push(channels, along_n);
+    }
+}
+
+/// A force that resists motion, N >= 0, as one along the direction of travel; nothing at a standstill.
+pub(crate) fn along<S: Real>(channels: &Channels<S>, force_n: S) -> S {
+    match channels[Channel::SpeedMps].re() {
+        _ if !drives(channels) => S::from(0.0),
+        speed_mps if speed_mps > 0.0 => force_n,
+        _ => -force_n,
     }
 }
 

@@ -51,6 +51,11 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
             });
             continue;
         }
+        if let Some(sum) = base.effects().find(|sum| sum.lumps().contains(&spec.id)) {
+            let reason = format!("is a part of {}, which the model has: `lab fit --free {0}` asks for its numbers", sum.spec().id);
+            unable.push(Untested { effect: spec.id, reason });
+            continue;
+        }
         if let Some(reason) = effect.ruled_out(&base.facts) {
             unable.push(Untested { effect: spec.id, reason: reason.to_owned() });
             continue;

@@ -1,7 +1,8 @@
 //! Motion: rolling, slope and acceleration, through the drive train.
 //!
-//! `F = m g (c_rr cos(pitch) + sin(pitch)) + m a`, `P = F v / eta` in sum with the forces of other effects,
+//! `F = m g (c_rr cos(pitch) sign(v) + sin(pitch)) + m a`, `P = F v / eta` in sum with the forces of other effects,
 //! never below zero: braking returns nothing to the battery. m in kg (own mass plus payload), v in m/s, pitch in rad.
+//! Nothing rolls at a standstill.
 //!
 //! It lumps `rolling`, `slope`, `acceleration`, `payload` and `gear_loss`, each of which is an effect
 //! of its own, and gives its force to those that follow the force (`motor_copper`, `slip`).
@@ -21,7 +22,7 @@ static SPEC: EffectSpec = EffectSpec {
     phase: Phase::Drive,
     channel: Channel::PowerW,
     needs: &[Channel::SpeedMps],
-    equation: "F = m g (c_rr cos(pitch) + sin(pitch)) + m a, P += what F adds to max(0, v sum of all F) / eta",
+    equation: "F = m g (c_rr cos(pitch) sign(v) + sin(pitch)) + m a, P += what F adds to max(0, v sum of all F) / eta",
     source: "Kottas, chapter 5; Newton's second law",
     validity: "no wheel slip; drive efficiency constant; no regeneration",
     signature: "the power residual grows with speed and uphill pitch",
@@ -75,7 +76,8 @@ impl Physics for Motion {
         let mass_kg = if own_kg.re() == 0.0 { own_kg } else { own_kg + channels[Channel::PayloadKg] };
         let pitch_rad = channels[Channel::PitchRad];
         let weight_n = mass_kg * GRAVITY_MPS2;
-        let force_n = weight_n * (own.parameters[0] * pitch_rad.cos() + pitch_rad.sin()) + mass_kg * channels[Channel::AccelMps2];
+        let rolling_n = traction::along(channels, weight_n * own.parameters[0] * pitch_rad.cos());
+        let force_n = rolling_n + weight_n * pitch_rad.sin() + mass_kg * channels[Channel::AccelMps2];
         let drawn_w = traction::pushed_w(channels, force_n);
         channels.add(Channel::PowerW, drawn_w / own.parameters[2]);
     }
@@ -104,6 +106,18 @@ mod tests {
         traction::push(&mut channels, 2.0);
         step_once(&Motion, &Facts::robot(), 1.0, &[0.0, 1.0, 1.0], &mut [], &mut channels);
         assert!((channels[Channel::PowerW] - (2.0 - 9.806_65 * 0.1_f64.sin()) * 0.5).abs() < 1e-12);
+    }
+
+    /// By hand: 0.02 of 9.80665 N at 0.5 m/s through a drive of 0.5.
+    #[test]
+    fn rolling_resists_in_reverse_too_and_holds_nothing_at_rest() {
+        for (speed_mps, force_n, power_w) in [(0.5, 0.196_133, 0.196_133), (-0.5, -0.196_133, 0.196_133), (0.0, 0.0, 0.0)] {
+            let mut channels = Channels::filled(0.0_f64);
+            channels[Channel::SpeedMps] = speed_mps;
+            step_once(&Motion, &Facts::robot(), 1.0, &[0.02, 1.0, 0.5], &mut [], &mut channels);
+            let found = [channels[Channel::TractionN], channels[Channel::PowerW]];
+            assert!((found[0] - force_n).abs() < 1e-12 && (found[1] - power_w).abs() < 1e-12, "{speed_mps}: {found:?}");
+        }
     }
 
     #[test]
