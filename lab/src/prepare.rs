@@ -3,9 +3,11 @@
 mod error;
 mod late;
 mod plausible;
+mod zeros;
 
 pub use error::PrepareError;
 pub use plausible::{odd_current, odd_voltage};
+pub use zeros::counted_as_zero;
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;

@@ -20,7 +20,9 @@ use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
+// What clap would print has the effect behind `--log`, which takes all that follows it.
 #[derive(Debug, clap::Args)]
+#[command(override_usage = "lab add <EFFECT> --model <MODEL> --log <LOG>... [OPTIONS]")]
 pub(super) struct Args {
     /// The effect to add, by its id in `lab effects`.
     effect: String,

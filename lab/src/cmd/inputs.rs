@@ -10,7 +10,7 @@ use anyhow::{Context as _, bail, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
 use lab::measurement::{Log, LogFacts, Role, Thinning, thin, uneven_sampling};
-use lab::prepare::{Prepared, odd_current, odd_voltage, predicted_channels, prepare_to_judge};
+use lab::prepare::{Prepared, counted_as_zero, odd_current, odd_voltage, predicted_channels, prepare_to_judge};
 use lab::{ModelSource, load_model};
 
 pub(super) use facts::FactArgs;
@@ -126,6 +126,7 @@ impl LogArgs {
             say(&log.notes[told..]);
         }
         say(uneven_sampling(&logs).as_slice());
+        say(counted_as_zero(model, &logs).as_slice());
         Ok(logs)
     }
 

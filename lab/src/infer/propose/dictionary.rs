@@ -214,17 +214,18 @@ fn loads(frame: &Frame, channel: Channel) -> Vec<Term> {
             add(format!("a load that follows the size of {x}"), absolute.clone());
             add(format!("a load that follows {x} on either side"), format!("{x} * abs({x})"));
         }
+        let resists = if x == Channel::SpeedMps.name() { "friction (Stribeck)" } else { "a load in proportion" };
         for scale in SCALES {
             let shaped = |words: String, part: String| Term::new(channel, words, part).shaped("a", scale * size, REACH);
             all.push(shaped(format!("a load that is there at small {x}"), format!("exp(-({x} / a)^2)")));
-            all.push(shaped(format!("friction that falls with {x} (Stribeck)"), format!("{absolute} * exp(-({x} / a)^2)")));
+            all.push(shaped(format!("{resists} that falls with {x}"), format!("{absolute} * exp(-({x} / a)^2)")));
             all.push(shaped(format!("a load that fades with {x}"), format!("exp(-{absolute} / a)")));
             all.push(shaped(format!("a load that saturates with {x}"), format!("tanh({absolute} / a)")));
         }
         slow(channel, x, x, "", &mut all);
         for &(y, ..) in &moving[index + 1..] {
             all.push(Term::new(channel, format!("a load that follows {x} times {y}"), format!("{x} * {y}")));
-            all.push(Term::new(channel, format!("a load that follows {absolute} times {y}"), format!("{absolute} * abs({y})")));
+            all.push(Term::new(channel, format!("a load that follows {absolute} times abs({y})"), format!("{absolute} * abs({y})")));
         }
     }
     all
