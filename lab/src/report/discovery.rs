@@ -20,7 +20,7 @@ use super::quantity::{digits, quantity, unit_of, with_sigma};
 use super::table::text;
 
 pub use holdout::{Unexplained, held_out};
-pub use tables::{decisions, fall, floor_name};
+pub use tables::{decisions, fall, floor_name, why_not};
 pub use words::{effects, headline, left, other_numbers, other_starts, refusal, untested, within_stated};
 
 /// How far a search went.

@@ -79,16 +79,21 @@ pub(super) fn ranking(found: &Discovery, printed: usize) -> Table {
         if holdout {
             row.push(fall(&ranked.holdout_before, &ranked.holdout_after));
         }
-        let refused: Vec<&str> = ranked.refused.iter().map(|&one| refusal(one)).collect();
-        row.push(match ranked.delta_bic {
-            None => "not worth a refit".to_owned(),
-            Some(_) if refused.is_empty() && rises(ranked) => "accepted: falls beside slow noise".to_owned(),
-            Some(_) if ranked.passed_over && !found.selected.contains(&ranked.effect) => "more numbers than it needs".to_owned(),
-            Some(_) => refused.join("\n"),
-        });
+        row.push(why_not(ranked, found).join("\n"));
         rows.add_row(row);
     }
     rows
+}
+
+/// Why an effect was not taken, or was although an error rises.
+#[must_use]
+pub fn why_not(ranked: &Ranked, found: &Discovery) -> Vec<&'static str> {
+    match ranked.delta_bic {
+        None => vec!["not worth a refit"],
+        Some(_) if ranked.refused.is_empty() && rises(ranked) => vec!["accepted: falls beside slow noise"],
+        Some(_) if ranked.passed_over && !found.selected.contains(&ranked.effect) => vec!["more numbers than it needs"],
+        Some(_) => ranked.refused.iter().map(|&one| refusal(one)).collect(),
+    }
 }
 
 /// Whether an error rises that is shown.

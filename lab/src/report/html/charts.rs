@@ -96,7 +96,7 @@ pub(super) fn ladders(ladders: &[Ladder]) -> Option<Markup> {
 }
 
 pub(super) fn confounding(confounding: Option<&Confounding>) -> Option<Markup> {
-    let Confounding { effects, rho } = confounding.filter(|confounding| confounding.effects.len() > 1)?;
+    let Confounding { effects, rho, absorbed } = confounding.filter(|confounding| confounding.effects.len() > 1)?;
     let mut alike = Vec::new();
     for (i, row) in rho.iter().enumerate().take(effects.len()) {
         for (j, rho) in row.iter().enumerate().take(i).filter(|(_, rho)| rho.abs() > 0.95) {
@@ -111,6 +111,9 @@ pub(super) fn confounding(confounding: Option<&Confounding>) -> Option<Markup> {
     Some(html! {
         p.note { "Correlation of what two effects would leave in the residual, after a refit of what is in the model. Near 1 these logs cannot tell them apart." }
         (figure(&words, &words, |svg| draw_heat(svg, effects, rho)))
+        @if !absorbed.is_empty() {
+            p.note { "Not shown, since a refit of what is in the model does all of their work: " (absorbed.join(", ")) "." }
+        }
     })
 }
 

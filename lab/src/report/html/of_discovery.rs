@@ -4,7 +4,7 @@ use super::sections::{Answer, Confounding, Epc, Evidence, Ladder, LadderStep, Pa
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
 use crate::infer::score::Score;
 use crate::report::discovery::{
-    DiscoveryReport, floor_name, headline, held_out, left, other_numbers, other_starts, untested, within_stated,
+    DiscoveryReport, floor_name, headline, held_out, left, other_numbers, other_starts, untested, why_not, within_stated,
 };
 use crate::report::quantity::unit_of;
 
@@ -80,6 +80,7 @@ fn evidence(ranked: &Ranked, found: &Discovery) -> Evidence {
     Evidence {
         effect: ranked.effect.to_owned(),
         accepted: found.selected.contains(&ranked.effect),
+        refused: why_not(ranked, found).join(", "),
         delta_bic: ranked.delta_bic,
         p_value: Some(ranked.p_value),
         epc: ranked.epc.iter().map(epc).collect(),
@@ -93,12 +94,10 @@ fn evidence(ranked: &Ranked, found: &Discovery) -> Evidence {
 }
 
 fn confounding(scores: &[Score]) -> Option<Confounding> {
-    let shown = &scores[..scores.len().min(ALIKE)];
-    let row = |one: &Score| shown.iter().map(|other| one.confounded(other)).collect();
-    (shown.len() > 1).then(|| Confounding {
-        effects: shown.iter().map(|score| score.spec.id.to_owned()).collect(),
-        rho: shown.iter().map(row).collect(),
-    })
+    let (shown, absorbed): (Vec<&Score>, Vec<&Score>) = scores.iter().take(ALIKE).partition(|one| one.confounded(one) > 0.0);
+    let names = |scores: &[&Score]| scores.iter().map(|score| score.spec.id.to_owned()).collect();
+    let row = |one: &&Score| shown.iter().map(|other| one.confounded(other)).collect();
+    (shown.len() > 1).then(|| Confounding { effects: names(&shown), rho: shown.iter().map(row).collect(), absorbed: names(&absorbed) })
 }
 
 fn parameters(found: &Discovery) -> Vec<ParameterRow> {

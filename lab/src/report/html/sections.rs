@@ -137,6 +137,8 @@ pub struct Evidence {
     pub effect: String,
     /// Whether it was added.
     pub accepted: bool,
+    /// Why it was not, in words.
+    pub refused: String,
     /// Fall of the Bayesian information criterion; above 10 is strong.
     pub delta_bic: Option<f64>,
     /// Chance of a score this large without the effect, corrected for the number tried.
@@ -175,6 +177,8 @@ pub struct Confounding {
     pub effects: Vec<String>,
     /// Correlation of their signatures after a refit, -1..1; NaN where it is not known.
     pub rho: Vec<Vec<f64>>,
+    /// Effects of which a refit of the model leaves nothing that could look like another.
+    pub absorbed: Vec<String>,
 }
 
 /// The cumulative periodogram of one channel of one log.

@@ -12,7 +12,7 @@ pub(super) fn css() -> String {
     )
 }
 
-// The fifth column of the evidence is the size, of up to three numbers: the one that is worth a second line.
+// The second column of the evidence is why an effect was not taken, the fifth its size, of up to three numbers: these are worth a second line.
 const STYLE: &str = "\
 *{box-sizing:border-box}\
 html{-webkit-text-size-adjust:100%}\
@@ -42,7 +42,7 @@ th,td{padding:.3rem .8rem .3rem 0;text-align:left;white-space:nowrap;border-bott
 thead th{color:var(--muted);font-weight:600}\
 tbody th{font-weight:600}\
 .n{text-align:right}\
-#evidence thead th,#evidence td:nth-child(5){white-space:normal}#evidence td:nth-child(5){min-width:16rem}\
+#evidence thead th,#evidence td:nth-child(2),#evidence td:nth-child(5){white-space:normal}#evidence td:nth-child(2){min-width:7rem}#evidence td:nth-child(5){min-width:11rem}\
 figure{margin:0 0 1.4rem}\
 figcaption{color:var(--muted);font-size:.85rem}\
 svg{display:block;width:100%;height:auto;font-family:inherit}\

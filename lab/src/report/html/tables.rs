@@ -105,10 +105,15 @@ pub(super) fn whiteness(errors: &[ChannelError]) -> Option<Markup> {
 const SIZES: usize = 2;
 
 pub(super) fn evidence(evidence: &[Evidence]) -> Option<Markup> {
-    let header =
-        ["effect", "", "fall of BIC", "p", "expected size", "unique", "RMS before", "RMS after", "held-out before", "held-out after"];
+    let header = ["effect", "", "fall of BIC", "p", "expected size", "unique", "RMS", "held-out RMS"];
     let row = |effect: &Evidence| {
-        let rms = |value: Option<f64>| or_dash(value, |value| quantity(value, &effect.unit));
+        let fall = |before: Option<f64>, after: Option<f64>| {
+            let [before, after] = [before, after].map(|value| value.map(|value| quantity(value, &effect.unit)));
+            match (before, after) {
+                (Some(before), Some(after)) => format!("{before} \u{2192} {after}"),
+                (before, _) => before.unwrap_or_else(|| "\u{2013}".to_owned()),
+            }
+        };
         let mut sizes: Vec<String> = effect
             .epc
             .iter()
@@ -123,15 +128,13 @@ pub(super) fn evidence(evidence: &[Evidence]) -> Option<Markup> {
         }
         vec![
             effect.effect.clone(),
-            if effect.accepted { "added".to_owned() } else { String::new() },
+            if effect.accepted { "added".to_owned() } else { effect.refused.clone() },
             or_dash(effect.delta_bic, digits),
             or_dash(effect.p_value, chance),
             sizes.join("; "),
             or_dash(effect.uniqueness, |unique| format!("{unique:.2}")),
-            rms(effect.rms_before),
-            rms(effect.rms_after),
-            rms(effect.holdout_before),
-            rms(effect.holdout_after),
+            fall(effect.rms_before, effect.rms_after),
+            fall(effect.holdout_before, effect.holdout_after),
         ]
     };
     let rows: Vec<Vec<String>> = evidence.iter().map(row).collect();

@@ -116,6 +116,7 @@ pub(crate) fn full(name: &str) -> Page {
     let evidence = |effect: &str, accepted| Evidence {
         effect: effect.to_owned(),
         accepted,
+        refused: if accepted { String::new() } else { "evidence too weak".to_owned() },
         delta_bic: Some(812.4),
         p_value: Some(1e-9),
         epc: vec![Epc { name: "resistance_ohm".to_owned(), value: 0.021, sigma: Some(0.002) }],
@@ -176,6 +177,7 @@ pub(crate) fn full(name: &str) -> Page {
         confounding: Some(Confounding {
             effects: vec![name.to_owned(), "rc2".to_owned(), "warburg".to_owned()],
             rho: vec![vec![1.0, 0.3, 0.2], vec![0.3, 1.0, 0.97], vec![0.2, 0.97, f64::NAN]],
+            absorbed: vec!["weak_cell".to_owned()],
         }),
         spectra: vec![SpectrumCurve {
             log: name.to_owned(),
@@ -214,6 +216,7 @@ fn every_section_parses_loads_nothing_and_escapes_names() {
     let (images, described) = *seen.images.borrow();
     assert!(images >= 10 && images == described, "{images} pictures, {described} described");
     assert!(text.contains("prefers-color-scheme:dark") && text.contains("width=device-width"));
+    assert!(text.contains("evidence too weak") && text.contains("does all of their work: weak_cell."));
     assert!(!text.contains("NaN"), "a number that is none has slipped through");
     assert!(text.contains("1.20 mV") && text.matches(">calibrated</th>").count() == 1, "only where calibration changes something");
 }
