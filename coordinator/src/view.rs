@@ -182,9 +182,11 @@ impl Basis<'_> {
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
         let left_degc = models.spare_battery.as_ref().map_or(temperature_degc, |_| self.left_degc(id, battery));
         // Without a bay only what was left is charged.
-        let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map(|state| state.bays.len());
-        let in_robot_degc = if bays == Some(0) { left_degc } else { temperature_degc };
-        self.tables.of(models, at_once, battery, [in_robot_degc, left_degc], levels)
+        let state = self.fleet.stations.get(id).and_then(|station| station.state.as_ref());
+        let in_robot_degc = if state.is_some_and(|state| state.bays.is_empty()) { left_degc } else { temperature_degc };
+        // Where what the converters give is limited, any spare may be charged beside all others.
+        let alone = state.filter(|_| models.converter_w_max.is_finite()).map_or(1, |state| state.spares.len().max(1));
+        self.tables.of(models, [at_once, alone], battery, [in_robot_degc, left_degc], levels)
     }
 
     /// The temperature at which a battery is charged that a robot left at a station, °C; as of a promise that was given where one waits for that.
@@ -280,7 +282,7 @@ impl Basis<'_> {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return Draw::steady(overhead_w) };
         let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
-        let table = self.tables.of(models, bays, battery, [energy::units::REFERENCE_DEGC; 2], levels);
+        let table = self.tables.of(models, [bays, 1], battery, [energy::units::REFERENCE_DEGC; 2], levels);
         let service = table.at(self.settings.serve_below_soc);
         let each_w = service.need_wh / (service.charge_s / S_PER_H).max(1e-6);
         let taper = table.taper(each_w);

@@ -67,7 +67,7 @@ pub struct Table {
 impl Table {
     fn new(
         station: &StationModels,
-        at_once: usize,
+        [at_once, alone]: [usize; 2],
         battery: &Arc<Model>,
         [temperature_degc, alone_degc]: [f64; 2],
         [from_soc, to_soc]: [f64; 2],
@@ -82,7 +82,7 @@ impl Table {
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
-            let (bare_wh, bare_s) = forecast::spare_again(station, battery, 1, alone_degc, soc).unwrap_or((0.0, recharge.charge_s));
+            let (bare_wh, bare_s) = forecast::spare_again(station, battery, alone, alone_degc, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
             Point {
                 soc,
@@ -265,8 +265,8 @@ impl Course {
     }
 }
 
-/// Station, battery, robots side by side, temperature of a robot's battery and of one that is charged alone.
-type Kind = (Alike, usize, usize, [i32; 2]);
+/// Station, battery, robots and packs alone side by side, temperature of a robot's battery and of one that is charged alone.
+type Kind = (Alike, usize, [usize; 2], [i32; 2]);
 /// Station, kind of pack, packs side by side, temperature, hundredths of charge.
 type Beside = (Alike, usize, usize, i32, i32);
 /// Station and its bays, kind of pack, power (bits), temperature.
@@ -288,10 +288,11 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The table of a battery at a station, made when it is first asked for; `degc` is how warm it is in its robot, and how warm where a robot
+    /// The table of a battery at a station, made when it is first asked for; `at_once` is how many robots, and how many packs that robots left, are
+    /// charged side by side, `degc` is how warm it is in its robot, and how warm where a robot
     /// left it, and `levels` at which charge a service is wanted and done.
     #[must_use]
-    pub fn of(&self, station: &StationModels, at_once: usize, battery: &Arc<Model>, degc: [f64; 2], levels: [f64; 2]) -> Arc<Table> {
+    pub fn of(&self, station: &StationModels, at_once: [usize; 2], battery: &Arc<Model>, degc: [f64; 2], levels: [f64; 2]) -> Arc<Table> {
         let degc = degc.map(|degc| step_degc(battery, degc));
         let kind = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc.map(|degc| degc as i32));
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
