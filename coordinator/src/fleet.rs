@@ -90,8 +90,14 @@ impl Station {
     /// Takes in what the gauge of a pack says.
     pub fn gauged(&mut self, pack: PackId, gauge: Gauge) {
         let (at, before) = (gauge.at, self.packs.values().map(|known| known.at).max());
+        let own_degc = gauge.temperature_degc;
         let is_new = self.packs.insert(pack, gauge).is_none();
-        let coolest_degc = self.packs.values().map(|known| known.temperature_degc).fold(f64::INFINITY, f64::min);
+        // One that has left was as cool as it is here then.
+        let away = |pack: &PackId| {
+            self.state.as_ref().is_some_and(|state| state.packs.iter().any(|known| known.pack == *pack && !known.connected))
+        };
+        let here = self.packs.iter().filter(|(pack, _)| !away(pack)).map(|(_, known)| known.temperature_degc);
+        let coolest_degc = here.reduce(f64::min).unwrap_or(own_degc);
         let average_degc = match (self.average_degc, before) {
             (Some(was_degc), Some(before)) if !is_new => {
                 let passed_s = at.seconds_since(before).clamp(0.0, SURROUNDINGS_TAU_S);
@@ -186,9 +192,9 @@ mod tests {
     #[test]
     fn a_stations_temperature_is_that_of_its_coolest_pack_on_average() {
         let mut station = Station::default();
-        let mut says = |name: &str, at_s: i64, temperature_degc: f64| {
+        let gauge = |at_s: i64, temperature_degc: f64| {
             let nothing = Told::new(0.0, 0.0);
-            let gauge = Gauge {
+            Gauge {
                 at: Timestamp::from_unix_ms(at_s * 1000),
                 seq: at_s as u64,
                 soc: nothing,
@@ -204,8 +210,10 @@ mod tests {
                 power_w: 0.0,
                 cells_series: 3,
                 source: "test".to_owned(),
-            };
-            station.gauged(PackId::new(name).unwrap(), gauge);
+            }
+        };
+        let mut says = |name: &str, at_s: i64, temperature_degc: f64| {
+            station.gauged(PackId::new(name).unwrap(), gauge(at_s, temperature_degc));
             station.surroundings_degc.unwrap()
         };
         assert_eq!(says("warm", 0, 9.0), 9.0);
@@ -217,6 +225,14 @@ mod tests {
         assert!((says("cool", 762, 5.0) - 5.0).abs() < 1e-9);
         assert_eq!(says("cool", 1462, 4.1), 5.0, "less than a degree");
         assert!((says("cool", 2162, 4.0) - 4.0).abs() < 1e-9, "that together is one");
+        // It is taken away, and what it was like at dawn is not what it is like here any longer.
+        let is = |name: &str, connected| proto::PackState { pack: PackId::new(name).unwrap(), connected, depleted: false, back: None };
+        let packs = vec![is("warm", true), is("cool", false)];
+        station.state = Some(serde_json::from_value(serde_json::json!({
+            "at": Timestamp::from_unix_ms(0), "seq": 1, "bays": [], "lift_busy": false, "packs": packs, "powered": true, "pack_power_w": 6.0, "spares": []
+        })).unwrap());
+        station.gauged(PackId::new("warm").unwrap(), gauge(2862, 21.0));
+        assert!((station.surroundings_degc.unwrap() - 21.0).abs() < 1e-9);
     }
 
     #[test]

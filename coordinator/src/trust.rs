@@ -103,7 +103,8 @@ impl Trust {
             _ => track.clock_ahead_s = (track.clock_off >= CLOCK_MIN).then_some(ahead_s),
         }
         if let Some(last) = &track.last {
-            let hours = gauge.at.seconds_since(last.at) / energy::units::S_PER_H;
+            // A clock that was set back says nothing of how long it has been.
+            let hours = gauge.at.seconds_since(last.at).max(0.0) / energy::units::S_PER_H;
             let by = gauge.soc.value - last.soc.value;
             track.period_s = gauge.at.seconds_since(last.at);
             let possible = RATE_MAX_PER_H * hours + JUMP_SIGMAS * last.soc.sigma.hypot(gauge.soc.sigma);
@@ -211,6 +212,14 @@ mod tests {
         }
         assert_eq!(trust.fault(at(300.0), &robot()), None);
         assert_eq!(trust.fault(at(600.0), &robot()), Some(Fault::Silent(at(299.0))));
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_makes_no_jump() {
+        let mut trust = Trust::default();
+        trust.heard(at(0.0), &robot(), &gauge(3600.0, 0.5, 11.1), Some(RobotPhase::Working), false);
+        trust.heard(at(1.0), &robot(), &gauge(1.0, 0.4999, 11.1), Some(RobotPhase::Working), false);
+        assert_eq!(trust.fault(at(2.0), &robot()), None);
     }
 
     #[test]

@@ -264,9 +264,11 @@ impl Core {
         self.replan(text);
     }
 
-    /// Says once what is wrong with an input, however often it comes.
+    /// Says once what is wrong with an input, however often it comes and with whatever numbers.
     pub(super) fn refuse(&mut self, now: Timestamp, what: String) {
-        if self.refused.len() < REFUSED_MAX && self.refused.insert(what.clone()) {
+        let is_number = |word: &&str| word.trim_matches([',', ';', ':', ')', '(']).parse::<f64>().is_ok();
+        let kind: Vec<&str> = what.split(' ').filter(|word| !is_number(word)).collect();
+        if self.refused.len() < REFUSED_MAX && self.refused.insert(kind.join(" ")) {
             self.event(now, EventKind::InputRefused, None, None, None, what);
         }
     }

@@ -9,6 +9,7 @@ use proto::{BayId, BayPhase, EventKind, RobotAction, RobotId, RobotPhase, Statio
 
 use super::Core;
 use crate::fleet::Station;
+use crate::scheduler::translate::HORIZON_MAX_S;
 use crate::service_run::{How, ServiceRun, Stage};
 
 /// Where a station says that a robot is.
@@ -133,6 +134,10 @@ impl Core {
             to_soc * facts.capacity_ah / facts.charge.current_a * energy::units::S_PER_H
         });
         let travel_s = if stage == Stage::Travelling { state.travel.get(&station).map_or(0.0, |way| way.time_s) } else { 0.0 };
+        // No bay is held for who says that it comes later than anybody plans ahead.
+        if travel_s > HORIZON_MAX_S {
+            return;
+        }
         let start = now.plus_s(travel_s);
         let run = ServiceRun {
             robot: robot.clone(),

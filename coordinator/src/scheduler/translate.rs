@@ -268,9 +268,11 @@ fn close_horizon(problem: &mut Problem, view: &View) {
     // Who never gets empty may come one after the other, all the same.
     let lasting = (0..problem.robots.len()).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
     let queue = service * (1 + lasting.min(QUEUE_MAX));
-    problem.horizon = (empty as Tick + queue + 2).max(begun + 1);
+    // Ways count their ticks in 16 bits.
+    problem.horizon = (empty as Tick + queue + 2).max(begun + 1).min(Tick::from(u16::MAX));
     for ongoing in problem.stations.iter_mut().flat_map(|station| &mut station.ongoing) {
         ongoing.until = ongoing.until.min(problem.horizon - 1);
+        ongoing.from = ongoing.from.min(ongoing.until);
     }
     let end = i64::from(problem.horizon);
     for (robot, view) in problem.robots.iter_mut().zip(&view.robots) {

@@ -117,6 +117,10 @@ impl RobotWatch {
     pub(super) fn gauge(&mut self, gauge: &Gauge) -> Option<Judged> {
         let dt_s = self.last.replace(gauge.at).map_or(0.0, |last| gauge.at.seconds_since(last));
         let power_w = gauge.voltage_v * gauge.current_a;
+        if dt_s < 0.0 {
+            // Its clock was set back: what the way has taken since is not known.
+            self.way = None;
+        }
         if let Some(way) = &mut self.way {
             way.energy_wh += power_w * dt_s / S_PER_H;
             way.silent_s = way.silent_s.max(dt_s);
