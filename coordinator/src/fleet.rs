@@ -176,11 +176,14 @@ const OVERTAKE_S: f64 = 10.0;
 
 /// Whether a message (its instant and number) is newer than the one that is known. Messages may come
 /// twice or in the wrong order, and a sender's counter restarts with it, so its clock decides; but a
-/// sender whose clock was set back is not deaf to the coordinator until that time comes again: its
-/// counter tells.
+/// sender whose clock was set back is heard before that time comes again: its counter tells, and where it
+/// was restarted with that, that it spoke of the future before.
 #[must_use]
-pub fn newer((at, seq): (Timestamp, u64), known: Option<(Timestamp, u64)>) -> bool {
-    known.is_none_or(|(known_at, known_seq)| at > known_at || (seq > known_seq && known_at.seconds_since(at) > OVERTAKE_S))
+pub fn newer(now: Timestamp, (at, seq): (Timestamp, u64), known: Option<(Timestamp, u64)>) -> bool {
+    known.is_none_or(|(known_at, known_seq)| {
+        let [back_s, ahead_s] = [at, now].map(|at| known_at.seconds_since(at));
+        at > known_at || back_s > OVERTAKE_S && (seq > known_seq || ahead_s > OVERTAKE_S)
+    })
 }
 
 #[cfg(test)]
@@ -238,12 +241,14 @@ mod tests {
     #[test]
     fn the_newest_word_counts_whatever_the_order_and_whatever_the_clock_does() {
         let at = |s: i64| Timestamp::from_unix_ms(s * 1000);
-        assert!(newer((at(1), 1), None));
-        assert!(newer((at(2), 2), Some((at(1), 1))));
-        assert!(!newer((at(1), 1), Some((at(1), 1))), "a copy");
-        assert!(!newer((at(1), 1), Some((at(2), 2))), "overtaken");
-        assert!(newer((at(3), 1), Some((at(2), 700))), "restarted");
-        assert!(newer((at(100), 8), Some((at(3_700), 7))), "set back by an hour");
-        assert!(!newer((at(100), 6), Some((at(3_700), 7))), "a copy from before the clock was set forward");
+        let newer = |now_s, stamp, known| newer(at(now_s), stamp, known);
+        assert!(newer(1, (at(1), 1), None));
+        assert!(newer(2, (at(2), 2), Some((at(1), 1))));
+        assert!(!newer(1, (at(1), 1), Some((at(1), 1))), "a copy");
+        assert!(!newer(2, (at(1), 1), Some((at(2), 2))), "overtaken");
+        assert!(newer(3, (at(3), 1), Some((at(2), 700))), "restarted");
+        assert!(newer(100, (at(100), 8), Some((at(3_700), 7))), "set back by an hour");
+        assert!(newer(100, (at(100), 1), Some((at(3_700), 700))), "restarted, and its clock is not an hour ahead any more");
+        assert!(!newer(3_700, (at(100), 6), Some((at(3_700), 7))), "a copy from before the clock was set forward");
     }
 }

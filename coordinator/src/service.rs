@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, ensure};
 use node::access::Members;
-use node::session::Answer;
+use node::session::{Answer, QUESTIONS};
 use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
 use tokio::sync::mpsc;
@@ -103,7 +103,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     let clock = Clock::new(config.clock);
     let intake = Gate::new(clock.real(config.telemetry.every_s));
     let (news_in, mut news) = mpsc::unbounded_channel();
-    let (questions_in, mut questions) = mpsc::unbounded_channel();
+    let (questions_in, mut questions) = mpsc::channel(QUESTIONS);
     let _subscribers = subscribe(&link, &intake, &news_in).await?;
     let _queryables = answer(&link, &questions_in).await?;
     let (listen, connect) = (&config.network.listen, &config.network.connect);
@@ -193,7 +193,7 @@ impl Drop for AbortOnDrop {
 type Kept = Vec<Box<dyn std::any::Any + Send>>;
 
 /// Serves questions about schedule, capacity and single robots.
-async fn answer(link: &Link, questions: &mpsc::UnboundedSender<Query>) -> anyhow::Result<Kept> {
+async fn answer(link: &Link, questions: &mpsc::Sender<Query>) -> anyhow::Result<Kept> {
     let mut kept: Kept = Vec::new();
     let keys = [Key::Schedule.build(&link.site), Key::Capacity.build(&link.site), Pattern::AllExplains.build(&link.site)];
     for key in keys {

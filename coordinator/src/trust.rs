@@ -1,10 +1,10 @@
-//! Whether robots' gauges can be believed: one may fall silent, freeze, or jump to where no charge can
-//! have gone. A plan then rests on what the robot's load tells, with a wider sigma, and says why.
+//! Whether gauges of robots and packs can be believed: one may fall silent, freeze, or jump to where no charge
+//! can have gone. A plan then rests on what the load tells, with a wider sigma, and says why.
 
 use std::collections::BTreeMap;
 
 use energy::Estimate;
-use proto::{Gauge, RobotId, RobotPhase, RobotState, Timestamp};
+use proto::{Gauge, PackId, RobotId, StationId, Timestamp};
 
 use crate::models::from_wire;
 
@@ -12,7 +12,7 @@ use crate::models::from_wire;
 const SILENT_S: f64 = 120.0;
 /// See [`SILENT_S`].
 const PERIODS_MAX: f64 = 12.0;
-/// A gauge that repeats itself for so long while its robot works is frozen, s. No gauge that measures
+/// A gauge that repeats itself for so long while its battery is drawn from is frozen, s. No gauge that measures
 /// repeats a voltage to the last digit for that long.
 const FROZEN_S: f64 = 120.0;
 /// Fewest repetitions that count for that.
@@ -23,7 +23,7 @@ const JUMP_SIGMAS: f64 = 5.0;
 const RATE_MAX_PER_H: f64 = 4.0;
 /// A gauge that jumped is believed again after this time without another jump, s.
 const JUMP_FORGOTTEN_S: f64 = 900.0;
-/// A robot's clock that is off by so much is wrong, s: no message is under way for that long.
+/// A clock that is off by so much is wrong, s: no message is under way for that long.
 const CLOCK_S: f64 = 30.0;
 /// Messages that must agree on that: the first after a start may be an old one.
 const CLOCK_MIN: u32 = 3;
@@ -31,6 +31,24 @@ const CLOCK_MIN: u32 = 3;
 const CLOCK_CHANGE: f64 = 0.5;
 /// What is uncertain of a load that nobody has counted, as a share of it.
 const UNCOUNTED_SHARE: f64 = 0.3;
+
+/// Whose gauge it is.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Owner {
+    /// A robot's.
+    Robot(RobotId),
+    /// That of a station's pack.
+    Pack(StationId, PackId),
+}
+
+impl std::fmt::Display for Owner {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Owner::Robot(robot) => write!(f, "{robot}"),
+            Owner::Pack(station, pack) => write!(f, "{pack} of {station}"),
+        }
+    }
+}
 
 /// What is wrong with a gauge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +59,7 @@ pub enum Fault {
     Frozen(Timestamp),
     /// Its state of charge moved by so much at once.
     Jumped(Timestamp, f64),
-    /// Its robot's clock is ahead of the coordinator's by so many seconds.
+    /// Its agent's clock is ahead of the coordinator's by so many seconds.
     Clock(f64),
 }
 
@@ -50,7 +68,7 @@ impl std::fmt::Display for Fault {
         let time = |at: &Timestamp| at.to_string().chars().skip(11).take(8).collect::<String>();
         match self {
             Fault::Silent(since) => write!(f, "has not been heard since {}", time(since)),
-            Fault::Frozen(since) => write!(f, "has said the same since {}, though its robot works", time(since)),
+            Fault::Frozen(since) => write!(f, "has said the same since {}, though its battery is drawn from", time(since)),
             Fault::Clock(ahead_s) => {
                 let side = if *ahead_s > 0.0 { "ahead of" } else { "behind" };
                 write!(f, "comes from a clock that is {:.0} s {side} the coordinator's: set one of them", ahead_s.abs())
@@ -60,7 +78,7 @@ impl std::fmt::Display for Fault {
     }
 }
 
-/// What one robot's gauge has said.
+/// What one gauge has said.
 #[derive(Debug, Clone, Default)]
 struct Track {
     last: Option<Gauge>,
@@ -74,22 +92,35 @@ struct Track {
     /// Since when, and how often, it has said the same.
     same: Option<(Timestamp, u32)>,
     jumped: Option<(Timestamp, f64)>,
-    /// Time between its last two messages, s.
-    period_s: f64,
+    /// Time between its last two messages, s, and between those before.
+    gaps_s: [Option<f64>; 2],
     /// What was told of it last.
     told: Option<Fault>,
 }
 
-/// All robots' gauges.
+impl Track {
+    /// How far the clock that it is timed by is known to be ahead, s.
+    fn known_ahead_s(&self) -> f64 {
+        if self.clock_ahead_s.is_some() { self.ahead_s.max(0.0) } else { 0.0 }
+    }
+
+    /// Time between its messages, s; 0 while there has been but one. A silence that has ended does not count.
+    fn period_s(&self) -> f64 {
+        self.gaps_s.iter().flatten().copied().reduce(f64::min).unwrap_or(0.0)
+    }
+}
+
+/// All gauges.
 #[derive(Debug, Clone, Default)]
 pub struct Trust {
-    robots: BTreeMap<RobotId, Track>,
+    gauges: BTreeMap<Owner, Track>,
 }
 
 impl Trust {
-    /// Takes in a message. `swapped` says that the robot's pack may have been exchanged meanwhile.
-    pub fn heard(&mut self, now: Timestamp, robot: &RobotId, gauge: &Gauge, phase: Option<RobotPhase>, swapped: bool) {
-        let track = self.robots.entry(robot.clone()).or_default();
+    /// Takes in a message. `drawn` says that something draws from its battery, and `swapped` that the battery may have
+    /// been exchanged meanwhile.
+    pub fn heard(&mut self, now: Timestamp, owner: &Owner, gauge: &Gauge, drawn: bool, swapped: bool) {
+        let track = self.gauges.entry(owner.clone()).or_default();
         if swapped {
             let Track { told, clock_off, clock_ahead_s, .. } = *track;
             *track = Track { told, clock_off, clock_ahead_s, ..Track::default() };
@@ -106,28 +137,32 @@ impl Trust {
             // A clock that was set back says nothing of how long it has been.
             let hours = gauge.at.seconds_since(last.at).max(0.0) / energy::units::S_PER_H;
             let by = gauge.soc.value - last.soc.value;
-            track.period_s = gauge.at.seconds_since(last.at);
+            track.gaps_s = [track.arrived.map(|arrived| now.seconds_since(arrived)), track.gaps_s[0]];
             let possible = RATE_MAX_PER_H * hours + JUMP_SIGMAS * last.soc.sigma.hypot(gauge.soc.sigma);
             if by.abs() > possible {
                 track.jumped = Some((now, by));
             }
-            let works = matches!(phase, Some(RobotPhase::Working | RobotPhase::Travelling));
             let same = last.soc.value == gauge.soc.value && last.voltage_v == gauge.voltage_v && last.current_a == gauge.current_a;
             track.same = match track.same {
-                Some((since, times)) if same && works => Some((since, times + 1)),
-                None if same && works => Some((track.arrived.unwrap_or(now), 1)),
+                Some((since, times)) if same && drawn => Some((since, times + 1)),
+                None if same && drawn => Some((track.arrived.unwrap_or(now), 1)),
                 _ => None,
             };
         }
         (track.last, track.arrived) = (Some(gauge.clone()), Some(now));
     }
 
-    /// What is wrong with a robot's gauge now, if anything is.
+    /// Takes in that a battery is away: whatever comes in its place is known by nothing that was said before.
+    pub fn forget(&mut self, owner: &Owner) {
+        self.gauges.remove(owner);
+    }
+
+    /// What is wrong with a gauge now, if anything is.
     #[must_use]
-    pub fn fault(&self, now: Timestamp, robot: &RobotId) -> Option<Fault> {
-        let track = self.robots.get(robot)?;
+    pub fn fault(&self, now: Timestamp, owner: &Owner) -> Option<Fault> {
+        let track = self.gauges.get(owner)?;
         let arrived = track.arrived?;
-        if now.seconds_since(arrived) > SILENT_S.max(PERIODS_MAX * track.period_s) {
+        if now.seconds_since(arrived) > SILENT_S.max(PERIODS_MAX * track.period_s()) {
             return Some(Fault::Silent(arrived));
         }
         if let Some((since, times)) = track.same
@@ -142,24 +177,36 @@ impl Trust {
 
     /// How far a robot's clock is known to be ahead of the coordinator's, s; 0 where it is not.
     #[must_use]
-    pub fn clock_ahead_s(&self, robot: &RobotId) -> f64 {
-        self.robots.get(robot).filter(|track| track.clock_ahead_s.is_some()).map_or(0.0, |track| track.ahead_s.max(0.0))
+    pub fn robot_ahead_s(&self, robot: &RobotId) -> f64 {
+        self.gauges.get(&Owner::Robot(robot.clone())).map_or(0.0, Track::known_ahead_s)
+    }
+
+    /// How far a station's clock is known to be ahead of the coordinator's, s; 0 where it is not.
+    #[must_use]
+    pub fn station_ahead_s(&self, station: &StationId) -> f64 {
+        let own = self.gauges.iter().filter(|(owner, _)| matches!(owner, Owner::Pack(known, _) if known == station));
+        own.map(|(_, track)| track.known_ahead_s()).fold(0.0, f64::max)
     }
 
     /// What is to be told of a gauge, if that is something else than before: its fault, or that it has
     /// none any more.
-    pub fn news(&mut self, now: Timestamp, robot: &RobotId) -> Option<Option<Fault>> {
-        let fault = self.fault(now, robot);
-        let track = self.robots.get_mut(robot)?;
+    pub fn news(&mut self, now: Timestamp, owner: &Owner) -> Option<Option<Fault>> {
+        let fault = self.fault(now, owner);
+        let track = self.gauges.get_mut(owner)?;
         (std::mem::replace(&mut track.told, fault) != fault).then_some(fault)
     }
 
-    /// State of charge and energy (Wh) that a robot is believed to have: its gauge's, or less and less
-    /// certain what is left of it after work that nobody has counted.
+    /// Gauges that were heard.
+    pub fn owners(&self) -> impl Iterator<Item = &Owner> {
+        self.gauges.keys()
+    }
+
+    /// State of charge and energy (Wh) that a battery is believed to have: its gauge's, or less and less
+    /// certain what is left of it after `drawn_w` (W) that nobody has counted. `stored_wh` is what it holds when full, Wh.
     #[must_use]
-    pub fn belief(&self, now: Timestamp, robot: &RobotId, gauge: &Gauge, state: &RobotState, stored_wh: f64) -> (Estimate, Estimate) {
+    pub fn belief(&self, now: Timestamp, owner: &Owner, gauge: &Gauge, drawn_w: f64, stored_wh: f64) -> (Estimate, Estimate) {
         let (soc, remaining_wh) = (from_wire(gauge.soc), from_wire(gauge.remaining_wh));
-        match self.fault(now, robot) {
+        match self.fault(now, owner) {
             None | Some(Fault::Clock(_)) => (soc, remaining_wh),
             Some(Fault::Jumped(_, by)) => {
                 // It was wrong before or is wrong now.
@@ -167,12 +214,7 @@ impl Trust {
                 (wider(soc, by), wider(remaining_wh, by * stored_wh))
             }
             Some(Fault::Silent(since) | Fault::Frozen(since)) => {
-                let uncounted_wh = match state.phase {
-                    RobotPhase::Working | RobotPhase::Travelling | RobotPhase::Waiting => {
-                        state.drain_w.value.max(0.0) * now.seconds_since(since) / energy::units::S_PER_H
-                    }
-                    _ => 0.0,
-                };
+                let uncounted_wh = drawn_w.max(0.0) * now.seconds_since(since) / energy::units::S_PER_H;
                 let less =
                     |estimate: Estimate, by: f64| Estimate::new((estimate.value - by).max(0.0), estimate.sigma.hypot(UNCOUNTED_SHARE * by));
                 (less(soc, uncounted_wh / stored_wh), less(remaining_wh, uncounted_wh))
@@ -195,8 +237,8 @@ mod tests {
         serde_json::from_value(json).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    fn robot() -> RobotId {
-        RobotId::new("r").unwrap()
+    fn robot() -> Owner {
+        Owner::Robot(RobotId::new("r").unwrap())
     }
 
     fn at(seconds: f64) -> Timestamp {
@@ -208,47 +250,71 @@ mod tests {
         let mut trust = Trust::default();
         for n in 0..300 {
             let time_s = f64::from(n);
-            trust.heard(at(time_s), &robot(), &gauge(time_s, 0.5 - 8e-5 * time_s, 11.1 - 1e-5 * time_s), Some(RobotPhase::Working), false);
+            trust.heard(at(time_s), &robot(), &gauge(time_s, 0.5 - 8e-5 * time_s, 11.1 - 1e-5 * time_s), true, false);
         }
         assert_eq!(trust.fault(at(300.0), &robot()), None);
         assert_eq!(trust.fault(at(600.0), &robot()), Some(Fault::Silent(at(299.0))));
     }
 
     #[test]
+    fn a_long_silence_that_has_ended_is_no_period() {
+        let mut trust = Trust::default();
+        let mut heard = |time_s: f64| trust.heard(at(time_s), &robot(), &gauge(time_s, 0.5, 11.1), false, false);
+        (0..10).for_each(|n| heard(f64::from(n)));
+        heard(43_200.0);
+        heard(43_201.0);
+        assert_eq!(trust.fault(at(43_400.0), &robot()), Some(Fault::Silent(at(43_201.0))));
+        // One that speaks every ten minutes is silent after two hours.
+        let mut trust = Trust::default();
+        (0..10).for_each(|n| trust.heard(at(600.0 * f64::from(n)), &robot(), &gauge(600.0 * f64::from(n), 0.5, 11.1), false, false));
+        assert_eq!(trust.fault(at(5_400.0 + 7_000.0), &robot()), None);
+        assert!(trust.fault(at(5_400.0 + 7_300.0), &robot()).is_some());
+    }
+
+    #[test]
+    fn what_a_silent_pack_gave_since_is_taken_off_and_less_certain() {
+        let pack = Owner::Pack(StationId::new("depot").unwrap(), PackId::new("pack-1").unwrap());
+        let mut trust = Trust::default();
+        trust.heard(at(0.0), &pack, &gauge(0.0, 0.5, 11.1), true, false);
+        let belief = |now_s: f64, trust: &Trust| trust.belief(at(now_s), &pack, &gauge(0.0, 0.5, 11.1), 3.6, 14.6);
+        assert_eq!(belief(60.0, &trust).1.value, 7.3);
+        // 3.6 W for 1,000 s are 1 Wh, of which 30 % are uncertain beside the gauge's 0.1 Wh.
+        let (soc, left_wh) = belief(1_000.0, &trust);
+        assert!((left_wh.value - 6.3).abs() < 1e-12 && (left_wh.sigma - 0.1_f64.hypot(0.3)).abs() < 1e-12, "{left_wh:?}");
+        assert!((soc.value - (0.5 - 1.0 / 14.6)).abs() < 1e-12, "{soc:?}");
+        trust.forget(&pack);
+        assert_eq!(belief(1_000.0, &trust).1.value, 7.3);
+    }
+
+    #[test]
     fn a_clock_that_is_set_back_makes_no_jump() {
         let mut trust = Trust::default();
-        trust.heard(at(0.0), &robot(), &gauge(3600.0, 0.5, 11.1), Some(RobotPhase::Working), false);
-        trust.heard(at(1.0), &robot(), &gauge(1.0, 0.4999, 11.1), Some(RobotPhase::Working), false);
+        trust.heard(at(0.0), &robot(), &gauge(3600.0, 0.5, 11.1), true, false);
+        trust.heard(at(1.0), &robot(), &gauge(1.0, 0.4999, 11.1), true, false);
         assert_eq!(trust.fault(at(2.0), &robot()), None);
     }
 
     #[test]
     fn a_jump_is_no_charge_and_is_forgotten_after_a_while() {
         let mut trust = Trust::default();
-        trust.heard(at(0.0), &robot(), &gauge(0.0, 0.5, 11.1), Some(RobotPhase::Working), false);
-        trust.heard(at(1.0), &robot(), &gauge(1.0, 0.8, 11.1), Some(RobotPhase::Working), false);
+        trust.heard(at(0.0), &robot(), &gauge(0.0, 0.5, 11.1), true, false);
+        trust.heard(at(1.0), &robot(), &gauge(1.0, 0.8, 11.1), true, false);
         assert!(matches!(trust.fault(at(2.0), &robot()), Some(Fault::Jumped(..))));
         for n in 2..1000 {
-            trust.heard(
-                at(f64::from(n)),
-                &robot(),
-                &gauge(f64::from(n), 0.8, 11.1 + 1e-4 * f64::from(n % 3)),
-                Some(RobotPhase::Working),
-                false,
-            );
+            trust.heard(at(f64::from(n)), &robot(), &gauge(f64::from(n), 0.8, 11.1 + 1e-4 * f64::from(n % 3)), true, false);
         }
         assert_eq!(trust.fault(at(1000.0), &robot()), None);
         // A new pack is a new gauge.
-        trust.heard(at(1001.0), &robot(), &gauge(1001.0, 0.1, 11.0), Some(RobotPhase::Working), true);
+        trust.heard(at(1001.0), &robot(), &gauge(1001.0, 0.1, 11.0), true, true);
         assert_eq!(trust.fault(at(1002.0), &robot()), None);
     }
 
     #[test]
     fn who_says_the_same_for_minutes_at_work_is_frozen_and_in_a_bay_is_not() {
-        for (phase, frozen) in [(RobotPhase::Working, true), (RobotPhase::Docked, false)] {
+        for (drawn, frozen) in [(true, true), (false, false)] {
             let mut trust = Trust::default();
-            (0..200).for_each(|n| trust.heard(at(f64::from(n)), &robot(), &gauge(f64::from(n), 0.5, 11.1), Some(phase), false));
-            assert_eq!(trust.fault(at(200.0), &robot()).is_some(), frozen, "{phase}");
+            (0..200).for_each(|n| trust.heard(at(f64::from(n)), &robot(), &gauge(f64::from(n), 0.5, 11.1), drawn, false));
+            assert_eq!(trust.fault(at(200.0), &robot()).is_some(), frozen);
             assert_eq!(trust.news(at(200.0), &robot()).is_some(), frozen);
             assert!(trust.news(at(201.0), &robot()).is_none(), "told once");
         }
@@ -262,23 +328,17 @@ mod tests {
             for n in 0..400 {
                 let now_s = 4000.0 + f64::from(n);
                 let soc = 0.5 - 8e-5 * f64::from(n);
-                trust.heard(
-                    at(now_s),
-                    &robot(),
-                    &gauge(now_s + ahead_s, soc, 11.1 - 1e-5 * f64::from(n)),
-                    Some(RobotPhase::Working),
-                    false,
-                );
+                trust.heard(at(now_s), &robot(), &gauge(now_s + ahead_s, soc, 11.1 - 1e-5 * f64::from(n)), true, false);
                 told += usize::from(trust.news(at(now_s), &robot()).is_some());
             }
             assert_eq!((told, trust.fault(at(4400.0), &robot())), (1, Some(Fault::Clock(ahead_s))));
-            assert_eq!(trust.clock_ahead_s(&robot()), ahead_s.max(0.0));
+            assert_eq!(trust.robot_ahead_s(&RobotId::new("r").unwrap()), ahead_s.max(0.0));
             // One that drifts is told anew only when it is off by half as much more; deadlines go by what it shows now.
-            trust.heard(at(4400.5), &robot(), &gauge(4400.5 + 1.2 * ahead_s, 0.468, 11.09), Some(RobotPhase::Working), false);
-            assert_eq!(trust.clock_ahead_s(&robot()), (1.2 * ahead_s).max(0.0));
+            trust.heard(at(4400.5), &robot(), &gauge(4400.5 + 1.2 * ahead_s, 0.468, 11.09), true, false);
+            assert_eq!(trust.robot_ahead_s(&RobotId::new("r").unwrap()), (1.2 * ahead_s).max(0.0));
             // Set right, it is believed again.
-            trust.heard(at(4401.0), &robot(), &gauge(4401.0, 0.468, 11.09), Some(RobotPhase::Working), false);
-            assert_eq!(trust.clock_ahead_s(&robot()), 0.0);
+            trust.heard(at(4401.0), &robot(), &gauge(4401.0, 0.468, 11.09), true, false);
+            assert_eq!(trust.robot_ahead_s(&RobotId::new("r").unwrap()), 0.0);
         }
     }
 }

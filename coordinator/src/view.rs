@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use energy::units::S_PER_H;
 use energy::{Channel, Estimate, Model, Need};
-use proto::{BayPhase, Gauge, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
+use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::crowd::InReach;
@@ -23,7 +23,7 @@ use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::scheduler::charging::{Table, step_degc, uncritical_degc};
 use crate::scheduler::{PackState, PackView, Planned, RobotView, StationView, Tables, View};
 use crate::service_run::{ServiceRun, Stage};
-use crate::trust::Trust;
+use crate::trust::{Owner, Trust};
 use crate::watch::{Subject, Watch};
 
 /// Share of the time to empty after which a service is wanted whatever the state of charge.
@@ -99,7 +99,11 @@ impl Basis<'_> {
     }
 
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, around: &mut Around<'_>) -> RobotView {
-        let (soc, remaining_wh) = self.trust.belief(self.now, id, gauge, state, battery.battery().stored_wh());
+        let drawn_w = match state.phase {
+            RobotPhase::Working | RobotPhase::Travelling | RobotPhase::Waiting => state.drain_w.value,
+            _ => 0.0,
+        };
+        let (soc, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, drawn_w, battery.battery().stored_wh());
         let subjects = [Subject::RobotBattery, Subject::RobotWork, Subject::RobotWay];
         let doubts = subjects.map(|subject| if around.is_doubting { self.watch.wider(&subject(id.clone())) } else { 1.0 });
         let soc = wider(soc, doubts[0]);
@@ -261,19 +265,25 @@ impl Basis<'_> {
         let packs = state.packs.iter().filter_map(|pack| {
             let gauge = station.packs.get(&pack.pack);
             let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
-            let (soc, available_s) = match pack.back {
-                _ if pack.connected => (gauge.filter(|_| !pack.depleted)?.soc, 0.0),
-                back => (back?.soc, self.comes_s(back?.at)),
-            };
             let model = models.packs.get(&pack.pack)?;
-            let usable_wh = self.tables.usable.wh(model, from_wire(soc), temperature_degc, draw.power_w);
+            let (soc, available_s) = match pack.back {
+                _ if pack.connected => (self.believed(id, state, &pack.pack, gauge.filter(|_| !pack.depleted)?, model), 0.0),
+                back => (from_wire(back?.soc), self.comes_s(back?.at)),
+            };
+            let usable_wh = self.tables.usable.wh(model, soc, temperature_degc, draw.power_w);
             let gain_wh = self.tables.gain_wh(models, bays, model, temperature_degc, &draw);
             let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
             let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-            let state = Some(PackState { model: Arc::clone(model), soc: wider(from_wire(soc), factor), temperature_degc });
+            let state = Some(PackState { model: Arc::clone(model), soc: wider(soc, factor), temperature_degc });
             Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, uncounted_wh: 0.0, state, available_s })
         });
         packs::in_order(packs.collect(), state.active_pack.as_ref(), draw.power_w)
+    }
+
+    /// State of charge that a pack in its place is believed to have.
+    fn believed(&self, id: &StationId, state: &StationState, pack: &PackId, gauge: &Gauge, model: &Model) -> Estimate {
+        let drawn_w = if state.powered && state.active_pack.as_ref() == Some(pack) { state.pack_power_w } else { 0.0 };
+        self.trust.belief(self.now, &Owner::Pack(id.clone(), pack.clone()), gauge, drawn_w, model.battery().stored_wh()).0
     }
 
     /// Power out of the active pack while as many charge side by side as can come, and how it falls at the end of that: usable energy is

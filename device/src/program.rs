@@ -2,15 +2,21 @@
 //! and ends when that is done, with exit status 0; what it prints may say more.
 
 use std::io::Read as _;
+use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use anyhow::ensure;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process_group};
 use tracing::{info, warn};
 
 /// What is kept of what a program prints: the end of it matters.
 const PRINTED_MAX: usize = 4096;
+/// What has been asked to end for so long without ending is ended.
+const GRACE: Duration = Duration::from_secs(10);
+/// Time between two looks at whether it has.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// A program and its first arguments, and what it is doing.
 #[derive(Debug)]
@@ -79,8 +85,11 @@ impl Program {
             info!("asked to {said}: no {} is set, so nobody does it", self.key);
             return Ok(());
         };
-        let command = Command::new(program).args(first).args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
-        let child = command.map_err(|error| format!("{}: {program} {said}: {error}", self.key))?;
+        let mut command = Command::new(program);
+        command.args(first).args(arguments).stdin(Stdio::null()).stdout(Stdio::piped());
+        // A group of its own, so that what it has started ends with it.
+        let child = command.process_group(0).spawn();
+        let child = child.map_err(|error| format!("{}: {program} {said}: {error}", self.key))?;
         if let Some(stdout) = &child.stdout {
             let _ = rustix::io::ioctl_fionbio(stdout, true);
         }
@@ -111,15 +120,28 @@ impl Program {
         Some(Ended { said, printed, result })
     }
 
-    /// Asks it to end, and waits for it no longer than it needs.
+    /// Asks it and what it has started to end, and waits for it no longer than it needs.
     pub fn stop(&mut self) {
         let Some(Doing { said, mut child, .. }) = self.running.take() else { return };
         info!("`{said}` is not waited for any longer");
-        if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-            let _ = kill_process(pid, Signal::TERM);
-        }
-        // Reaped apart, so that nobody waits for a program that does not listen.
-        std::thread::spawn(move || child.wait());
+        let Some(group) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) else { return };
+        let _ = kill_process_group(group, Signal::TERM);
+        // Apart, so that nobody waits for a program that does not listen.
+        std::thread::spawn(move || {
+            let looks = GRACE.as_millis() / LOOK.as_millis();
+            let has_ended = (0..looks).any(|_| {
+                let ended = !matches!(child.try_wait(), Ok(None));
+                if !ended {
+                    std::thread::sleep(LOOK);
+                }
+                ended
+            });
+            if !has_ended {
+                warn!("`{said}` does not end when it is asked to: it is ended");
+                let _ = kill_process_group(group, Signal::KILL);
+                let _ = child.wait();
+            }
+        });
     }
 }
 

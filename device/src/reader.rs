@@ -15,6 +15,8 @@ use crate::report::{Device, Report, Supply};
 /// Without a report for this long, what was drawn meanwhile is not known: the gauge starts anew from
 /// what the device says, s.
 const HISTORY_LOST_S: f64 = 60.0;
+/// What the first report after that shows stands for no more than so much, s.
+const FIRST_S: f64 = 1.0;
 /// A device that measures no current is heard again after this time even if its charge has not
 /// moved, s: the time over which gauges look for rest.
 const UNMOVED_S: f64 = 300.0;
@@ -72,6 +74,8 @@ pub struct Reader {
     last: Option<Last>,
     /// From when a charge is counted whose current nobody measures.
     anchor: Option<Anchor>,
+    /// What reports without a voltage have said, until one shows a voltage.
+    waits: Flowed,
     trouble: Option<String>,
     told_missing: bool,
 }
@@ -89,6 +93,13 @@ struct Anchor {
     waited_s: f64,
 }
 
+/// Charge that has flowed, and in what time.
+#[derive(Debug, Clone, Copy, Default)]
+struct Flowed {
+    charge_as: f64,
+    passed_s: f64,
+}
+
 /// Interval of charge and what was shown at its end.
 #[derive(Debug, Clone, Copy, Default)]
 struct Counted {
@@ -102,7 +113,17 @@ impl Reader {
     /// Reads a battery that is believed to be `model`.
     #[must_use]
     pub fn new(device: Box<dyn Device>, model: Arc<Model>, unmeasured: Unmeasured) -> Self {
-        Self { device, model, unmeasured, now_s: 0.0, last: None, anchor: None, trouble: None, told_missing: false }
+        Self {
+            device,
+            model,
+            unmeasured,
+            now_s: 0.0,
+            last: None,
+            anchor: None,
+            waits: Flowed::default(),
+            trouble: None,
+            told_missing: false,
+        }
     }
 
     /// The device.
@@ -141,13 +162,13 @@ impl Reader {
             match self.since_last(report) {
                 Some(since_s) => self.count(report, since_s, &mut counted),
                 None => {
-                    counted = Counted::default();
+                    (counted, self.waits) = (Counted::default(), Flowed::default());
                     self.anchor = report.soc.map(|soc| Anchor { soc, waited_s: 0.0 });
                     exchanged = self.state_of_charge(report);
                     // Said at once, so that the battery is known; what a device without a current draws
                     // will show.
                     let first = Report { current_a: Some(report.current_a.unwrap_or(0.0)), ..*report };
-                    self.count(&first, dt_s, &mut counted);
+                    self.count(&first, dt_s.min(FIRST_S), &mut counted);
                 }
             }
             supplies.push(self.fed(report));
@@ -207,14 +228,18 @@ impl Reader {
 
     /// Charge that has flowed since the report before, as far as it can be told now.
     fn count(&mut self, report: &Report, since_s: f64, counted: &mut Counted) {
-        let Some(voltage_v) = report.voltage_v else { return };
-        let temperature_degc = report.temperature_degc.unwrap_or(self.unmeasured.ambient_degc);
-        let interval = match (report.current_a, report.soc) {
+        let flowed = match (report.current_a, report.soc) {
             (Some(current_a), _) => Some((current_a * since_s, since_s)),
             (None, Some(soc)) => self.by_charge(soc, since_s),
             (None, None) => None,
         };
-        if let Some((charge_as, passed_s)) = interval.filter(|(_, passed_s)| *passed_s > 0.0) {
+        if let Some((charge_as, passed_s)) = flowed {
+            self.waits = Flowed { charge_as: self.waits.charge_as + charge_as, passed_s: self.waits.passed_s + passed_s };
+        }
+        let Some(voltage_v) = report.voltage_v else { return };
+        let Flowed { charge_as, passed_s } = std::mem::take(&mut self.waits);
+        if passed_s > 0.0 {
+            let temperature_degc = report.temperature_degc.unwrap_or(self.unmeasured.ambient_degc);
             let (charge_as, passed_s) = (counted.charge_as + charge_as, counted.passed_s + passed_s);
             *counted = Counted { charge_as, passed_s, voltage_v, temperature_degc };
         }

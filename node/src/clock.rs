@@ -59,6 +59,12 @@ impl Clock {
         Timestamp::from_unix_ms(origin_unix_ms + since_ms.round() as i64)
     }
 
+    /// Seconds of fleet time that pass during so much real time.
+    #[must_use]
+    pub fn fleet_s(&self, real: Duration) -> f64 {
+        real.as_secs_f64() * self.config.speed
+    }
+
     /// Real time that passes during `fleet_s` seconds of fleet time.
     #[must_use]
     pub fn real(&self, fleet_s: f64) -> Duration {
@@ -71,6 +77,17 @@ impl Clock {
 #[allow(clippy::disallowed_methods, reason = "this is the shell's clock")]
 pub fn unix_ms() -> i64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |elapsed| elapsed.as_millis() as i64)
+}
+
+/// Time since some instant before this process began, by a clock that nobody sets and that does not stop while the machine sleeps.
+#[must_use]
+pub fn uptime() -> Duration {
+    #[cfg(target_os = "linux")]
+    let id = rustix::time::ClockId::Boottime;
+    #[cfg(not(target_os = "linux"))]
+    let id = rustix::time::ClockId::Monotonic;
+    let rustix::time::Timespec { tv_sec, tv_nsec } = rustix::time::clock_gettime(id);
+    Duration::new(tv_sec.cast_unsigned(), tv_nsec as u32)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@
 //!           depot.rs    when a simulated station's packs are exchanged elsewhere
 //!           charging.rs what a station can charge, and with how much
 //!           wire.rs     estimates and readings on the wire
-//!   shell   clock.rs    real or accelerated time
+//!   shell   clock.rs    real or accelerated time; pace.rs how far a source has to go on
 //!           network.rs  the [network] table; access.rs who may say what
 //!           one_thread.rs over TLS, one thread both reads and writes
 //!           session.rs  a Zenoh session: publish, ask, serve, watch; sole.rs nobody else speaks as this agent
@@ -37,6 +37,7 @@ mod memory;
 pub mod mission;
 mod network;
 mod one_thread;
+mod pace;
 mod publish;
 mod selector;
 pub mod session;
@@ -57,6 +58,7 @@ pub use live_log::LiveLog;
 pub use memory::MemoryFile;
 pub use network::{NetworkConfig, Tls};
 pub use one_thread::begin_with_one_thread;
+pub use pace::{LOOK_S, Pace, Step, Stride};
 pub use publish::{Due, Publish};
 pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY};
 pub use session::Link;
@@ -65,4 +67,4 @@ pub use sole::Sole;
 pub use stop::told_to_stop;
 pub use telemetry::{LOAD_INPUTS, STATION_INPUTS, Telemetry, load_columns};
 pub use vehicle::Vehicle;
-pub use wire::{gauge_message, wire};
+pub use wire::{gauge_message, why_senseless, wire};

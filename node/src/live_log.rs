@@ -6,16 +6,17 @@ use std::path::PathBuf;
 
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
-use proto::{Gauge, Timestamp};
+use proto::Gauge;
 
 use crate::Telemetry;
 
-/// A folder of logs in the making. Times count from the first row of all.
+/// A folder of logs in the making. Times are given by a clock that nobody sets (see [`Pace`](crate::Pace)), and written from the first row of
+/// all on.
 #[derive(Debug)]
 pub struct LiveLog {
     folder: PathBuf,
     telemetry: Telemetry,
-    start: Option<Timestamp>,
+    start_s: Option<f64>,
     batteries: BTreeMap<String, Battery>,
     tables: Vec<String>,
 }
@@ -33,17 +34,19 @@ impl LiveLog {
     /// Logs into this folder, which is made with the first row.
     #[must_use]
     pub fn new(folder: PathBuf) -> Self {
-        Self { folder, telemetry: Telemetry::default(), start: None, batteries: BTreeMap::new(), tables: Vec::new() }
+        Self { folder, telemetry: Telemetry::default(), start_s: None, batteries: BTreeMap::new(), tables: Vec::new() }
     }
 
-    fn time_s(&mut self, now: Timestamp, dt_s: f64) -> f64 {
-        now.seconds_since(*self.start.get_or_insert(now.plus_s(-dt_s)))
+    fn time_s(&mut self, now_s: f64, dt_s: f64) -> f64 {
+        let time_s = now_s - *self.start_s.get_or_insert(now_s - dt_s);
+        // To the millisecond, as clocks are read.
+        (time_s * 1000.0).round() / 1000.0
     }
 
     /// A battery's sample, before its gauge has seen it: `soc` is what the gauge starts from, and
     /// `exchanged` the charge of another pack that was just put in.
-    pub fn battery(&mut self, now: Timestamp, name: &str, sample: &Sample, soc: Estimate, exchanged: Option<Estimate>) {
-        let time_s = self.time_s(now, sample.dt_s);
+    pub fn battery(&mut self, now_s: f64, name: &str, sample: &Sample, soc: Estimate, exchanged: Option<Estimate>) {
+        let time_s = self.time_s(now_s, sample.dt_s);
         let battery = self.batteries.entry(name.to_owned()).or_default();
         battery.exchanges += u32::from(exchanged.is_some() && battery.opened);
         let stem = stem(name, battery.exchanges);
@@ -62,8 +65,8 @@ impl LiveLog {
     }
 
     /// A row of any other log: channels with their values, then further columns as text.
-    pub fn row(&mut self, now: Timestamp, dt_s: f64, stem: &str, channels: &[(Channel, f64)], further: &[(String, String)]) {
-        let time_s = self.time_s(now, dt_s);
+    pub fn row(&mut self, now_s: f64, dt_s: f64, stem: &str, channels: &[(Channel, f64)], further: &[(String, String)]) {
+        let time_s = self.time_s(now_s, dt_s);
         if !self.tables.iter().any(|known| known == stem) {
             let names: Vec<&str> =
                 channels.iter().map(|(channel, _)| channel.name()).chain(further.iter().map(|(name, _)| name.as_str())).collect();
@@ -100,14 +103,13 @@ mod tests {
     #[test]
     fn another_pack_has_another_log_and_cycles_are_those_of_the_gauge() {
         let folder = tempfile::tempdir().unwrap();
-        let at = |seconds: i64| Timestamp::from_unix_ms(1_767_225_600_000 + 1000 * seconds);
         let mut log = LiveLog::new(folder.path().to_owned());
         let sample = Sample { dt_s: 1.0, current_a: 0.4, voltage_v: 11.5, temperature_degc: 25.0 };
         let soc = Estimate::new(0.5, 0.01);
-        log.battery(at(0), "r1", &sample, soc, None);
-        log.battery(at(1), "r1", &sample, soc, None);
-        log.battery(at(2), "r1", &sample, soc, Some(Estimate::new(0.98, 0.02)));
-        log.row(at(2), 1.0, "r1-load", &[(Channel::PowerW, 4.6), (Channel::SpeedMps, 0.1)], &[("note".to_owned(), "x".to_owned())]);
+        log.battery(500.0, "r1", &sample, soc, None);
+        log.battery(501.0, "r1", &sample, soc, None);
+        log.battery(502.0, "r1", &sample, soc, Some(Estimate::new(0.98, 0.02)));
+        log.row(502.0, 1.0, "r1-load", &[(Channel::PowerW, 4.6), (Channel::SpeedMps, 0.1)], &[("note".to_owned(), "x".to_owned())]);
         log.flush().unwrap();
         let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
         assert_eq!(read("r1.csv").lines().count(), 4);

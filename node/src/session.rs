@@ -13,6 +13,9 @@ use zenoh::qos::CongestionControl;
 use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Sample, SampleKind};
 
+/// Questions that wait for an answer.
+pub const QUESTIONS: usize = 1024;
+
 /// A session and the site whose keys it uses.
 #[derive(Clone)]
 pub struct Link {
@@ -88,13 +91,14 @@ impl Link {
         subscriber.await.map_err(|error| anyhow!("{error}"))
     }
 
-    /// Takes questions under a key expression into a queue, until the queryable is dropped.
+    /// Takes questions under a key expression into a queue, until the queryable is dropped. Where more ask than are
+    /// answered, those beyond the queue go without an answer, and ask again.
     ///
     /// # Errors
     /// When the session is closed.
-    pub async fn serve(&self, expression: String, queue: mpsc::UnboundedSender<Query>) -> anyhow::Result<Queryable<()>> {
+    pub async fn serve(&self, expression: String, queue: mpsc::Sender<Query>) -> anyhow::Result<Queryable<()>> {
         let queryable = self.session.declare_queryable(expression).callback(move |query| {
-            let _ = queue.send(query);
+            let _ = queue.try_send(query);
         });
         queryable.await.map_err(|error| anyhow!("{error}"))
     }

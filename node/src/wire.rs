@@ -1,7 +1,7 @@
 //! What energy models know as it goes on the wire.
 
 use energy::gauge::{Reading, Sample};
-use proto::{Gauge, Timestamp};
+use proto::{Gauge, Message as _, Timestamp};
 
 /// The same value and deviation, as a message carries it.
 #[must_use]
@@ -29,4 +29,10 @@ pub fn gauge_message(at: Timestamp, seq: u64, sample: &Sample, reading: &Reading
         cells_series,
         source: source.to_owned(),
     }
+}
+
+/// Why a gauge's message is not sent, for nobody would take it: a battery that cannot deliver what is said to flow, say.
+#[must_use]
+pub fn why_senseless(message: &Gauge) -> Option<String> {
+    message.validate().err().map(|error| format!("the gauge makes no sense of what is measured: {error}"))
 }

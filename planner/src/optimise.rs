@@ -91,9 +91,6 @@ const HASTY: u32 = 2;
 /// Moves between two looks at the budget: at most this many.
 const MOVES_AT_ONCE: u64 = 400;
 
-/// The name of the policy.
-pub const NAME: &str = "optimise";
-
 /// The best plan that the budget allows. The same seed and number of moves give the same plan.
 #[must_use]
 pub fn optimise(ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan {

@@ -14,12 +14,18 @@ use crate::prices::{Level, Prices};
 use crate::way::Ways;
 
 /// A way to plan.
-pub trait Policy: Sync {
+pub trait Policy: Sync + std::fmt::Debug {
     /// Name in files and on the command line.
     fn name(&self) -> &'static str;
 
     /// What it does, in a sentence.
     fn about(&self) -> &'static str;
+
+    /// Whether it looks among many plans for the best, and so depends on what it is offered and for how long; a rule does the one thing
+    /// that it says.
+    fn searches(&self) -> bool {
+        false
+    }
 
     /// A plan. The same seed and number of moves give the same plan.
     fn plan(&self, ways: &Ways<'_>, seed: u64, budget: &mut dyn Budget) -> Plan;

@@ -167,7 +167,7 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
 }
 
 /// Plans everybody anew by the policy of that name, beginning from the plan whose sessions were
-/// `before`; see [`replan`] for what they and `loyalty` mean. Only `optimise` looks back: what other
+/// `before`; see [`replan`] for what they and `loyalty` mean. Only a policy that searches looks back: what other
 /// policies move is counted all the same. The bound is that of the whole problem, without loyalty.
 ///
 /// # Errors
@@ -181,7 +181,7 @@ pub fn renew(
     budget: &mut dyn Budget,
 ) -> Result<Replanned, NoPlan> {
     let committed = commitments(problem, before);
-    let looks_back = policy == optimise::NAME && !before.is_empty();
+    let looks_back = crate::policy(policy).is_some_and(crate::Policy::searches) && !before.is_empty();
     if !looks_back {
         let plan = crate::plan(problem, policy, seed, budget)?;
         let now = commitments(problem, &plan.sessions);

@@ -11,10 +11,10 @@ mod memory;
 use std::collections::{BTreeMap, VecDeque};
 
 use energy::gauge::{Gauge as Estimator, Sample};
-use node::{Due, Ledger, Publish, Silence, gauge_message, refused};
+use node::{Due, Ledger, Publish, Silence, gauge_message, refused, why_senseless};
 use proto::{
-    BayId, CommandReply, Estimate, Gauge, Message as _, Mission, NamedModel, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase,
-    RobotState, StationId, Timestamp, Travel,
+    BayId, CommandReply, Estimate, Gauge, Mission, NamedModel, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState,
+    StationId, Timestamp, Travel,
 };
 
 pub use alone::Alone;
@@ -94,6 +94,8 @@ pub struct Agent {
     drain: drain::Drain,
     last_command: Option<proto::CommandId>,
     note: Option<String>,
+    /// Why what the gauge says now is not sent.
+    senseless: Option<String>,
     silence: Silence,
     /// It was restarted, and has not seen yet where it is.
     restored: bool,
@@ -124,6 +126,7 @@ impl Agent {
             drain: drain::Drain::default(),
             last_command: None,
             note: None,
+            senseless: None,
             silence: Silence::default(),
             restored: false,
             kept: None,
@@ -282,10 +285,9 @@ impl Agent {
             let reading = self.gauge.reading();
             self.gauge_seq += 1;
             let message = gauge_message(now, self.gauge_seq, &sample, &reading, self.profile.cells_series, &self.profile.source);
-            match message.validate() {
-                Ok(()) => self.outputs.push_back(Output::Gauge(message)),
-                // What nobody would take is not sent: a battery that cannot deliver what is said to flow, say.
-                Err(error) => self.note = Some(format!("the gauge makes no sense of what is measured: {error}")),
+            self.senseless = why_senseless(&message);
+            if self.senseless.is_none() {
+                self.outputs.push_back(Output::Gauge(message));
             }
         }
         let telling = (self.phase, self.bay.clone());
@@ -311,7 +313,7 @@ impl Agent {
             battery: self.profile.battery.clone(),
             load: self.profile.load.clone(),
             last_command: self.last_command.clone(),
-            note: self.note.clone(),
+            note: self.note.clone().or_else(|| self.senseless.clone()),
         }
     }
 }

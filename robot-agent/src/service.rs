@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use energy::Channel;
-use node::session::{command, decoded, refuse, reply};
-use node::{Clock, LOAD_INPUTS, Link, LiveLog, MemoryFile, Sole, told_to_stop};
-use proto::{Key, Pattern, RobotCommand, SimSupply, Timestamp};
+use node::session::{QUESTIONS, command, decoded, refuse, reply};
+use node::{Clock, LOAD_INPUTS, LOOK_S, Link, LiveLog, MemoryFile, Pace, Sole, Step, told_to_stop};
+use proto::{Key, Pattern, RobotCommand, SimSupply};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::query::Query;
@@ -13,9 +13,6 @@ use zenoh::query::Query;
 use crate::agent::{Agent, Input, Output};
 use crate::config::Config;
 use crate::source::{Observation, Place, Source};
-
-/// Fleet seconds between two looks at the source.
-const STEP_S: f64 = 1.0;
 
 /// Runs until the source ends or the process is told to stop; `log` is where what the source shows is
 /// written.
@@ -35,7 +32,7 @@ pub async fn run(
     let (alive, said) = (Key::RobotAlive(robot.clone()), Key::RobotState(robot.clone()));
     let period = clock.real(config.publish.state_period_s);
     let mut sole = Sole::claim(&link, format!("robot {robot}"), &alive, &said, period).await?;
-    let (commands_in, mut commands) = mpsc::unbounded_channel();
+    let (commands_in, mut commands) = mpsc::channel(QUESTIONS);
     let _commands = link.serve(Key::RobotCommand(robot.clone()).build(&link.site), commands_in).await?;
     let (supplies_in, mut supplies) = mpsc::unbounded_channel::<SimSupply>();
     let supplied = move |sample: zenoh::sample::Sample| match decoded::<SimSupply>(sample.payload()) {
@@ -50,29 +47,23 @@ pub async fn run(
         warn!("no way to any station is known: {robot} is watched and never serviced; give travel_s, or --travel STATION=SECONDS");
     }
 
-    let mut ticks = tokio::time::interval(clock.real(STEP_S).max(Duration::from_millis(5)));
+    let mut ticks = tokio::time::interval(clock.real(LOOK_S).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    let mut last = clock.now();
+    let mut pace = Pace::new(source.stride(), clock);
     let mut station = None;
     let mut stop = std::pin::pin!(told_to_stop());
     loop {
         tokio::select! {
             _ = ticks.tick() => {
-                let now = clock.now();
-                // The clock was set back: time goes on from here.
-                last = last.min(now);
-                let behind_s = now.seconds_since(last);
-                let steps = (behind_s / STEP_S).floor();
-                for _ in 0..steps as u64 {
-                    last = last.plus_s(STEP_S);
-                    let Some(observation) = source.advance(STEP_S) else {
+                for Step { at, dt_s, passed_s } in pace.due() {
+                    let Some(observation) = source.advance(dt_s) else {
                         info!("robot {robot}: the source has ended");
                         return Ok(());
                     };
                     if let Some(log) = &mut log {
-                        note(log, config, last, &agent, source.as_ref(), &observation);
+                        note(log, config, passed_s, &agent, source.as_ref(), &observation);
                     }
-                    agent.handle(last, Input::Observed(observation));
+                    agent.handle(at, Input::Observed(observation));
                     drain(&link, config, &mut agent, source.as_mut(), None, &mut station, &mut memory, log.as_mut()).await?;
                 }
                 log.as_mut().map_or(Ok(()), LiveLog::flush)?;
@@ -96,9 +87,9 @@ pub async fn run(
 }
 
 /// Logs one observation: the battery always, the load where its inputs are measured.
-fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, source: &dyn Source, seen: &Observation) {
+fn note(log: &mut LiveLog, config: &Config, now_s: f64, agent: &Agent, source: &dyn Source, seen: &Observation) {
     let Some(sample) = &seen.sample else { return };
-    log.battery(now, config.id.as_ref(), sample, agent.soc(), seen.exchanged);
+    log.battery(now_s, config.id.as_ref(), sample, agent.soc(), seen.exchanged);
     // In a bay the battery's power is not that of the load.
     if seen.place != Place::InBay
         && !seen.depleted
@@ -106,7 +97,7 @@ fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, sourc
     {
         let power = [(Channel::PowerW, sample.current_a * sample.voltage_v)];
         let channels: Vec<_> = power.into_iter().chain(LOAD_INPUTS.into_iter().zip(inputs)).collect();
-        log.row(now, sample.dt_s, &format!("{}-load", config.id), &channels, &[]);
+        log.row(now_s, sample.dt_s, &format!("{}-load", config.id), &channels, &[]);
     }
 }
 

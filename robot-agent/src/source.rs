@@ -21,6 +21,7 @@ pub use simulated::{RobotBody, World};
 
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
+use node::Stride;
 use proto::{BayId, SimDraw, SimSupply, StationId};
 
 /// Where the robot is, as far as its source can tell.
@@ -78,6 +79,11 @@ pub trait Source: Send {
 
     /// Moves on by `dt_s` seconds; nothing when the source has ended.
     fn advance(&mut self, dt_s: f64) -> Option<Observation>;
+
+    /// How it wants to be moved on after the machine has slept.
+    fn stride(&self) -> Stride {
+        Stride::LeftOut
+    }
 
     /// Takes in where the robot stood when its agent was stopped. For sources that find out by themselves it is nothing new.
     fn stand(&mut self, _place: Place) {}

@@ -85,6 +85,10 @@ struct Pack {
     connected: bool,
     back: Option<PackReturn>,
     last: Option<Sample>,
+    /// Nobody was told of it yet.
+    fresh: bool,
+    /// Why what its gauge says now is not sent.
+    senseless: Option<String>,
 }
 
 impl Pack {
@@ -143,7 +147,16 @@ impl Agent {
             active_pack: packs.first().map(|(id, _)| id.clone()),
             packs: packs
                 .into_iter()
-                .map(|(id, gauge)| Pack { id, gauge, depleted: false, connected: true, back: None, last: None })
+                .map(|(id, gauge)| Pack {
+                    id,
+                    gauge,
+                    depleted: false,
+                    connected: true,
+                    back: None,
+                    last: None,
+                    fresh: false,
+                    senseless: None,
+                })
                 .collect(),
             profile,
             ledger: Ledger::default(),
@@ -345,7 +358,7 @@ impl Agent {
                 }
                 let Some(sample) = reading.sample.filter(|_| reading.connected) else { continue };
                 pack.gauge.update(&sample);
-                pack.last = Some(sample);
+                (pack.last, pack.fresh) = (Some(sample), true);
                 if observation.active_pack.as_ref() == Some(&pack.id) {
                     self.pack_power_w = sample.current_a * sample.voltage_v;
                 }

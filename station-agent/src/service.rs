@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use energy::{Channel, Estimate};
-use node::session::{command, decoded, refuse, reply};
-use node::{Clock, Link, LiveLog, MemoryFile, STATION_INPUTS, Sole, told_to_stop};
-use proto::{Key, PackId, Pattern, RobotId, RobotState, SimDraw, StationCommand, Timestamp};
+use node::session::{QUESTIONS, command, decoded, refuse, reply};
+use node::{Clock, LOOK_S, Link, LiveLog, MemoryFile, Pace, STATION_INPUTS, Sole, Step, told_to_stop};
+use proto::{Key, PackId, Pattern, RobotId, RobotState, SimDraw, StationCommand};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 use zenoh::query::Query;
@@ -14,8 +14,6 @@ use crate::agent::{Agent, Input, Output};
 use crate::config::Config;
 use crate::source::{Observation, Source};
 
-/// Fleet seconds between two looks at the source.
-const STEP_S: f64 = 1.0;
 /// States of robots that wait to be looked at.
 const ROBOT_QUEUE: usize = 1024;
 
@@ -37,7 +35,7 @@ pub async fn run(
     let (alive, said) = (Key::StationAlive(station.clone()), Key::StationState(station.clone()));
     let period = clock.real(config.publish.state_period_s);
     let mut sole = Sole::claim(&link, format!("station {station}"), &alive, &said, period).await?;
-    let (commands_in, mut commands) = mpsc::unbounded_channel();
+    let (commands_in, mut commands) = mpsc::channel(QUESTIONS);
     let _commands = link.serve(Key::StationCommand(station.clone()).build(&link.site), commands_in).await?;
     let (draws_in, mut draws) = mpsc::unbounded_channel::<(RobotId, SimDraw)>();
     let drawn = move |sample: zenoh::sample::Sample| match (Key::parse(sample.key_expr().as_str()), decoded::<SimDraw>(sample.payload())) {
@@ -60,27 +58,22 @@ pub async fn run(
     let _robots = link.listen(&Pattern::AllRobotStates, said).await?;
     info!("station {station} is up");
 
-    let mut ticks = tokio::time::interval(clock.real(STEP_S).max(Duration::from_millis(5)));
+    let mut ticks = tokio::time::interval(clock.real(LOOK_S).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    let mut last = clock.now();
+    let mut pace = Pace::new(source.stride(), clock);
     let mut stop = std::pin::pin!(told_to_stop());
     loop {
         tokio::select! {
             _ = ticks.tick() => {
-                let now = clock.now();
-                // The clock was set back: time goes on from here.
-                last = last.min(now);
-                let steps = (now.seconds_since(last) / STEP_S).floor();
-                for _ in 0..steps as u64 {
-                    last = last.plus_s(STEP_S);
-                    let Some(observation) = source.advance(STEP_S) else {
+                for Step { at, dt_s, passed_s } in pace.due() {
+                    let Some(observation) = source.advance(dt_s) else {
                         info!("station {station}: the source has ended");
                         return Ok(());
                     };
                     if let Some(log) = &mut log {
-                        note(log, config, last, &agent, source.as_ref(), &observation);
+                        note(log, config, passed_s, &agent, source.as_ref(), &observation);
                     }
-                    agent.handle(last, Input::Observed(observation));
+                    agent.handle(at, Input::Observed(observation));
                     drain(&link, config, &mut agent, source.as_mut(), None, &mut memory, log.as_mut()).await?;
                 }
                 log.as_mut().map_or(Ok(()), LiveLog::flush)?;
@@ -114,11 +107,11 @@ fn pack_stem(config: &Config, pack: &PackId) -> String {
 }
 
 /// Logs one observation: every pack in its place, and the station's load where its inputs are measured.
-fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, source: &dyn Source, seen: &Observation) {
+fn note(log: &mut LiveLog, config: &Config, now_s: f64, agent: &Agent, source: &dyn Source, seen: &Observation) {
     for reading in seen.packs.iter().filter(|reading| reading.connected) {
         let Some(sample) = &reading.sample else { continue };
         let soc = agent.socs().find(|(pack, _)| **pack == reading.pack).map_or(Estimate::new(0.5, 0.5), |(_, soc)| soc);
-        log.battery(now, &pack_stem(config, &reading.pack), sample, soc, reading.exchanged);
+        log.battery(now_s, &pack_stem(config, &reading.pack), sample, soc, reading.exchanged);
     }
     let active = seen.packs.iter().find(|reading| seen.active_pack.as_ref() == Some(&reading.pack)).filter(|_| seen.powered);
     let sample = active.and_then(|reading| reading.sample);
@@ -133,7 +126,7 @@ fn note(log: &mut LiveLog, config: &Config, now: Timestamp, agent: &Agent, sourc
             (format!("bay_{}_robot", number + 1), robot.map_or(String::new(), ToString::to_string))
         };
         let bays: Vec<_> = agent.bays().enumerate().map(robot).collect();
-        log.row(now, sample.dt_s, config.id.as_ref(), &channels, &bays);
+        log.row(now_s, sample.dt_s, config.id.as_ref(), &channels, &bays);
     }
 }
 

@@ -9,6 +9,7 @@ pub use simulated::{StationBody, World, WorldPack};
 
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
+use node::Stride;
 use proto::{BayId, PackId, RobotId, SimDraw, SimSupply, SpareId};
 use serde::{Deserialize, Serialize};
 
@@ -104,6 +105,11 @@ pub trait Source: Send {
 
     /// Moves on by `dt_s` seconds; nothing when the source has ended.
     fn advance(&mut self, dt_s: f64) -> Option<Observation>;
+
+    /// How it wants to be moved on after the machine has slept.
+    fn stride(&self) -> Stride {
+        Stride::LeftOut
+    }
 
     /// Inputs of the station's load in the last step, for a log; none where nobody measures them.
     fn load_inputs(&self, _channels: &[Channel]) -> Option<Vec<f64>> {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use coordinator::certs::{self, Day, Holder};
 use node::access::Members;
+use node::session::QUESTIONS;
 use node::{Link, NetworkConfig, Tls};
 use proto::{Key, RobotId, SiteId, StationId};
 use tokio::sync::mpsc;
@@ -116,7 +117,7 @@ async fn only_the_coordinator_commands() -> anyhow::Result<()> {
     let desk = Desk::open(&office, tests::free_port()?).await?;
     let two = client(&desk.address, Some(office.issue(&Holder::Robot(robot("r-2")), NOW, "r-2")?)).await?;
     let key = Key::RobotCommand(robot("r-2")).build(&site());
-    let (asked_in, mut asked) = mpsc::unbounded_channel();
+    let (asked_in, mut asked) = mpsc::channel(QUESTIONS);
     let _queryable = two.serve(key.clone(), asked_in).await?;
     let one = client(&desk.address, Some(office.issue(&Holder::Robot(robot("r-1")), NOW, "r-1")?)).await?;
     let wall = client(&desk.address, Some(office.issue(&Holder::Viewer("wall".to_owned()), NOW, "wall")?)).await?;

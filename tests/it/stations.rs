@@ -79,6 +79,7 @@ fn a_real_robot_is_charged_at_a_real_station_whose_lift_fails_once() {
         packs,
         spares: Default::default(),
         operate,
+        operate_max_s: 900.0,
         leave_below_v: 0.0,
         take_above_v: 0.0,
         ready_soc: 0.95,

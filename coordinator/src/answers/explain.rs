@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use proto::{Alternative, Doubt, Explanation, Mode, RobotId, Schedule, Service, ServiceStatus, Unserved};
 
 use crate::scheduler::Accounts;
+use crate::trust::Owner;
 use crate::view::Basis;
 
 /// Explains robot after robot from one plan.
@@ -57,7 +58,7 @@ impl<'a, 'w> Explainer<'a, 'w> {
         } else {
             reasons.push("it has not been heard, or was lost".to_owned());
         }
-        let fault = basis.trust.fault(basis.now, robot);
+        let fault = basis.trust.fault(basis.now, &Owner::Robot(robot.clone()));
         reasons.extend(fault.map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
         match (service, self.unserved.get(robot)) {
             (Some(service), _) => reasons.extend(service.why.iter().cloned()),

@@ -42,8 +42,8 @@ impl Core {
     pub(super) fn ask_robot(&mut self, now: Timestamp, robot: &RobotId, action: RobotAction, service: Option<(RobotId, Stage)>) {
         let mut command = self.next_command(now, action);
         let given_up = command.deadline;
-        // The robot reads its deadline on its own clock.
-        command.deadline = given_up.plus_s(self.trust.clock_ahead_s(robot));
+        // Who is asked reads the deadline on its own clock.
+        command.deadline = given_up.plus_s(self.trust.robot_ahead_s(robot));
         self.record(Record::RobotCommand { robot: robot.clone(), command: command.clone() });
         let text = format!("{} to {robot}: {}", command.id, answers::robot_action(&command.action));
         self.event(now, EventKind::CommandSent, Some(robot), None, None, text);
@@ -53,12 +53,14 @@ impl Core {
     }
 
     pub(super) fn ask_station(&mut self, now: Timestamp, station: &StationId, action: StationAction, service: Option<(RobotId, Stage)>) {
-        let command = self.next_command(now, action);
+        let mut command = self.next_command(now, action);
+        let given_up = command.deadline;
+        command.deadline = given_up.plus_s(self.trust.station_ahead_s(station));
         self.record(Record::StationCommand { station: station.clone(), command: command.clone() });
         let text = format!("{} to {station}: {}", command.id, answers::station_action(&command.action));
         self.event(now, EventKind::CommandSent, service.as_ref().map(|(robot, _)| robot).cloned().as_ref(), Some(station), None, text);
         let asked = AskedCommand::Station(station.clone(), command.clone());
-        self.remember(now, command.id.clone(), command.deadline, asked, service);
+        self.remember(now, command.id.clone(), given_up, asked, service);
         self.outputs.push_back(Output::ToStation(station.clone(), command));
     }
 

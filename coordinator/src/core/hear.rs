@@ -9,6 +9,7 @@ use crate::fleet::{LeftPack, newer};
 use crate::models::from_wire;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;
+use crate::trust::Owner;
 use crate::watch::{Change, News};
 use crate::when::minute_from;
 
@@ -16,7 +17,7 @@ use crate::when::minute_from;
 impl Core {
     pub(super) fn robot_gauge(&mut self, now: Timestamp, id: &RobotId, gauge: Gauge) -> bool {
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if !newer((gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
+        if !newer(now, (gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
             return false;
         }
         let first = robot.gauge.is_none();
@@ -24,8 +25,10 @@ impl Core {
         let phase = robot.phase();
         let swapped = phase == Some(RobotPhase::Swapping)
             || self.running.get(id).is_some_and(|run| matches!(run.how, How::Swap { .. }) && run.stage == Stage::Swapping);
-        self.trust.heard(now, id, &gauge, phase, swapped);
-        self.doubt_gauge(now, id);
+        let owner = Owner::Robot(id.clone());
+        let works = matches!(phase, Some(RobotPhase::Working | RobotPhase::Travelling));
+        self.trust.heard(now, &owner, &gauge, works, swapped);
+        self.doubt_gauge(now, &owner);
         let name = self.fleet.robots[id].state.as_ref().map(|state| state.battery.as_str());
         let model = name.and_then(|name| self.models.battery(id, name));
         let news = self.watch.robot_gauge(id, model, &gauge);
@@ -49,7 +52,7 @@ impl Core {
             return false;
         }
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if !newer((state.at, state.seq), robot.state.as_ref().map(|known| (known.at, known.seq))) {
+        if !newer(now, (state.at, state.seq), robot.state.as_ref().map(|known| (known.at, known.seq))) {
             return false;
         }
         let before = robot.phase();
@@ -113,11 +116,14 @@ impl Core {
             return false;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if !newer((state.at, state.seq), station.state.as_ref().map(|known| (known.at, known.seq))) {
+        if !newer(now, (state.at, state.seq), station.state.as_ref().map(|known| (known.at, known.seq))) {
             return false;
         }
         let before = station.state.replace(state.clone());
         station.lost = false;
+        for away in state.packs.iter().filter(|pack| !pack.connected) {
+            self.trust.forget(&Owner::Pack(id.clone(), away.pack.clone()));
+        }
         if let Some(before) = &before {
             station.is_brought(before, &state);
         }
@@ -191,15 +197,19 @@ impl Core {
             return false;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if !newer((gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
+        if !newer(now, (gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
             return false;
         }
         let was_known = station.known().is_some();
+        let feeds = station.state.as_ref().is_some_and(|state| state.powered && state.active_pack.as_ref() == Some(&pack));
         station.gauged(pack.clone(), gauge.clone());
         // A station takes part from when all that it consists of has been heard.
         if !was_known && station.known().is_some() {
             self.replan(format!("the packs of {id} are known"));
         }
+        let owner = Owner::Pack(id.clone(), pack.clone());
+        self.trust.heard(now, &owner, &gauge, feeds && gauge.current_a > 0.0, false);
+        self.doubt_gauge(now, &owner);
         let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[id], id, &pack, &gauge);
         self.record(Record::PackGauge { station: id.clone(), pack, gauge });
         self.doubted(now, news);
@@ -245,22 +255,26 @@ impl Core {
 
     /// Tells of gauges that began or ceased to be doubted, and plans anew.
     pub(super) fn doubt_gauges(&mut self, now: Timestamp) {
-        for robot in self.fleet.robots.keys().cloned().collect::<Vec<_>>() {
-            self.doubt_gauge(now, &robot);
+        for owner in self.trust.owners().cloned().collect::<Vec<_>>() {
+            self.doubt_gauge(now, &owner);
         }
     }
 
-    fn doubt_gauge(&mut self, now: Timestamp, robot: &RobotId) {
-        let Some(fault) = self.trust.news(now, robot) else { return };
+    fn doubt_gauge(&mut self, now: Timestamp, owner: &Owner) {
+        let Some(fault) = self.trust.news(now, owner) else { return };
+        let (is_lost, robot, station, pack) = match owner {
+            Owner::Robot(id) => (self.fleet.robots.get(id).is_none_or(|belief| belief.lost), Some(id), None, None),
+            Owner::Pack(id, pack) => (self.fleet.stations.get(id).is_none_or(|belief| belief.lost), None, Some(id), Some(pack)),
+        };
         // Who is lost says nothing, and that is told already.
-        if self.fleet.robots.get(robot).is_none_or(|belief| belief.lost) {
+        if is_lost {
             return;
         }
         let (kind, text) = match fault {
-            Some(fault) => (EventKind::GaugeDoubted, format!("the gauge of {robot} {fault}")),
-            None => (EventKind::GaugeTrusted, format!("the gauge of {robot} is believed again")),
+            Some(fault) => (EventKind::GaugeDoubted, format!("the gauge of {owner} {fault}")),
+            None => (EventKind::GaugeTrusted, format!("the gauge of {owner} is believed again")),
         };
-        self.event(now, kind, Some(robot), None, None, text.clone());
+        self.event(now, kind, robot, station, pack, text.clone());
         self.replan(text);
     }
 

@@ -7,7 +7,6 @@
 use std::ops::RangeInclusive;
 
 use energy::forecast::TIME_MAX_S;
-use planner::optimise;
 
 use super::effort::Effort;
 use super::plan::Plan;
@@ -46,7 +45,7 @@ impl Fed {
 /// is a bay for.
 #[must_use]
 pub fn crowds(settings: &Settings, most: usize) -> RangeInclusive<usize> {
-    if settings.policy.name() == optimise::NAME { 0..=most } else { most..=most }
+    if settings.policy.searches() { 0..=most } else { most..=most }
 }
 
 /// A whole plan for the first of these views (one at least), which differ in how many robots a station takes in side by side, or for one of

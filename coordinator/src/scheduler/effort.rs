@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use planner::optimise;
 use proto::RobotId;
 
 use super::plan::Plan;
@@ -37,6 +36,6 @@ impl Effort {
     /// Whether a whole plan takes longer than anybody should wait for.
     #[must_use]
     pub fn takes_long(view: &View, settings: &Settings) -> bool {
-        view.robots.len() > WHOLE_FLEET_MAX && settings.policy.name() == optimise::NAME
+        view.robots.len() > WHOLE_FLEET_MAX && settings.policy.searches()
     }
 }

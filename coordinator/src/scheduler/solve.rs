@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use planner::problem::{Problem, Tick};
-use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, optimise, renew, replan};
+use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, renew, replan};
 use proto::RobotId;
 
 use super::again::{count_less, unsure, with_the_uncounted};
@@ -135,7 +135,7 @@ struct Asked<'a> {
 impl Asked<'_> {
     /// Whether what is on offer may change: a policy that is told what to do does that, and mending must not take long.
     fn may_change(&self) -> bool {
-        self.effort == Effort::Whole && self.settings.policy.name() == optimise::NAME
+        self.effort == Effort::Whole && self.settings.policy.searches()
     }
 
     /// Whether the fleet is one for which every plan is made as often as it takes.

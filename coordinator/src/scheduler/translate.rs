@@ -11,7 +11,7 @@ use std::sync::Arc;
 use energy::Need;
 use energy::units::S_PER_H;
 use planner::problem::{Battery, Problem, Robot, Station, Tick, Travel};
-use planner::{Mode, Session};
+use planner::{Mode, Policy, Session};
 use proto::{RobotId, Timestamp};
 
 use super::charging::{Point, Table};
@@ -81,8 +81,8 @@ pub struct Task {
     pub levels_soc: Vec<f64>,
     /// Kinds of spares.
     pub racks: Racks,
-    /// Name of the policy that plans it.
-    pub policy: &'static str,
+    /// The policy that plans it.
+    pub policy: &'static dyn Policy,
 }
 
 /// What is on offer.
@@ -151,7 +151,7 @@ impl Task {
             robots,
         };
         close_horizon(&mut problem, &view);
-        let mut task = Self { view, problem, grid, levels_soc, racks, policy: settings.policy.name() };
+        let mut task = Self { view, problem, grid, levels_soc, racks, policy: settings.policy };
         let sessions = task.sessions(before);
         planner::hold(&mut task.problem, &sessions);
         task

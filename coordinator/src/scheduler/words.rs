@@ -5,7 +5,6 @@ mod grounds;
 
 use energy::Channel;
 use planner::book::Clash;
-use planner::optimise;
 use planner::problem::Tick;
 use planner::reasons::Why;
 use planner::{Mode, Session, Unserved};
@@ -85,10 +84,10 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
         Why::Pointless => "a service there would cost more work than it gives".to_owned(),
         Why::Free { start, cost, unserved } => {
             let (misses, none) = (task.work_s(i64::from(cost)) / 60.0, task.work_s(i64::from(unserved)) / 60.0);
-            let (but, own) = if task.policy == optimise::NAME {
+            let (but, own) = if task.policy.searches() {
                 (", but would miss", String::new())
             } else {
-                (" and would miss", format!(": the policy {} does not ask for that", task.policy))
+                (" and would miss", format!(": the policy {} does not ask for that", task.policy.name()))
             };
             format!("could begin at {}{but} {misses:.0} min of work where no service misses {none:.0} min{own}", on_clock(task, start))
         }

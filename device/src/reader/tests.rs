@@ -54,6 +54,25 @@ fn after_a_silence_the_gauge_starts_anew_from_what_the_device_says() {
 }
 
 #[test]
+fn a_sleep_of_hours_in_one_step_is_a_silence_and_no_charge() {
+    let mut reader = read_from([vec![report(1.0, 0.6)], vec![report(1.0, 0.4)]]);
+    reader.advance(1.0);
+    let after = reader.advance(28_800.0);
+    assert_eq!((after.sample.unwrap().dt_s, after.exchanged), (1.0, Some(Estimate::new(0.4, 0.05))));
+}
+
+#[test]
+fn no_charge_is_lost_where_a_voltage_is_not_shown() {
+    let without = |current_a: f64| Report { voltage_v: None, ..report(current_a, 0.6) };
+    let mut reader = read_from([vec![report(1.0, 0.6)], vec![without(2.0)], vec![without(4.0)], vec![report(3.0, 0.6)]]);
+    reader.advance(1.0);
+    let seen: Vec<_> = (0..3).map(|_| reader.advance(1.0).sample).collect();
+    assert_eq!(seen[..2], [None, None]);
+    let sample = seen[2].unwrap();
+    assert_eq!((sample.current_a * sample.dt_s, sample.dt_s, sample.voltage_v), (9.0, 3.0, 11.5));
+}
+
+#[test]
 fn what_keeps_a_device_from_being_read_is_told() {
     let mut reader = read_from([]);
     let last = (0..61).map(|_| reader.advance(1.0)).last().unwrap();

@@ -6,6 +6,7 @@ use crate::plan::Plan;
 use crate::way::Ways;
 
 /// By the time until it is empty.
+#[derive(Debug)]
 pub(super) struct EarliestDeadline;
 
 impl Policy for EarliestDeadline {

@@ -6,6 +6,7 @@ use crate::plan::Plan;
 use crate::way::Ways;
 
 /// By the time until it is empty less the way to the nearest station.
+#[derive(Debug)]
 pub(super) struct LeastSlack;
 
 impl Policy for LeastSlack {

@@ -7,6 +7,7 @@ use crate::problem::Problem;
 use crate::way::Ways;
 
 /// By state of charge.
+#[derive(Debug)]
 pub(super) struct LowestSoc;
 
 impl Policy for LowestSoc {

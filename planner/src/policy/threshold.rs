@@ -14,6 +14,7 @@ const BELOW: f64 = 0.30;
 const UP_TO: f64 = 0.90;
 
 /// By the time at which the charge falls below the threshold.
+#[derive(Debug)]
 pub(super) struct Threshold;
 
 impl Policy for Threshold {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use device::{Device, Reader};
 use energy::Model;
+use node::Stride;
 
 use super::body::{Body, Hands};
 use super::{Act, Observation, Place, Source};
@@ -35,6 +36,10 @@ impl Source for Measured {
 
     fn stand(&mut self, place: Place) {
         self.hands.stand(place);
+    }
+
+    fn stride(&self) -> Stride {
+        Stride::AtOnce
     }
 
     fn advance(&mut self, dt_s: f64) -> Option<Observation> {

@@ -1,6 +1,6 @@
 //! What a station says of itself, and when.
 
-use node::gauge_message;
+use node::{gauge_message, why_senseless};
 use proto::{BayState, PackState, StationState, Timestamp};
 
 use super::{Agent, Bay, Output, Pack};
@@ -16,15 +16,20 @@ pub(super) fn again(told: Option<Timestamp>, expected: Timestamp) -> Timestamp {
 impl Agent {
     /// Publishes what is due: gauges by their period, the state by its period and on change.
     pub(super) fn tell(&mut self, now: Timestamp) {
-        if self.gauge_due.is(now) && self.packs.iter().all(|pack| pack.last.is_some() || !pack.connected) {
+        let known = self.packs.iter().all(|pack| pack.last.is_some() || !pack.connected);
+        if known && self.packs.iter().any(|pack| pack.connected && pack.fresh) && self.gauge_due.is(now) {
             self.gauge_due.done(now, self.profile.publish.gauge_period_s);
             for pack in self.packs.iter_mut().filter(|pack| pack.connected) {
-                let Some(sample) = pack.last else { continue };
+                // What has not been measured anew is not said anew: who listens shall see that it grows old.
+                let Some(sample) = pack.last.filter(|_| std::mem::take(&mut pack.fresh)) else { continue };
                 let reading = pack.gauge.reading();
                 self.gauge_seq += 1;
                 let series = pack.gauge.model().battery().series;
                 let gauge = gauge_message(now, self.gauge_seq, &sample, &reading, series, &self.profile.source);
-                self.outputs.push_back(Output::Gauge(pack.id.clone(), gauge));
+                pack.senseless = why_senseless(&gauge);
+                if pack.senseless.is_none() {
+                    self.outputs.push_back(Output::Gauge(pack.id.clone(), gauge));
+                }
             }
         }
         let telling: Vec<_> = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
@@ -37,6 +42,14 @@ impl Agent {
             let message = self.state_message(now);
             self.outputs.push_back(Output::State(message));
         }
+    }
+
+    /// What a person should look after.
+    fn note(&self) -> Option<String> {
+        let senseless = self.packs.iter().filter_map(|pack| Some(format!("{}: {}", pack.id, pack.senseless.as_ref()?)));
+        let all: Vec<String> = self.trouble.iter().cloned().chain(senseless).collect();
+        let told = (!all.is_empty()).then(|| all.join("; "));
+        told.or_else(|| (!self.powered).then(|| self.why_down().to_owned()))
     }
 
     fn why_down(&self) -> &'static str {
@@ -60,7 +73,7 @@ impl Agent {
             arrives: self.arrives,
             spares: self.spares.clone(),
             last_command: self.last_command.clone(),
-            note: self.trouble.clone().or_else(|| (!self.powered).then(|| self.why_down().to_owned())),
+            note: self.note(),
         }
     }
 }

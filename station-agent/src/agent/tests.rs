@@ -1,3 +1,5 @@
+mod telling;
+
 use std::sync::Arc;
 
 use energy::gauge::Kind;
@@ -144,6 +146,24 @@ fn reason(outcome: &Outcome) -> (Rejection, &str) {
     }
 }
 
+fn says(bench: &mut Bench, name: &str, phase: RobotPhase) {
+    let state = RobotState {
+        at: bench.now,
+        seq: 1,
+        phase,
+        station: Some(bench.agent.profile.id.clone()),
+        bay: None,
+        drain_w: proto::Estimate::new(4.0, 0.1),
+        travel: BTreeMap::new(),
+        mission: proto::Mission { weight: 1.0, until: None },
+        battery: "explorer".to_owned(),
+        load: None,
+        last_command: None,
+        note: None,
+    };
+    bench.agent.handle(bench.now, Input::Robot(robot(name), state));
+}
+
 #[test]
 fn a_bay_that_is_taken_is_refused_from_the_moment_it_is_promised() {
     let mut bench = bench();
@@ -266,44 +286,6 @@ fn a_pack_that_is_away_is_told_of_and_not_selected_and_its_gauge_starts_anew() {
     let soc = bench.agent.socs().nth(1).unwrap().1;
     assert!((soc.value - 0.3).abs() < 0.01, "{soc:?}");
     assert_eq!(bench.ask(StationAction::SelectPack { pack: pack(2) }).0, Outcome::Accepted);
-}
-
-#[test]
-fn what_is_expected_is_told_with_its_time_and_that_moves_only_when_it_is_another() {
-    let mut bench = bench();
-    let mut told = |back_s: f64, arrives_s: Option<f64>| {
-        bench.observe(|shown| {
-            (shown.packs[1].connected, shown.packs[1].back) = (false, Some((back_s, energy::Estimate::new(0.97, 0.01))));
-            shown.arrives_s = arrives_s;
-        });
-        let state = bench.agent.state_message(bench.now);
-        let back = state.packs[1].back.unwrap();
-        assert_eq!(back.soc.value, 0.97);
-        [Some(back.at), state.arrives].map(|at| at.map(|at| at.seconds_since(Timestamp::from_unix_ms(0))))
-    };
-    // A second passes before each.
-    assert_eq!(told(600.0, Some(300.0)), [Some(601.0), Some(301.0)]);
-    assert_eq!(told(599.4, Some(298.7)), [Some(601.0), Some(301.0)], "the same but for rounding");
-    assert_eq!(told(700.0, None), [Some(703.0), None]);
-}
-
-/// What a robot at this station says.
-fn says(bench: &mut Bench, name: &str, phase: RobotPhase) {
-    let state = RobotState {
-        at: bench.now,
-        seq: 1,
-        phase,
-        station: Some(bench.agent.profile.id.clone()),
-        bay: None,
-        drain_w: proto::Estimate::new(4.0, 0.1),
-        travel: BTreeMap::new(),
-        mission: proto::Mission { weight: 1.0, until: None },
-        battery: "explorer".to_owned(),
-        load: None,
-        last_command: None,
-        note: None,
-    };
-    bench.agent.handle(bench.now, Input::Robot(robot(name), state));
 }
 
 #[test]

@@ -31,6 +31,9 @@ pub struct MeasuredConfig {
     /// by themselves, nothing is exchanged, and packs are changed by whatever changes them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub operate: Vec<String>,
+    /// Longest time that one act may take, s: a program that has not ended by then is stopped, and the act has failed.
+    #[serde(default = "default_operate_max_s")]
+    pub operate_max_s: f64,
     /// The active pack is left below this voltage, V; 0 to leave it when it gives out.
     #[serde(default)]
     pub leave_below_v: f64,
@@ -43,9 +46,14 @@ pub struct MeasuredConfig {
     /// Temperature taken where nothing measures a pack's, °C.
     #[serde(default = "default_ambient_degc")]
     pub ambient_degc: f64,
-    /// How far a device's own state of charge may be off (standard deviation) where it does not say.
+    /// How far a state of charge may be off (standard deviation) where device or program do not say.
     #[serde(default = "default_soc_sigma")]
     pub soc_sigma: f64,
+}
+
+/// Some times what the slowest exchanges and lifts take.
+fn default_operate_max_s() -> f64 {
+    900.0
 }
 
 fn default_ready_soc() -> f64 {
@@ -101,6 +109,8 @@ impl GaugeConfig {
 
 /// Highest voltage that a configuration may state, V.
 const VOLTAGE_MAX_V: f64 = 1e3;
+/// Longest time that a configuration may give an act, s: a day.
+const ACT_MAX_S: f64 = 86_400.0;
 
 impl MeasuredConfig {
     /// Checks what types cannot, for the station `of`. Errors begin with a key of this table.
@@ -131,6 +141,8 @@ impl MeasuredConfig {
             self.take_above_v,
             self.leave_below_v
         );
+        let act_s = self.operate_max_s;
+        ensure!((1.0..=ACT_MAX_S).contains(&act_s), "operate_max_s = {act_s}: must be between 1 and {ACT_MAX_S}");
         fraction("ready_soc", self.ready_soc)?;
         self.unmeasured().check()?;
         let key = KEY.trim_start_matches("source.");
@@ -162,7 +174,7 @@ impl MeasuredConfig {
         };
         let spares = self.spares.iter().map(spare).collect::<anyhow::Result<_>>()?;
         let rule = Rule { leave_below_v: self.leave_below_v, take_above_v: self.take_above_v };
-        let station = MeasuredStation::new(packs, spares, Hands::new(self.operate.clone()));
+        let station = MeasuredStation::new(packs, spares, Hands::new(self.operate.clone(), self.operate_max_s, self.soc_sigma));
         Ok((Agent::new(of.profile(rule, "measured"), gauges), Box::new(station)))
     }
 }

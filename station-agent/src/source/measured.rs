@@ -5,6 +5,7 @@ mod hands;
 use device::{Device, Reader, Reading};
 use energy::Estimate;
 use energy::gauge::Sample;
+use node::Stride;
 use proto::{PackId, SpareId};
 use tracing::warn;
 
@@ -146,6 +147,10 @@ impl MeasuredStation {
 impl Source for MeasuredStation {
     fn act(&mut self, act: &Act) {
         self.hands.begin(act);
+    }
+
+    fn stride(&self) -> Stride {
+        Stride::AtOnce
     }
 
     fn advance(&mut self, dt_s: f64) -> Option<Observation> {

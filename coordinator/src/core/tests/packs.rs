@@ -1,6 +1,6 @@
 //! Packs that are taken to a depot and brought back.
 
-use proto::PackReturn;
+use proto::{PackReturn, StationAction};
 
 use super::*;
 
@@ -32,4 +32,46 @@ fn what_a_pack_said_before_it_was_taken_away_holds_no_longer_once_it_is_back() {
     // From then on the gauge counts.
     core.handle(at(603.0), Input::PackGauge(id("s"), id("p"), gauge(603.0, 0.5, 84.0)));
     assert_eq!(core.fleet.stations[&id::<StationId>("s")].packs[&id::<PackId>("p")].soc.value, 0.5);
+}
+
+#[test]
+fn a_pack_whose_gauge_falls_silent_is_told_of_and_counts_for_less_until_it_speaks_again() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    let held_wh = |core: &mut Core, time_s: f64| {
+        core.handle(at(time_s), Input::RobotGauge(id("r0"), gauge(time_s, 0.3, 14.6)));
+        // The station itself goes on to speak.
+        core.handle(at(time_s), Input::StationState(id("s"), StationState { at: at(time_s), ..ready(time_s) }));
+        core.handle(at(time_s), Input::Tick);
+        core.basis(at(time_s)).view().stations[0].packs[0].usable_wh
+    };
+    let told = |core: &mut Core, kind: EventKind| {
+        let of_pack =
+            |output: &Output| matches!(output, Output::Record(Record::Event(event)) if event.kind == kind && event.pack == Some(id("p")));
+        std::iter::from_fn(|| core.poll()).filter(of_pack).count()
+    };
+    let fresh_wh = held_wh(&mut core, 61.0);
+    assert_eq!(told(&mut core, EventKind::GaugeDoubted), 0);
+    let stale_wh = held_wh(&mut core, 3_600.0);
+    assert_eq!(told(&mut core, EventKind::GaugeDoubted), 1);
+    // It gives 6 W, by what its station said: as much as its usable share of that is gone, and nearly a third of it is not known.
+    assert!((4.0..6.5).contains(&(fresh_wh.value - stale_wh.value)), "{fresh_wh:?}, {stale_wh:?}");
+    assert!(stale_wh.sigma > fresh_wh.sigma.hypot(1.2), "{fresh_wh:?}, {stale_wh:?}");
+    core.handle(at(3_601.0), Input::PackGauge(id("s"), id("p"), gauge(3_601.0, 0.9, 84.0)));
+    assert_eq!(told(&mut core, EventKind::GaugeTrusted), 1);
+}
+
+#[test]
+fn a_station_whose_clock_is_ahead_is_asked_until_a_deadline_on_its_own_clock() {
+    let mut core = core();
+    core.handle(at(0.0), Input::StationState(id("s"), ready(3_600.0)));
+    (0..3).for_each(|n| core.handle(at(f64::from(n)), Input::PackGauge(id("s"), id("p"), gauge(3_600.0 + f64::from(n), 1.0, 84.0))));
+    core.ask_station(at(3.0), &id("s"), StationAction::SelectPack { pack: id("p") }, None);
+    let command = std::iter::from_fn(|| core.poll()).find_map(|output| match output {
+        Output::ToStation(_, command) => Some(command),
+        _ => None,
+    });
+    let left_s = command.unwrap().deadline.seconds_since(at(3_603.0));
+    assert!((left_s - core.settings.deadline_s).abs() < 2.0, "{left_s}");
 }

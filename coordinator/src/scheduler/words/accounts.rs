@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use planner::optimise;
 use planner::{Explained, Explainer, Mode, Session, Ways, explain::Other};
 use proto::{RobotId, StationId, Timestamp};
 
@@ -107,7 +106,7 @@ fn alternative(task: &Task, robot: usize, session: Option<&Session>, other: &Oth
     let is_charge = matches!(other.mode, Mode::Charge(_));
     // A robot that strands beside a way that counts as free: the packs were stepped, and are not sure enough. Other policies do not step
     // them, and have reasons of their own.
-    let is_unsure = session.is_none() && task.problem.strands(robot) && task.policy == optimise::NAME;
+    let is_unsure = session.is_none() && task.problem.strands(robot) && task.policy.searches();
     let is_free = other.lacks.is_empty() && !is_unsure;
     let beyond = match () {
         () if !other.lacks.is_empty() => lacks_in_words(task, other),
@@ -133,10 +132,10 @@ fn alternative(task: &Task, robot: usize, session: Option<&Session>, other: &Oth
 
 /// Why what is better by itself is not chosen: the planner weighs what it moves (`planner::replan`), or its search has not come by.
 fn not_taken(task: &Task, robot: usize) -> &'static str {
-    match task.policy {
-        optimise::NAME if task.view.robots[robot].held => "too little to move a service for that was told already",
-        optimise::NAME => "the search did not come by it",
-        _ => "the policy goes by a rule of its own",
+    match task.policy.searches() {
+        true if task.view.robots[robot].held => "too little to move a service for that was told already",
+        true => "the search did not come by it",
+        false => "the policy goes by a rule of its own",
     }
 }
 

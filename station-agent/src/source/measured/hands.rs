@@ -8,7 +8,7 @@
 //! | `select PACK` | the pack feeds the station |
 //! | `check BAY` | a bay that was out of order can be used again |
 //!
-//! Exit status 0: done. Anything else: it is tried again, later each time, and said in the station's note meanwhile. A lift that
+//! Exit status 0: done. Anything else, or no end within `operate_max_s`: it is tried again, later each time, and said in the station's note meanwhile. A lift that
 //! fails for the last of [`LIFT_TRIES`] times puts its bay out of order: from then on `check`, or `unload` where a robot is still in
 //! it, is asked every [`CHECK_S`] seconds. Lift movements and checks come one after the other; an exchange or a change of packs may
 //! go on beside them. After a restart an act may be asked for again that was done: it ends with 0 then.
@@ -61,19 +61,21 @@ pub struct Hands {
     mending: bool,
     /// A movement that is asked for while a bay is checked.
     next: Option<Act>,
+    /// How far a charge may be off that the program says without a sigma.
+    soc_sigma: f64,
 }
 
 impl Hands {
-    /// Hands that use this program; with an empty one, whatever is asked is taken as done by others.
+    /// Hands that use this program, which may take `max_s` (s) for an act and tells charges to `soc_sigma` where it says nothing else; with an empty one, whatever is asked is taken as done by others.
     #[must_use]
-    pub fn new(operate: Vec<String>) -> Self {
-        let duty = || Duty { program: Program::new(KEY, operate.clone()), task: None };
+    pub fn new(operate: Vec<String>, max_s: f64, soc_sigma: f64) -> Self {
+        let duty = || Duty { program: Program::new(KEY, operate.clone()), max_s, task: None };
         let (lift, swap, select) = (duty(), duty(), duty());
         lift.program.look_for();
         if !lift.program.is_set() {
             info!("no {KEY}: robots are taken to get into and out of bays by themselves, as soon as they are asked to");
         }
-        Self { lift, swap, select, broken: VecDeque::new(), mending: false, next: None }
+        Self { lift, swap, select, broken: VecDeque::new(), mending: false, next: None, soc_sigma }
     }
 
     /// Begins an act.
@@ -93,7 +95,7 @@ impl Hands {
         let mut done = Done::default();
         self.work_lift(dt_s, &mut done);
         if let Some(Outcome::Done(Act::Swap { robot, spare }, printed)) = self.swap.advance(dt_s) {
-            let given_soc = soc_in(&printed).unwrap_or_else(unknown_soc);
+            let given_soc = soc_in(&printed, self.soc_sigma).unwrap_or_else(unknown_soc);
             done.swapped = Some(Swapped { robot, spare, given_soc });
         }
         if let Some(Outcome::Done(Act::Select { pack }, _)) = self.select.advance(dt_s) {
@@ -168,6 +170,8 @@ impl Hands {
 #[derive(Debug)]
 struct Duty {
     program: Program,
+    /// Longest time that an act may take, s.
+    max_s: f64,
     task: Option<Task>,
 }
 
@@ -177,6 +181,8 @@ struct Task {
     words: Vec<String>,
     tries: u32,
     wait_s: f64,
+    /// For how long the program has been at it, s.
+    at_it_s: f64,
     failed: Option<String>,
 }
 
@@ -198,19 +204,27 @@ impl Duty {
 
     fn begin_with(&mut self, act: Act, words: Vec<String>) {
         self.program.stop();
-        self.task = Some(Task { act, words, tries: 0, wait_s: 0.0, failed: None });
+        self.task = Some(Task { act, words, tries: 0, wait_s: 0.0, at_it_s: 0.0, failed: None });
     }
 
     fn advance(&mut self, dt_s: f64) -> Option<Outcome> {
         let task = self.task.as_mut()?;
         let ended = if self.program.is_running() {
-            let ended = self.program.ended()?;
-            ended.result.map(|()| ended.printed)
+            task.at_it_s += dt_s;
+            match self.program.ended() {
+                Some(ended) => ended.result.map(|()| ended.printed),
+                None if task.at_it_s <= self.max_s => return None,
+                None => {
+                    self.program.stop();
+                    Err(format!("{KEY}: `{}` has not ended in {:.0} s and was stopped", task.words.join(" "), self.max_s))
+                }
+            }
         } else {
             task.wait_s -= dt_s;
             if task.wait_s > 0.0 {
                 return None;
             }
+            task.at_it_s = 0.0;
             match self.program.begin(&task.words) {
                 Ok(()) if self.program.is_set() => return None,
                 begun => begun.map(|()| String::new()),
@@ -242,11 +256,11 @@ fn words(act: &Act) -> Vec<String> {
 }
 
 /// State of charge of the pack that a robot gave: the last line that says `soc VALUE` or `soc VALUE SIGMA`, 0..1.
-fn soc_in(printed: &str) -> Option<Estimate> {
+fn soc_in(printed: &str, soc_sigma: f64) -> Option<Estimate> {
     let said = printed.lines().rev().find_map(|line| line.trim().strip_prefix("soc "))?;
     let numbers: Option<Vec<f64>> = said.split_whitespace().map(|word| word.parse().ok()).collect();
     let estimate = match numbers.as_deref() {
-        Some([soc]) => Estimate::new(*soc, 0.05),
+        Some([soc]) => Estimate::new(*soc, soc_sigma),
         Some([soc, sigma]) => Estimate::new(*soc, *sigma),
         _ => Estimate::new(f64::NAN, f64::NAN),
     };

@@ -45,7 +45,15 @@ fn lift(bay: u32, into: bool) -> Lifted {
 fn operated(folder: &Path, does: &str) -> Hands {
     let path = folder.join("operate.sh");
     std::fs::write(&path, format!("echo \"$@\" >> {}/acts\n{does}\n", folder.display())).unwrap();
-    Hands::new(vec!["/bin/sh".to_owned(), path.display().to_string()])
+    Hands::new(vec!["/bin/sh".to_owned(), path.display().to_string()], PATIENCE_S, 0.05)
+}
+
+/// Longer than any program here needs, in the steps that these tests make.
+const PATIENCE_S: f64 = 900.0;
+
+/// Nobody works this station.
+fn no_hands() -> Hands {
+    Hands::new(Vec::new(), PATIENCE_S, 0.05)
 }
 
 fn acts(folder: &Path) -> String {
@@ -69,7 +77,7 @@ fn the_pack_that_gives_current_is_the_active_one_and_stays_it_while_it_does() {
     let nothing = || shows(12.0, 0.0);
     let first = [nothing(), shows(11.9, 1.0), shows(11.9, 1.0), nothing(), nothing()];
     let second = [nothing(), nothing(), shows(11.8, 2.0), shows(11.8, 2.0), nothing()];
-    let mut station = MeasuredStation::new(vec![pack(1, first), pack(2, second)], Vec::new(), Hands::new(Vec::new()));
+    let mut station = MeasuredStation::new(vec![pack(1, first), pack(2, second)], Vec::new(), no_hands());
     let mut actives = (0..5).map(|_| station.advance(1.0).unwrap()).map(|seen| seen.active_pack.unwrap());
     // None gives any: the first. Then the first; both; the second; and as before.
     assert_eq!(actives.next(), Some(pack_id(1)));
@@ -83,7 +91,7 @@ fn the_pack_that_gives_current_is_the_active_one_and_stays_it_while_it_does() {
 fn a_pack_that_gave_out_stays_so_until_it_is_charged_and_one_that_is_silent_is_away() {
     let eod_v = model().battery().eod_v();
     let says = [shows(12.0, 2.0), shows(eod_v - 0.1, 2.0), shows(eod_v + 0.8, 0.0), shows(eod_v + 1.0, -1.0)];
-    let mut station = MeasuredStation::new(vec![pack(1, says), pack(2, [])], Vec::new(), Hands::new(Vec::new()));
+    let mut station = MeasuredStation::new(vec![pack(1, says), pack(2, [])], Vec::new(), no_hands());
     let seen: Vec<Observation> = (0..62).map(|_| station.advance(1.0).unwrap()).collect();
     let depleted: Vec<bool> = seen.iter().take(4).map(|seen| seen.packs[0].depleted).collect();
     assert_eq!(depleted, [false, true, true, false]);
@@ -152,7 +160,7 @@ fn a_robot_that_cannot_be_let_out_is_tried_until_it_is_out() {
 
 #[test]
 fn without_a_program_robots_move_by_themselves() {
-    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], Vec::new(), Hands::new(Vec::new()));
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], Vec::new(), no_hands());
     station.act(&Act::Lift(lift(1, true)));
     assert_eq!(station.advance(1.0).unwrap().lifted, Some(lift(1, true)));
 }
@@ -162,7 +170,7 @@ fn a_spare_is_ready_when_its_device_says_that_it_is_charged() {
     let says = |soc: f64| vec![Report { soc: Some(soc), ..Report::default() }];
     let id = SpareId::new("spare-1").unwrap();
     let spare = MeasuredSpare::new(id.clone(), script([0.5, 0.94, 0.96, 0.962, 0.98, 0.3, 0.97].map(says)), 0.95, 0.05);
-    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], vec![spare], Hands::new(Vec::new()));
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], vec![spare], no_hands());
     let told: Vec<Option<f64>> = (0..7)
         .map(|_| station.advance(1.0).unwrap().charged.first().map(|(spare, soc)| (spare == &id).then_some(soc.value).unwrap()))
         .collect();
@@ -176,10 +184,37 @@ fn a_log_stands_in_for_a_device_and_a_pack_whose_log_has_ended_goes_away() {
     std::io::Write::write_all(&mut file, b"time_s,current_a,voltage_v\n0,1,12\n10,1,11.9\n20,2,11.8\n").unwrap();
     let model = model();
     let reader = Reader::new(Box::new(device::Log::read(file.path()).unwrap()), model, Unmeasured::default());
-    let mut station = MeasuredStation::new(vec![MeasuredPack::new(pack_id(1), reader, 9.0)], Vec::new(), Hands::new(Vec::new()));
+    let mut station = MeasuredStation::new(vec![MeasuredPack::new(pack_id(1), reader, 9.0)], Vec::new(), no_hands());
     let seen: Vec<Observation> = (0..90).map(|_| station.advance(1.0).unwrap()).collect();
     let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.packs[0].sample).collect();
     assert_eq!(samples.iter().map(|sample| sample.current_a).collect::<Vec<_>>(), [1.0, 2.0]);
     assert_eq!((seen[8].packs[0].connected, seen[30].packs[0].connected, seen[89].packs[0].connected), (false, true, false));
     assert!(seen[89].trouble.as_ref().unwrap().ends_with("the log has ended"), "{:?}", seen[89].trouble);
+}
+
+#[test]
+fn a_program_that_hangs_is_stopped_with_all_that_it_has_started_and_its_act_has_failed() {
+    let folder = tempfile::tempdir().unwrap();
+    let pid = folder.path().join("pid");
+    // The shell waits for what it has started before it minds a signal.
+    let hands = operated(folder.path(), &format!("sh -c 'echo $$ > {}; exec sleep 1000'", pid.display()));
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], Vec::new(), hands);
+    station.act(&Act::Lift(lift(1, true)));
+    until(&mut station, 0.01, |_| std::fs::read_to_string(&pid).is_ok_and(|pid| pid.ends_with('\n')));
+    let sleeper = std::fs::read_to_string(&pid).unwrap();
+    assert_eq!(station.advance(PATIENCE_S - 30.0).unwrap().trouble, None);
+    let stopped = until(&mut station, 100.0, |seen| seen.trouble.is_some());
+    assert_eq!(stopped.trouble.as_deref(), Some("source.operate: `load r1 bay-1` has not ended in 900 s and was stopped"));
+    let is_there = || {
+        // One that has ended is a zombie until somebody asks for it.
+        let status = std::fs::read_to_string(format!("/proc/{}/stat", sleeper.trim()));
+        status.is_ok_and(|status| !status.contains(") Z "))
+    };
+    let ended = (0..200).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        !is_there()
+    });
+    assert!(ended, "what the program has started goes on");
+    // It is tried again, and given up as what fails otherwise is.
+    until(&mut station, 30.0, |seen| seen.given_up == Some(lift(1, true)));
 }
