@@ -3,11 +3,13 @@
 //! Minimises the sum of ((observed - predicted) / sigma)² over every row that counts, with exact
 //! derivatives. sigma is the sensor's floor and, for a voltage, the deviation of the OCV table
 //! beside it (uncertainty.ocv_sigma_v per cell): constant over a channel, so that it sets the
-//! weight between channels and leaves the answer on one channel that of plain least squares.
+//! weight between channels and leaves the answer on one channel that of plain least squares, but for what
+//! the noise of measured inputs does to that.
 
 mod bounded;
 mod certainty;
 mod choice;
+mod dilution;
 mod step;
 
 use std::sync::Arc;
@@ -16,12 +18,13 @@ use energy::{Channel, Facts, Model};
 use nalgebra::{DMatrix, DVector};
 
 pub(crate) use bounded::held;
-pub use bounded::{LeastSquares, Side, Solution, Step, minimise, minimise_to};
+pub use bounded::{LeastSquares, Side, Solution, Step, minimise};
+pub(crate) use certainty::wider;
 pub use certainty::{Certainty, Segment, SegmentCertainty, certainty, uniform_sigma};
 pub use choice::{ChoiceError, free_parameters};
 pub(crate) use step::{damped_step, promised};
 
-use crate::predict::{predict, sensitivities};
+use crate::predict::sensitivities;
 use crate::prepare::{Prepared, Target};
 
 /// Why a fit cannot begin.
@@ -82,10 +85,10 @@ pub fn fit(model: &Arc<Model>, logs: &[Prepared], free: &[usize], progress: &mut
     let parameters = || free.iter().map(|&index| &model.parameters()[index]);
     let start: Vec<f64> = parameters().map(|parameter| parameter.value).collect();
     let bounds: Vec<(f64, f64)> = parameters().map(|parameter| (parameter.min, parameter.max)).collect();
-    if !problem.residual(&start).iter().all(|residual| residual.is_finite()) {
+    if !problem.at(&start).0.iter().all(|residual| residual.is_finite()) {
         return Err(FitError::NotFinite);
     }
-    let solution = minimise(&problem, &start, &bounds, progress);
+    let solution = problem.undiluted(minimise(&problem, &start, &bounds, progress), &bounds);
     let certainty = certainty(&solution.jacobian, &solution.residual, &problem.segments(), &bounds);
     let values = problem.values(&solution.at);
     Ok(Fit { free: free.to_vec(), values, solution, certainty, rows })
@@ -154,30 +157,18 @@ fn used(target: &Target) -> impl Iterator<Item = usize> {
 }
 
 impl LeastSquares for Problem<'_> {
-    fn residual(&self, at: &[f64]) -> DVector<f64> {
-        let values = self.values(at);
-        let mut all = Vec::new();
-        let predictions: Vec<_> = self.logs.iter().map(|log| predict(self.model, log, &values)).collect();
-        for (log, target, sigma) in self.targets() {
-            let predicted = predictions[log].of(target.channel).unwrap_or_default();
-            all.extend(used(target).map(|row| (target.observed[row] - predicted[row]) / sigma));
-        }
-        DVector::from_vec(all)
-    }
-
-    fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
-        let values = self.values(at);
+    fn at(&self, parameters: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+        let values = self.values(parameters);
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); self.free.len()];
-        let by_log: Vec<_> = self.logs.iter().map(|log| sensitivities(self.model, log, &values, self.free)).collect();
-        let mut place = vec![0; self.logs.len()];
+        let mut residual = Vec::new();
+        let mut by_log: Vec<_> = self.logs.iter().map(|log| sensitivities(self.model, log, &values, self.free).into_iter()).collect();
         for (log, target, sigma) in self.targets() {
-            let of_target = &by_log[log][place[log]];
-            place[log] += 1;
-            for (column, derivatives) in columns.iter_mut().zip(of_target) {
+            let seen = by_log[log].next().unwrap_or_default();
+            residual.extend(used(target).map(|row| (target.observed[row] - seen.predicted[row]) / sigma));
+            for (column, derivatives) in columns.iter_mut().zip(seen.by) {
                 column.extend(used(target).map(|row| -derivatives[row] / sigma));
             }
         }
-        let rows = columns.first().map_or(0, Vec::len);
-        DMatrix::from_vec(rows, self.free.len(), columns.concat())
+        (DVector::from_vec(residual), DMatrix::from_vec(columns.first().map_or(0, Vec::len), self.free.len(), columns.concat()))
     }
 }

@@ -5,6 +5,9 @@ use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 
 use crate::residual::{lag1, noise_between};
 
+/// RMS over floor up to which a channel is explained.
+pub(crate) const EXPLAINED: f64 = 1.05;
+
 /// RMS over floor of one channel of one log.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FloorCheck {

@@ -21,7 +21,7 @@
 //!     |          other_starts  and whether that alone explains them all
 //!     |          other_numbers  or one number that the model states
 //!     |          stated     or all that it states roughly, within their deviations
-//!     |          certainty  how well the numbers are known
+//!     |          certainty  how well the numbers are known; uneven  where rows do not all err alike
 //!     |          told       the numbers that are told and written
 //!     |          dilution   without what the noise of inputs does to them
 //!     |
@@ -82,4 +82,5 @@ pub mod stated;
 mod steady;
 mod told;
 pub mod trial;
+mod uneven;
 mod walk;

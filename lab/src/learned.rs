@@ -159,7 +159,7 @@ const APART: f64 = 1.2;
 /// they do know, so that what follows from all of them is no less certain than it is. One that was given with a deviation, and of which
 /// they say nothing, stays as it stands.
 fn fitted(state: &State, origin: &str) -> Vec<Change> {
-    let covariance = state.covariance();
+    let covariance = state.covariance_by_rows();
     let deviations = deviations(state);
     let of = |(place, &index): (usize, &usize)| {
         let parameter = &state.frame.model.parameters()[index];

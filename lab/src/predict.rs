@@ -47,11 +47,21 @@ pub fn predict(model: &Arc<Model>, prepared: &Prepared, values: &[f64]) -> Predi
     Prediction { soc, channels }
 }
 
-/// Derivatives of the log's target channels by the parameters of the given indices: for each
-/// target, for each parameter, one number per row.
+/// What a model says of one channel of a log, and how that goes with its parameters.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sensitivities {
+    /// Predicted values by row, as in [`Prediction`].
+    pub predicted: Vec<f64>,
+    /// Their derivatives: for each parameter, one number per row.
+    pub by: Vec<Vec<f64>>,
+}
+
+/// The log's target channels, in their order, with their derivatives by the parameters of the given indices, of which there is at least
+/// one: one walk for so many of them as there are lanes.
 #[must_use]
-pub fn sensitivities(model: &Arc<Model>, prepared: &Prepared, values: &[f64], by: &[usize]) -> Vec<Vec<Vec<f64>>> {
-    let mut answer = vec![Vec::with_capacity(by.len()); prepared.targets.len()];
+pub fn sensitivities(model: &Arc<Model>, prepared: &Prepared, values: &[f64], by: &[usize]) -> Vec<Sensitivities> {
+    let (rows, battery) = (prepared.time_s.len(), model.system == System::Battery);
+    let mut answer = vec![Sensitivities::default(); prepared.targets.len()];
     let start = prepared.start.lifted();
     for chunk in by.chunks(LANES) {
         let mut parameters: Vec<Dual> = values.iter().map(|&value| Dual::from(value)).collect();
@@ -59,16 +69,21 @@ pub fn sensitivities(model: &Arc<Model>, prepared: &Prepared, values: &[f64], by
             parameters[index] = variable(values[index], lane);
         }
         let mut run = Run::with_parameters(Arc::clone(model), parameters, start);
-        let mut columns = vec![vec![Vec::with_capacity(prepared.time_s.len()); chunk.len()]; prepared.targets.len()];
-        walk(prepared, &mut run, |_, now| {
-            for (target, lanes) in prepared.targets.iter().zip(&mut columns) {
+        let is_first = answer.iter().all(|of_target| of_target.by.is_empty());
+        let mut columns = vec![vec![Vec::with_capacity(rows); chunk.len()]; prepared.targets.len()];
+        walk(prepared, &mut run, |row, now| {
+            for ((target, of_target), lanes) in prepared.targets.iter().zip(&mut answer).zip(&mut columns) {
+                let shown = &now[target.channel];
+                if is_first {
+                    of_target.predicted.push(if row == 0 && !battery { f64::NAN } else { shown.re });
+                }
                 for (lane, column) in lanes.iter_mut().enumerate() {
-                    column.push(derivative(&now[target.channel], lane));
+                    column.push(derivative(shown, lane));
                 }
             }
         });
-        for (all, new) in answer.iter_mut().zip(columns) {
-            all.extend(new);
+        for (of_target, new) in answer.iter_mut().zip(columns) {
+            of_target.by.extend(new);
         }
     }
     answer
@@ -118,6 +133,7 @@ mod tests {
         let (model, prepared) = setting();
         let values = model.values();
         let exact = sensitivities(&model, &prepared, &values, &[0, 1, 2]);
+        assert_eq!(exact[0].predicted, predict(&model, &prepared, &values).of(Channel::VoltageV).unwrap());
         for index in 0..3 {
             let h = 1e-6 * values[index];
             let at = |shift: f64| {
@@ -126,7 +142,7 @@ mod tests {
                 predict(&model, &prepared, &moved).of(Channel::VoltageV).unwrap().to_vec()
             };
             for (row, (above, below)) in at(h).iter().zip(at(-h)).enumerate() {
-                assert!((exact[0][index][row] - (above - below) / (2.0 * h)).abs() < 1e-6);
+                assert!((exact[0].by[index][row] - (above - below) / (2.0 * h)).abs() < 1e-6);
             }
         }
     }

@@ -7,6 +7,9 @@
 //!
 //! `Cov = A⁻¹ (Σ_l s_l² (1 + rho_l) / (1 - rho_l) A_l) A⁻¹`,  `A = Σ_l A_l`.
 //!
+//! Where rows do not all err alike, and a parameter hangs on those that err more, its deviation is as much larger as those rows bear out (see
+//! [`wider`]).
+//!
 //! This holds while residuals are small against the curvature of the model and is too hopeful
 //! where the model is wrong in a way that one lag does not show. Parameters at a bound count as
 //! free here, which makes the others' sigmas cautious.
@@ -83,6 +86,14 @@ pub fn certainty(jacobian: &DMatrix<f64>, residual: &DVector<f64>, segments: &[S
     let silent: Vec<bool> = (0..p).map(|index| normal[(index, index)] == 0.0).collect();
     let (inverse, tangled) = inverse(&normal);
     let covariance = &inverse * middle * &inverse;
+    let off = off(residual, segments, &worth, freedom);
+    let influence = &inverse * jacobian.transpose();
+    let wider = DVector::from_fn(p, |index, _| {
+        let of_rows =
+            influence.row(index).iter().zip(&off).map(|(of_row, (weight, off))| (of_row * of_row * weight, *off)).collect::<Vec<_>>();
+        wider(&of_rows)
+    });
+    let covariance = DMatrix::from_fn(p, p, |i, j| covariance[(i, j)] * (wider[i] * wider[j]).sqrt());
     let sigma: Vec<Option<f64>> = (0..p)
         .map(|index| {
             let sigma = covariance[(index, index)].max(0.0).sqrt();
@@ -98,6 +109,37 @@ pub fn certainty(jacobian: &DMatrix<f64>, residual: &DVector<f64>, segments: &[S
     Certainty { sigma, silent, tangled, correlation, segments: worth }
 }
 
+/// Deviations of chance by which rows must be off further than all together.
+const CHANCE: f64 = 2.0;
+
+/// How many times as large as the rows' common noise makes it a number's variance is, where they do not all err alike: each row adds a share to it,
+/// and is off by so much of the square that is expected of it. What the noise of a speed does to a power grows with the force, and
+/// what a charger draws errs while it charges: such rows err more than others, and may be those that a number hangs on (White,
+/// Econometrica 48, 1980, p. 817). 1 where they are off no more than chance makes of so few.
+pub(crate) fn wider(rows: &[(f64, f64)]) -> f64 {
+    let (mut own, mut all, mut squares) = (0.0, 0.0, 0.0);
+    for (share, off) in rows {
+        own += share * off;
+        all += share;
+        squares += share * share;
+    }
+    // What as many rows of the same weight are off by chance.
+    let chance = (2.0 * squares).sqrt() / all;
+    if own > (1.0 + CHANCE * chance) * all { own / all } else { 1.0 }
+}
+
+/// By row: the variance that it counts with, and its square in units of what is expected of it.
+fn off(residual: &DVector<f64>, segments: &[Segment], worth: &[SegmentCertainty], freedom: f64) -> Vec<(f64, f64)> {
+    let of_segment = |(segment, worth): (&Segment, &SegmentCertainty)| {
+        let own = residual.rows(segment.range.start, segment.range.len());
+        let rows = own.len() as f64;
+        let mean = own.norm_squared() / rows;
+        let weight = mean * freedom * rows / worth.effective_rows;
+        own.iter().map(|off| (weight, off * off / mean)).collect::<Vec<_>>()
+    };
+    segments.iter().zip(worth).flat_map(of_segment).collect()
+}
+
 /// Standard deviation of a parameter of which nothing but its range is known.
 #[must_use]
 pub fn uniform_sigma((min, max): (f64, f64)) -> f64 {
@@ -106,7 +148,7 @@ pub fn uniform_sigma((min, max): (f64, f64)) -> f64 {
 
 /// Inverse of a normal matrix without the directions that it does not determine, and the sets of
 /// parameters that take part in those together.
-fn inverse(normal: &DMatrix<f64>) -> (DMatrix<f64>, Vec<Vec<usize>>) {
+pub(super) fn inverse(normal: &DMatrix<f64>) -> (DMatrix<f64>, Vec<Vec<usize>>) {
     let p = normal.nrows();
     let scale: Vec<f64> = (0..p).map(|index| normal[(index, index)].sqrt()).map(|root| if root > 0.0 { root } else { 1.0 }).collect();
     let scaled = DMatrix::from_fn(p, p, |i, j| normal[(i, j)] / (scale[i] * scale[j]));
@@ -159,6 +201,31 @@ mod tests {
         let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE]);
         assert!((certainty.segments[0].effective_rows - 20.0).abs() < 3.0, "{certainty:?}");
         assert!((certainty.sigma[0].unwrap() - 20f64.powf(-0.5)).abs() < 0.03, "{certainty:?}");
+    }
+
+    /// A slope through the origin, y = b x, of rows that err in proportion to x: sigma² = sum x² e² / (sum x²)², and not s² / sum x².
+    #[test]
+    fn rows_that_err_more_where_a_number_hangs_on_them_widen_its_sigma() {
+        let n = 4000;
+        let x = |row: usize| (row % 10) as f64;
+        // No two that follow each other are alike.
+        let sign = |row: usize| if row.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let residual = DVector::from_fn(n, |row, _| sign(row) * x(row));
+        let jacobian = DMatrix::from_fn(n, 1, |row, _| -x(row));
+        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE]);
+        let sum = |power: i32| (0..n).map(|row| x(row).powi(power)).sum::<f64>();
+        let (expected, plain) = (sum(4).sqrt() / sum(2), (sum(2) / n as f64 / sum(2)).sqrt());
+        assert!(
+            (certainty.sigma[0].unwrap() / expected - 1.0).abs() < 0.02 && expected > 1.3 * plain,
+            "{certainty:?}, {expected}, {plain}"
+        );
+    }
+
+    #[test]
+    fn so_few_rows_that_chance_may_have_it_widen_nothing() {
+        let rows = |off: f64| [(1.0, off), (1.0, 1.0), (1.0, 1.0)];
+        assert_eq!(wider(&rows(3.0)), 1.0);
+        assert_eq!(wider(&rows(9.0)), 11.0 / 3.0);
     }
 
     #[test]

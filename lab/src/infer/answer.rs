@@ -286,7 +286,7 @@ fn own_parameters(trial: &Trial) -> Vec<(&'static str, f64, Option<f64>)> {
 /// than its range has none, one that was stated better than they know it is as it was stated.
 #[must_use]
 pub fn deviations(state: &State) -> Vec<(usize, f64, Option<f64>)> {
-    let sigmas = state.sigmas();
+    let sigmas = state.sigmas_by_rows();
     let of = |(place, &index): (usize, &usize)| {
         if let Some((value, sigma)) = state.better_as_stated(place) {
             return (index, value, Some(sigma));

@@ -120,7 +120,16 @@ impl State {
     /// directions that they leave open, what was known before; at most what its range says.
     #[must_use]
     pub fn sigmas(&self) -> Vec<f64> {
-        let covariance = self.covariance();
+        self.sigmas_of(&self.covariance())
+    }
+
+    /// The same as rows bear it out (see [`State::covariance_by_rows`]).
+    #[must_use]
+    pub fn sigmas_by_rows(&self) -> Vec<f64> {
+        self.sigmas_of(&self.covariance_by_rows())
+    }
+
+    fn sigmas_of(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
         let open = self.left_open().map(|(along, covariance)| &along * covariance * along.transpose());
         let of = |(place, &index): (usize, &usize)| {
             let variance = covariance[(place, place)] + open.as_ref().map_or(0.0, |open| open[(place, place)]);

@@ -8,6 +8,7 @@ use super::discover::AS_WELL;
 use super::evidence::Evidence;
 use super::state::State;
 use super::trial::{Trial, held_out};
+use crate::floor::EXPLAINED;
 use crate::report::quantity::unit_of;
 
 /// Why a refitted effect is not accepted.
@@ -39,8 +40,6 @@ const FALL: f64 = 0.1;
 /// their form: 5 % of the RMS. Straight lines between seven points of a table miss 3 to 4 % of the RMS of a hyperbola or an
 /// exponential, and textbook laws are seldom nearer.
 const FORM: f64 = 0.05 * 0.05;
-/// RMS over floor up to which a channel is explained.
-const EXPLAINED: f64 = 1.05;
 /// Deviations of one reading from which on a change of a measured channel is no small one,
 /// whatever a decision would notice.
 const SEEN: f64 = 2.0;

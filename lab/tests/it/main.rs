@@ -13,6 +13,7 @@ mod little_left;
 mod made_up;
 mod measured;
 mod noisy_current;
+mod noisy_speed;
 mod other_numbers;
 mod propose;
 mod real_logs;
