@@ -88,8 +88,8 @@ pub fn fit(model: &Arc<Model>, logs: &[Prepared], free: &[usize], progress: &mut
     if !problem.at(&start).0.iter().all(|residual| residual.is_finite()) {
         return Err(FitError::NotFinite);
     }
-    let solution = problem.undiluted(minimise(&problem, &start, &bounds, progress), &bounds);
-    let certainty = certainty(&solution.jacobian, &solution.residual, &problem.segments(), &bounds);
+    let (solution, is_noise) = problem.undiluted(minimise(&problem, &start, &bounds, progress), &bounds);
+    let certainty = certainty(&solution.jacobian, &solution.residual, &problem.segments(), &bounds, is_noise);
     let values = problem.values(&solution.at);
     Ok(Fit { free: free.to_vec(), values, solution, certainty, rows })
 }

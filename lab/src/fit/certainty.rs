@@ -7,8 +7,8 @@
 //!
 //! `Cov = A⁻¹ (Σ_l s_l² (1 + rho_l) / (1 - rho_l) A_l) A⁻¹`,  `A = Σ_l A_l`.
 //!
-//! Where rows do not all err alike, and a parameter hangs on those that err more, its deviation is as much larger as those rows bear out (see
-//! [`wider`]).
+//! Where noise is all that is left, but rows do not all err alike, and a parameter hangs on those that err more, its deviation is as much larger as
+//! those rows bear out (see [`wider`]). What a wrong model leaves of some rows is not what they err by.
 //!
 //! This holds while residuals are small against the curvature of the model and is too hopeful
 //! where the model is wrong in a way that one lag does not show. Parameters at a bound count as
@@ -62,9 +62,15 @@ pub struct Certainty {
 /// Eigenvalue of the scaled normal matrix below which a direction is not determined.
 const SINGULAR: f64 = 1e-12;
 
-/// Judges a fit from its Jacobian and residuals.
+/// Judges a fit from its Jacobian and residuals; `is_noise` says that these are noise.
 #[must_use]
-pub fn certainty(jacobian: &DMatrix<f64>, residual: &DVector<f64>, segments: &[Segment], bounds: &[(f64, f64)]) -> Certainty {
+pub fn certainty(
+    jacobian: &DMatrix<f64>,
+    residual: &DVector<f64>,
+    segments: &[Segment],
+    bounds: &[(f64, f64)],
+    is_noise: bool,
+) -> Certainty {
     let n = residual.len() as f64;
     let p = jacobian.ncols();
     let freedom = n / (n - p as f64).max(1.0);
@@ -86,14 +92,11 @@ pub fn certainty(jacobian: &DMatrix<f64>, residual: &DVector<f64>, segments: &[S
     let silent: Vec<bool> = (0..p).map(|index| normal[(index, index)] == 0.0).collect();
     let (inverse, tangled) = inverse(&normal);
     let covariance = &inverse * middle * &inverse;
-    let off = off(residual, segments, &worth, freedom);
-    let influence = &inverse * jacobian.transpose();
-    let wider = DVector::from_fn(p, |index, _| {
-        let of_rows =
-            influence.row(index).iter().zip(&off).map(|(of_row, (weight, off))| (of_row * of_row * weight, *off)).collect::<Vec<_>>();
-        wider(&of_rows)
-    });
-    let covariance = DMatrix::from_fn(p, p, |i, j| covariance[(i, j)] * (wider[i] * wider[j]).sqrt());
+    let covariance = if is_noise {
+        covariance_by_rows(covariance, &(&inverse * jacobian.transpose()), &off(residual, segments, &worth, freedom))
+    } else {
+        covariance
+    };
     let sigma: Vec<Option<f64>> = (0..p)
         .map(|index| {
             let sigma = covariance[(index, index)].max(0.0).sqrt();
@@ -126,6 +129,17 @@ pub(crate) fn wider(rows: &[(f64, f64)]) -> f64 {
     // What as many rows of the same weight are off by chance.
     let chance = (2.0 * squares).sqrt() / all;
     if own > (1.0 + CHANCE * chance) * all { own / all } else { 1.0 }
+}
+
+/// The covariance as rows bear it out; `influence` is what each row moves each parameter by.
+fn covariance_by_rows(covariance: DMatrix<f64>, influence: &DMatrix<f64>, off: &[(f64, f64)]) -> DMatrix<f64> {
+    let wider = |index: usize| {
+        let of_rows = influence.row(index);
+        let rows = of_rows.iter().zip(off).map(|(of_row, (variance, off))| (of_row * of_row * variance, *off));
+        wider(&rows.collect::<Vec<_>>()).sqrt()
+    };
+    let wider: Vec<f64> = (0..covariance.nrows()).map(wider).collect();
+    DMatrix::from_fn(wider.len(), wider.len(), |i, j| covariance[(i, j)] * wider[i] * wider[j])
 }
 
 /// By row: the variance that it counts with, and its square in units of what is expected of it.
@@ -189,7 +203,7 @@ mod tests {
         // Residuals +1, +1, -1, -1, ...: lag 1 is about 0, variance 1, so sigma = 1 / sqrt(n).
         let n = 400;
         let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
-        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE]);
+        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE], true);
         assert!((certainty.sigma[0].unwrap() - 0.05).abs() < 2e-3, "{certainty:?}");
     }
 
@@ -198,7 +212,7 @@ mod tests {
         // Blocks of 20 equal residuals: lag 1 = 0.9, so 400 rows are worth about 20.
         let n = 400;
         let residual = DVector::from_fn(n, |row, _| if (row / 20) % 2 == 0 { 1.0 } else { -1.0 });
-        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE]);
+        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE], true);
         assert!((certainty.segments[0].effective_rows - 20.0).abs() < 3.0, "{certainty:?}");
         assert!((certainty.sigma[0].unwrap() - 20f64.powf(-0.5)).abs() < 0.03, "{certainty:?}");
     }
@@ -212,7 +226,7 @@ mod tests {
         let sign = |row: usize| if row.is_multiple_of(2) { 1.0 } else { -1.0 };
         let residual = DVector::from_fn(n, |row, _| sign(row) * x(row));
         let jacobian = DMatrix::from_fn(n, 1, |row, _| -x(row));
-        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE]);
+        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE], true);
         let sum = |power: i32| (0..n).map(|row| x(row).powi(power)).sum::<f64>();
         let (expected, plain) = (sum(4).sqrt() / sum(2), (sum(2) / n as f64 / sum(2)).sqrt());
         assert!(
@@ -237,7 +251,7 @@ mod tests {
             _ => 1.0,
         });
         let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
-        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE; 4]);
+        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE; 4], true);
         assert_eq!(certainty.sigma.iter().map(Option::is_some).collect::<Vec<_>>(), [false, false, false, true]);
         assert_eq!(certainty.silent, [false, false, true, false]);
         assert_eq!(certainty.tangled, [[0, 1]]);

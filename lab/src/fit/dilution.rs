@@ -7,6 +7,7 @@ use nalgebra::DVector;
 
 use super::certainty::inverse;
 use super::{LeastSquares, Problem, Solution};
+use crate::compare::WITHIN;
 use crate::floor::EXPLAINED;
 use crate::input_noise::{input_noise, noisier, with_inputs};
 
@@ -14,11 +15,12 @@ use crate::input_noise::{input_noise, noisier, with_inputs};
 const PAIRS: usize = 1;
 
 impl Problem<'_> {
-    /// The minimum with numbers that the noise of inputs has not drawn aside; the same where that does not count.
-    pub(super) fn undiluted(&self, solution: Solution, bounds: &[(f64, f64)]) -> Solution {
-        let (counts, explained) = self.noise_of_inputs(&solution);
-        if !counts || !explained {
-            return solution;
+    /// The minimum with numbers that the noise of inputs has not drawn aside; the same where that does not count. And whether noise is all that
+    /// is left.
+    pub(super) fn undiluted(&self, solution: Solution, bounds: &[(f64, f64)]) -> (Solution, bool) {
+        let (counts, ratio) = self.over_floor(&solution);
+        if !counts || ratio > EXPLAINED {
+            return (solution, ratio <= WITHIN);
         }
         let (mut pull, mut draws) = (DVector::zeros(solution.at.len()), 0.0);
         for logs in noisier(self.model, self.logs, PAIRS) {
@@ -40,22 +42,22 @@ impl Problem<'_> {
         let at: Vec<f64> = solution.at.iter().zip(moves.iter()).zip(bounds).map(back).collect();
         let (residual, jacobian) = self.at(&at);
         let undiluted = Solution { at, residual, jacobian, ..solution.clone() };
-        if self.noise_of_inputs(&undiluted).1 { undiluted } else { solution }
+        (if self.over_floor(&undiluted).1 <= EXPLAINED { undiluted } else { solution }, true)
     }
 
-    /// Whether the noise of inputs adds to the floor of any channel, and whether all are explained down to theirs.
-    fn noise_of_inputs(&self, solution: &Solution) -> (bool, bool) {
+    /// Whether the noise of inputs adds to the floor of any channel, and RMS over floor of the worst; infinite where a floor is not known.
+    fn over_floor(&self, solution: &Solution) -> (bool, f64) {
         let values = self.values(&solution.at);
         let of_inputs: Vec<_> = self.logs.iter().map(|log| input_noise(self.model, log, &values)).collect();
-        let (mut counts, mut explained) = (false, true);
+        let (mut counts, mut worst) = (false, 0.0_f64);
         for ((log, target, weight), segment) in self.targets().zip(self.segments()) {
             let noise = of_inputs[log].iter().find(|(channel, _)| *channel == target.channel).map_or(0.0, |(_, noise)| *noise);
             let floor = with_inputs(target.floor, noise);
             let rows = solution.residual.rows(segment.range.start, segment.range.len());
             let rms = weight * (rows.norm_squared() / rows.len().max(1) as f64).sqrt();
             counts |= floor > target.floor;
-            explained &= rms <= EXPLAINED * floor;
+            worst = worst.max(if floor > 0.0 { rms / floor } else { f64::INFINITY });
         }
-        (counts, explained)
+        (counts, worst)
     }
 }

@@ -1,16 +1,22 @@
 //! How much less certain numbers are where rows do not all err alike (see [`wider`]), on innovations, of which each is independent of those
-//! before.
+//! before. Only where noise is all that is left: what a wrong model leaves of some rows is not what they err by.
 
 use nalgebra::DMatrix;
 
 use super::state::State;
+use crate::compare::WITHIN;
 use crate::fit::wider;
 
 impl State {
     /// Covariance of all unknowns (see [`State::covariance`]) as rows bear it out: no variance is less.
     #[must_use]
     pub fn covariance_by_rows(&self) -> DMatrix<f64> {
-        let (covariance, lens) = (self.covariance(), self.lens(&self.noise));
+        let covariance = self.covariance();
+        let evidence = &self.frame.evidence;
+        if !self.rms().iter().all(|&(channel, rms)| rms <= WITHIN * evidence.floor(channel)) {
+            return covariance;
+        }
+        let lens = self.lens(&self.noise);
         let influence = &covariance * &lens.design;
         let wider = |unknown: usize| {
             let rows: Vec<(f64, f64)> =
