@@ -16,6 +16,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Model};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use self::dictionary::{COEFFICIENTS, Term, dictionary, rhythm};
 use self::periodic::{CLOCK, at_one_phase, set_clocks};
@@ -31,6 +32,8 @@ use super::trial::held_out;
 
 /// Most terms of a proposal.
 const TERMS_MAX: usize = 3;
+/// Terms in one walk: as many as one dual number has derivatives to spare.
+const TOGETHER: usize = 4;
 /// Terms that are weighed with the noise they leave, and that are refitted.
 const WEIGHED: usize = 12;
 const REFITTED: usize = 3;
@@ -201,23 +204,10 @@ impl<'a> Look<'a> {
 
     /// The term that leaves the best model, refitted; none when no term says anything.
     fn best<'t>(&self, terms: &'t [Term]) -> Option<(State, &'t Term)> {
-        let mut scored: Vec<(Seen, &Term)> = Vec::new();
         let (periodic, others): (Vec<&Term>, Vec<&Term>) = terms.iter().partition(|term| term.period_s.is_some());
-        scored.extend(periodic.into_iter().filter_map(|term| Some((self.at_its_phases(term)?, term))));
-        // As many in one walk as one dual number has derivatives to spare.
-        for chunk in others.chunks(4) {
-            let names: Vec<String> = (0..chunk.len()).map(|index| format!("term_{index}")).collect();
-            let mut model = fitted(self.state);
-            for (term, name) in chunk.iter().zip(&names) {
-                model = model.with_expression(&term.definition(name.clone(), &vec![0.0; term.parts.len()])).ok()?;
-            }
-            let (frame, x) = extended(self.state, model);
-            for (term, name) in chunk.iter().zip(&names) {
-                let by: Vec<usize> = COEFFICIENTS[..term.parts.len()].iter().filter_map(|k| unknown(&frame, name, k)).collect();
-                let (_, columns) = frame.linearise(&x, &by);
-                scored.extend(self.gain(columns).map(|seen| (seen, *term)));
-            }
-        }
+        let mut scored: Vec<(Seen, &Term)> = periodic.into_par_iter().filter_map(|term| Some((self.at_its_phases(term)?, term))).collect();
+        let others: Option<Vec<_>> = others.par_chunks(TOGETHER).map(|terms| self.scores(terms)).collect();
+        scored.extend(others?.into_iter().flatten());
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         // Of one form at several shapes only the best goes on.
         let mut forms: Vec<(Channel, &[String])> = Vec::new();
@@ -233,15 +223,31 @@ impl<'a> Look<'a> {
         weighed.sort_by(|a, b| a.0.total_cmp(&b.0));
         weighed.truncate(REFITTED);
         let name = next_name(&self.state.frame.model);
-        let refitted = weighed.into_iter().filter_map(|(_, Seen { sizes, clocks_s, .. }, term)| {
+        let refitted = weighed.into_par_iter().filter_map(|(_, Seen { sizes, clocks_s, .. }, term)| {
             let (frame, mut x) = extended(self.state, with_term(self.state, term, name.clone(), &sizes)?);
             set_clocks(&frame, &mut x, &clocks_s);
             let state = State::search(Arc::new(frame), &x, f64::NEG_INFINITY);
             Some((if term.period_s.is_some() { state.or_with_other_starts() } else { state }, term))
         });
-        refitted
-            .filter(|(state, _)| state.bic().is_finite() && !loose(state).contains(&name))
-            .min_by(|(a, _), (b, _)| a.bic().total_cmp(&b.bic()))
+        let refitted: Vec<(State, &Term)> = refitted.collect();
+        let sound = refitted.into_iter().filter(|(state, _)| state.bic().is_finite() && !loose(state).contains(&name));
+        sound.min_by(|(a, _), (b, _)| a.bic().total_cmp(&b.bic()))
+    }
+
+    /// What a linear refit with each of some terms says, those left out that say nothing; none where a term goes into no model.
+    fn scores<'t>(&self, terms: &[&'t Term]) -> Option<Vec<(Seen, &'t Term)>> {
+        let names: Vec<String> = (0..terms.len()).map(|index| format!("term_{index}")).collect();
+        let mut model = fitted(self.state);
+        for (term, name) in terms.iter().zip(&names) {
+            model = model.with_expression(&term.definition(name.clone(), &vec![0.0; term.parts.len()])).ok()?;
+        }
+        let (frame, x) = extended(self.state, model);
+        let score = |(term, name): (&&'t Term, &String)| {
+            let by: Vec<usize> = COEFFICIENTS[..term.parts.len()].iter().filter_map(|k| unknown(&frame, name, k)).collect();
+            let (_, columns) = frame.linearise(&x, &by);
+            Some((self.gain(columns)?, *term))
+        };
+        Some(terms.iter().zip(&names).filter_map(score).collect())
     }
 
     /// Fall of the squared residual by these rows of derivatives, their sizes, and what they leave
