@@ -182,7 +182,8 @@ const OVERTAKE_S: f64 = 10.0;
 pub fn newer(now: Timestamp, (at, seq): (Timestamp, u64), known: Option<(Timestamp, u64)>) -> bool {
     known.is_none_or(|(known_at, known_seq)| {
         let [back_s, ahead_s] = [at, now].map(|at| known_at.seconds_since(at));
-        at > known_at || back_s > OVERTAKE_S && (seq > known_seq || ahead_s > OVERTAKE_S)
+        let is_set_right = ahead_s > OVERTAKE_S && at.seconds_since(now) <= OVERTAKE_S;
+        at > known_at || back_s > OVERTAKE_S && (seq > known_seq || is_set_right)
     })
 }
 
@@ -250,5 +251,6 @@ mod tests {
         assert!(newer(100, (at(100), 8), Some((at(3_700), 7))), "set back by an hour");
         assert!(newer(100, (at(100), 1), Some((at(3_700), 700))), "restarted, and its clock is not an hour ahead any more");
         assert!(!newer(3_700, (at(100), 6), Some((at(3_700), 7))), "a copy from before the clock was set forward");
+        assert!(!newer(100, (at(3_680), 5), Some((at(3_700), 7))), "late, from a clock that stays an hour ahead");
     }
 }

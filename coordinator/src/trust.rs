@@ -10,6 +10,8 @@ use crate::models::from_wire;
 
 /// A gauge that has not been heard for so long is stale, s, and for so many of its periods.
 const SILENT_S: f64 = 120.0;
+/// The same for a pack, s: one that rests, and whose device measures no current, is heard of every five minutes.
+const PACK_SILENT_S: f64 = 360.0;
 /// See [`SILENT_S`].
 const PERIODS_MAX: f64 = 12.0;
 /// A gauge that repeats itself for so long while its battery is drawn from is frozen, s. No gauge that measures
@@ -162,7 +164,8 @@ impl Trust {
     pub fn fault(&self, now: Timestamp, owner: &Owner) -> Option<Fault> {
         let track = self.gauges.get(owner)?;
         let arrived = track.arrived?;
-        if now.seconds_since(arrived) > SILENT_S.max(PERIODS_MAX * track.period_s()) {
+        let silent_s = if matches!(owner, Owner::Pack(..)) { PACK_SILENT_S } else { SILENT_S };
+        if now.seconds_since(arrived) > silent_s.max(PERIODS_MAX * track.period_s()) {
             return Some(Fault::Silent(arrived));
         }
         if let Some((since, times)) = track.same
@@ -185,7 +188,7 @@ impl Trust {
     #[must_use]
     pub fn station_ahead_s(&self, station: &StationId) -> f64 {
         let own = self.gauges.iter().filter(|(owner, _)| matches!(owner, Owner::Pack(known, _) if known == station));
-        own.map(|(_, track)| track.known_ahead_s()).fold(0.0, f64::max)
+        own.max_by_key(|(_, track)| track.arrived).map_or(0.0, |(_, track)| track.known_ahead_s())
     }
 
     /// What is to be told of a gauge, if that is something else than before: its fault, or that it has

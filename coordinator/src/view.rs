@@ -4,6 +4,7 @@ mod begun;
 mod crowd;
 mod fit;
 mod packs;
+mod sharing;
 mod spares;
 
 use std::cell::OnceCell;

@@ -155,8 +155,13 @@ impl Reader {
             }
             Vec::new()
         });
+        // What waited while the machine slept is older than it looks: the next report begins anew.
+        let slept = dt_s > HISTORY_LOST_S;
+        if slept {
+            self.last = None;
+        }
         let (mut counted, mut exchanged, mut supplies) = (Counted::default(), None, Vec::new());
-        for report in &reports {
+        for report in reports.iter().filter(|_| !slept) {
             self.trouble = None;
             self.tell_missing(report);
             match self.since_last(report) {

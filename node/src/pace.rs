@@ -66,7 +66,7 @@ impl Pace {
 
     fn after(&mut self, passed_s: f64, now: Timestamp) -> impl Iterator<Item = Step> + use<> {
         self.owed_s += passed_s;
-        let most_s = self.clock.fleet_s(MADE_GOOD).max(LOOK_S);
+        let most_s = self.clock.fleet_s(MADE_GOOD).max(2.0 * LOOK_S);
         let (count, dt_s) = match self.stride {
             Stride::AtOnce if self.owed_s > most_s => (1, self.owed_s),
             _ => (self.steps(most_s), LOOK_S),
@@ -87,7 +87,7 @@ impl Pace {
     /// Whole steps that are owed, `most_s` seconds of them at most.
     fn steps(&mut self, most_s: f64) -> u32 {
         if self.owed_s > most_s {
-            warn!("the machine slept: {:.0} s are left out of what is simulated", self.owed_s - most_s);
+            warn!("the machine slept, or has too much to do: {:.0} s are left out of what is simulated", self.owed_s - most_s);
             self.owed_s = most_s;
         }
         (self.owed_s / LOOK_S).floor() as u32

@@ -261,7 +261,6 @@ impl Core {
     }
 
     fn doubt_gauge(&mut self, now: Timestamp, owner: &Owner) {
-        let Some(fault) = self.trust.news(now, owner) else { return };
         let (is_lost, robot, station, pack) = match owner {
             Owner::Robot(id) => (self.fleet.robots.get(id).is_none_or(|belief| belief.lost), Some(id), None, None),
             Owner::Pack(id, pack) => (self.fleet.stations.get(id).is_none_or(|belief| belief.lost), None, Some(id), Some(pack)),
@@ -270,6 +269,7 @@ impl Core {
         if is_lost {
             return;
         }
+        let Some(fault) = self.trust.news(now, owner) else { return };
         let (kind, text) = match fault {
             Some(fault) => (EventKind::GaugeDoubted, format!("the gauge of {owner} {fault}")),
             None => (EventKind::GaugeTrusted, format!("the gauge of {owner} is believed again")),

@@ -84,8 +84,8 @@ impl Basis<'_> {
         let battery = self.models.battery(&run.robot, &state.battery)?;
         let begun = self.begun(run, 0.0);
         let drained = state.drain_w.value.max(0.0) * (begun.from_s + begun.load_s) / S_PER_H / battery.battery().stored_wh();
-        let at_once = self.beside_each_other(&run.station).max(self.side_by_side(&run.station));
-        let table = self.table_beside(at_once, &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
+        let table =
+            self.table_beside(self.sharing(&run.station), &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
         let charge_s = table.between((gauge.soc.value - drained).max(0.0), run.how.to_soc()?).charge_s;
         Some(begun.from_s + begun.load_s + charge_s + models.handling.unload_s)
     }
@@ -106,8 +106,8 @@ impl Basis<'_> {
         let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
         let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
         let factor = self.watch.wider(&Subject::Station(run.station.clone()));
-        let at_once = self.beside_each_other(&run.station).max(self.side_by_side(&run.station));
-        let table = self.table_beside(at_once, &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
+        let table =
+            self.table_beside(self.sharing(&run.station), &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
         // Until it is in its bay it lives on its own pack, and that is charged as well.
         let drain_w = if run.under_way() { state.drain_w.value.max(0.0) } else { 0.0 };
         let drained = drain_w * self.begins_s(run) / S_PER_H / battery.battery().stored_wh();

@@ -55,10 +55,13 @@ fn after_a_silence_the_gauge_starts_anew_from_what_the_device_says() {
 
 #[test]
 fn a_sleep_of_hours_in_one_step_is_a_silence_and_no_charge() {
-    let mut reader = read_from([vec![report(1.0, 0.6)], vec![report(1.0, 0.4)]]);
+    // One report waited from before.
+    let mut reader = read_from([vec![report(1.0, 0.6)], vec![report(1.0, 0.59), report(1.0, 0.4)], vec![report(1.0, 0.39)]]);
     reader.advance(1.0);
-    let after = reader.advance(28_800.0);
-    assert_eq!((after.sample.unwrap().dt_s, after.exchanged), (1.0, Some(Estimate::new(0.4, 0.05))));
+    let slept = reader.advance(28_800.0);
+    assert_eq!((slept.sample, slept.exchanged), (None, None));
+    let after = reader.advance(1.0);
+    assert_eq!((after.sample.unwrap().dt_s, after.exchanged), (1.0, Some(Estimate::new(0.39, 0.05))));
 }
 
 #[test]

@@ -149,7 +149,7 @@ fn off(residual: &DVector<f64>, segments: &[Segment], worth: &[SegmentCertainty]
         let rows = own.len() as f64;
         let mean = own.norm_squared() / rows;
         let weight = mean * freedom * rows / worth.effective_rows;
-        own.iter().map(|off| (weight, off * off / mean)).collect::<Vec<_>>()
+        own.iter().map(|off| (weight, if mean > 0.0 { off * off / mean } else { 1.0 })).collect::<Vec<_>>()
     };
     segments.iter().zip(worth).flat_map(of_segment).collect()
 }

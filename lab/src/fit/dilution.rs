@@ -6,7 +6,7 @@
 use nalgebra::DVector;
 
 use super::certainty::inverse;
-use super::{LeastSquares, Problem, Solution};
+use super::{LeastSquares, Problem, Side, Solution};
 use crate::compare::WITHIN;
 use crate::floor::EXPLAINED;
 use crate::input_noise::{input_noise, noisier, with_inputs};
@@ -41,7 +41,13 @@ impl Problem<'_> {
         let back = |((at, moves), (min, max)): ((&f64, &f64), &(f64, f64))| (at - moves).clamp(*min, *max);
         let at: Vec<f64> = solution.at.iter().zip(moves.iter()).zip(bounds).map(back).collect();
         let (residual, jacobian) = self.at(&at);
-        let undiluted = Solution { at, residual, jacobian, ..solution.clone() };
+        let side = |((x, (min, max)), before): ((&f64, &(f64, f64)), &Option<Side>)| match *before {
+            None if x <= min => Some(Side::Min),
+            None if x >= max => Some(Side::Max),
+            before => before,
+        };
+        let bound = at.iter().zip(bounds).zip(&solution.bound).map(side).collect();
+        let undiluted = Solution { at, residual, jacobian, bound, ..solution.clone() };
         (if self.over_floor(&undiluted).1 <= EXPLAINED { undiluted } else { solution }, true)
     }
 
@@ -56,7 +62,7 @@ impl Problem<'_> {
             let rows = solution.residual.rows(segment.range.start, segment.range.len());
             let rms = weight * (rows.norm_squared() / rows.len().max(1) as f64).sqrt();
             counts |= floor > target.floor;
-            worst = worst.max(if floor > 0.0 { rms / floor } else { f64::INFINITY });
+            worst = worst.max(if floor > 0.0 && rms.is_finite() { rms / floor } else { f64::INFINITY });
         }
         (counts, worst)
     }

@@ -46,7 +46,8 @@ impl Agent {
 
     /// What a person should look after.
     fn note(&self) -> Option<String> {
-        let senseless = self.packs.iter().filter_map(|pack| Some(format!("{}: {}", pack.id, pack.senseless.as_ref()?)));
+        let senseless = self.packs.iter().filter(|pack| pack.connected);
+        let senseless = senseless.filter_map(|pack| Some(format!("{}: {}", pack.id, pack.senseless.as_ref()?)));
         let all: Vec<String> = self.trouble.iter().cloned().chain(senseless).collect();
         let told = (!all.is_empty()).then(|| all.join("; "));
         told.or_else(|| (!self.powered).then(|| self.why_down().to_owned()))

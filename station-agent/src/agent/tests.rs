@@ -146,6 +146,7 @@ fn reason(outcome: &Outcome) -> (Rejection, &str) {
     }
 }
 
+/// What a robot at this station says.
 fn says(bench: &mut Bench, name: &str, phase: RobotPhase) {
     let state = RobotState {
         at: bench.now,

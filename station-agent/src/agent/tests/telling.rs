@@ -21,7 +21,6 @@ fn what_is_expected_is_told_with_its_time_and_that_moves_only_when_it_is_another
     assert_eq!(told(700.0, None), [Some(703.0), None]);
 }
 
-/// What a robot at this station says.
 #[test]
 fn a_reading_is_told_once_and_one_that_makes_no_sense_not_at_all() {
     let mut bench = bench();
