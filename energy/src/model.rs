@@ -39,6 +39,8 @@ pub struct Parameter {
     pub min: f64,
     /// Greatest value that a fit may try.
     pub max: f64,
+    /// Effect and name of the parameter whose value it has in a fit, where two stand for one thing.
+    pub follows: Option<(&'static str, &'static str)>,
 }
 
 impl Parameter {

@@ -174,6 +174,7 @@ fn parameter(
         return Err(fail(format!("sigma = {} must be finite and >= 0", raw.sigma)));
     }
     let own = OwnParameter { name: name.to_owned(), meaning: raw.meaning, value: raw.value, null: raw.null, min, max };
-    let one = Parameter { effect: "", name: "", value: raw.value, sigma: raw.sigma, source: raw.source, free: raw.free, min, max };
+    let one =
+        Parameter { effect: "", name: "", value: raw.value, sigma: raw.sigma, source: raw.source, free: raw.free, min, max, follows: None };
     Ok((own, one))
 }

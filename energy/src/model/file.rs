@@ -290,6 +290,7 @@ pub(super) fn default_parameter(effect: &'static str, spec: &'static ParameterSp
         free: false,
         min: spec.min,
         max: spec.max,
+        follows: None,
     }
 }
 
@@ -315,5 +316,15 @@ fn parameter(
     if !raw.sigma.is_finite() || raw.sigma < 0.0 {
         return Err(fail(format!("sigma = {} must be finite and >= 0", raw.sigma)));
     }
-    Ok(Parameter { effect, name: spec.name, value: raw.value, sigma: raw.sigma, source: raw.source, free: raw.free, min, max })
+    Ok(Parameter {
+        effect,
+        name: spec.name,
+        value: raw.value,
+        sigma: raw.sigma,
+        source: raw.source,
+        free: raw.free,
+        min,
+        max,
+        follows: None,
+    })
 }

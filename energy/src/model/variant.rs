@@ -70,6 +70,20 @@ impl Model {
         self
     }
 
+    /// The same model with these, each an effect and a name, to be fitted as one number: the first, which all others follow.
+    #[must_use]
+    pub fn freed_as_one(mut self, numbers: &[(&'static str, &'static str)]) -> Model {
+        let Some((first, others)) = numbers.split_first() else { return self };
+        for parameter in &mut self.parameters {
+            let own = (parameter.effect, parameter.name);
+            parameter.free |= own == *first;
+            if others.contains(&own) {
+                parameter.follows = Some(*first);
+            }
+        }
+        self
+    }
+
     /// The same model with some of an effect's parameters as they are where nobody states them, and not to be fitted.
     #[must_use]
     pub fn unstated(mut self, effect: &EffectSpec, names: &[&str]) -> Model {

@@ -24,6 +24,8 @@ pub struct Frame {
     pub evidence: Arc<Evidence>,
     /// Indices of the free parameters into [`Model::parameters`].
     pub free: Vec<usize>,
+    /// Parameters that have the value of another, and that one.
+    followers: Vec<(usize, usize)>,
     /// What is only roughly known.
     pub known: Vec<Known>,
     /// Where the error of an OCV table may bend.
@@ -41,6 +43,9 @@ impl Frame {
     #[must_use]
     pub fn new(model: Arc<Model>, evidence: Arc<Evidence>) -> Frame {
         let free = (0..model.parameters().len()).filter(|&index| model.parameters()[index].free).collect();
+        let parameters = model.parameters().iter().enumerate();
+        let place_of = |own: (&str, &str)| model.parameters().iter().position(|one| (one.effect, one.name) == own);
+        let followers = parameters.filter_map(|(index, one)| Some((index, place_of(one.follows?)?))).collect();
         let known = rough(&model, &evidence.logs);
         let knots = match &model.facts {
             Facts::Battery(facts) => knots(facts.ocv.points().0),
@@ -53,7 +58,7 @@ impl Frame {
         });
         let between = parts.chain(knots.last().copied()).map(|soc| (soc, weights(&knots, soc))).collect();
         let reads_curve = model.effects().any(|effect| effect.reads_curve());
-        Frame { model, evidence, free, known, knots, between, reads_curve }
+        Frame { model, evidence, free, followers, known, knots, between, reads_curve }
     }
 
     /// The same model on coarser evidence of the same logs; the same where there is none.
@@ -94,6 +99,9 @@ impl Frame {
         let mut values = self.model.values();
         for (&index, &value) in self.free.iter().zip(x) {
             values[index] = value;
+        }
+        for &(index, first) in &self.followers {
+            values[index] = values[first];
         }
         values
     }
@@ -185,6 +193,7 @@ impl Frame {
     }
 
     fn unknown_of_parameter(&self, index: usize) -> Option<usize> {
+        let index = self.followers.iter().find(|(follower, _)| *follower == index).map_or(index, |(_, first)| *first);
         self.free.iter().position(|&free| free == index)
     }
 

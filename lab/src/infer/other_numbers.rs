@@ -4,6 +4,7 @@
 //! taken for an effect that does the same (a mass that is a fifth too small for friction in the gears), and only who
 //! stated it can know.
 
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -55,13 +56,14 @@ pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
     let Some(asked) = Asked::between(&given, found) else { return Vec::new() };
     let evidence = &given.frame.evidence;
     let of_effects = alike(model).into_iter().filter_map(|alike| {
-        let freed = Model::clone(model).freed(|parameter| alike.iter().any(|one| same(one, parameter)));
+        // As one number: that each may be another says nothing of the one that stands in the file.
+        let numbers: Vec<_> = alike.iter().map(|one| (one.effect, one.name)).collect();
+        let freed = Model::clone(model).freed_as_one(&numbers);
         let state = State::of_model(Arc::new(freed), Arc::clone(evidence)).with_what_is_open_as_before();
-        let sigmas = state.sigmas();
-        let own = |&place: &usize| alike.iter().any(|one| same(one, &state.frame.model.parameters()[state.frame.free[place]]));
-        let place = (0..sigmas.len()).filter(own).min_by(|&a, &b| sigmas[a].total_cmp(&sigmas[b]))?;
-        let numbers = alike.iter().map(|one| format!("{}.{}", one.effect, one.name)).collect();
-        asked.tell(&state, numbers, alike[0].value, state.x[place], sigmas[place])
+        let own = |&index: &usize| (state.frame.model.parameters()[index].effect, state.frame.model.parameters()[index].name) == numbers[0];
+        let place = state.frame.free.iter().position(own)?;
+        let names = numbers.iter().map(|(effect, name)| format!("{effect}.{name}")).collect();
+        asked.tell(&state, names, alike[0].value, state.x[place], state.sigmas()[place])
     });
     // What it is off by, where that is surely something, or another unit is what explains.
     let of_sensor = |logs: &[Prepared], what: Rough, wider: Sensor, in_other_unit: bool| {
@@ -119,7 +121,9 @@ pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
     // That all inputs are early and that what they bring about is late is one thing: what explains most comes first.
     let mut delays: Vec<OtherNumber> = late.chain(late_inputs).collect();
     delays.sort_by(|a, b| b.explained.total_cmp(&a.explained));
-    of_effects.chain(delays).chain(gains).chain(offsets).collect()
+    let mut all: Vec<OtherNumber> = of_effects.chain(delays).chain(gains).chain(offsets).collect();
+    all.sort_by_key(|number| Reverse((100.0 * number.explained).round() as i64));
+    all
 }
 
 /// The model fitted to the logs with one input moved by as many whole rows as leave least, that time, and that of one row, s; none where
@@ -200,10 +204,6 @@ fn alike(model: &Model) -> Vec<Vec<&Parameter>> {
         }
     }
     all
-}
-
-fn same(one: &Parameter, other: &Parameter) -> bool {
-    one.effect == other.effect && one.name == other.name
 }
 
 /// Whether something is only there or not: it has no gain.

@@ -27,7 +27,7 @@ use super::frame::Frame;
 use super::judge::explained;
 use super::lens::{Absorber, Lens, product, square, whiten_all};
 use super::score::left_cost;
-use super::state::State;
+use super::state::{State, noises};
 use super::trial::held_out;
 
 /// Most terms of a proposal.
@@ -109,7 +109,10 @@ impl Proposal {
 pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Evidence>) -> Proposal {
     let fitted = |evidence: Arc<Evidence>| {
         let frame = Arc::new(Frame::new(Arc::clone(&model), evidence));
-        State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame))
+        let state = State::fit(Arc::clone(&frame), &frame.start(), &State::white(&frame));
+        // Where nothing was to be moved, the noise that is left is still to be asked for.
+        let settled = State::fit(Arc::clone(&frame), &state.x, &noises(&frame, &state.residual));
+        if settled.cost < state.cost { settled } else { state }
     };
     let (mut base, mut holdout) = (fitted(evidence.for_formulas(&model)), holdout.for_formulas(&model));
     if let Some((evidence, Some(held))) = resettled(&base, Some(&holdout)) {
@@ -138,6 +141,10 @@ pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Eviden
         let Some((state, term)) = look.best(&terms) else { break };
         let delta_bic = found.state.bic() - state.bic();
         if delta_bic < DELTA_BIC + 2.0 * (terms.len() as f64).ln() {
+            break;
+        }
+        let training = &found.state.frame.evidence;
+        if error(training, &state.rms()) >= error(training, &found.state.rms()) {
             break;
         }
         let name = next_name(&found.state.frame.model);

@@ -37,7 +37,7 @@ pub struct State {
     /// Information about the unknowns, with what is known of the rough numbers.
     pub normal: DMatrix<f64>,
     /// Half the fall of the cost along each unknown: nil but for those that rest on a bound.
-    pull: DVector<f64>,
+    pub(super) pull: DVector<f64>,
     /// Derivatives of the predictions: one row per unknown, one column per judged row.
     slopes: Arc<DMatrix<f64>>,
     /// Free parameters on which the logs have a say.
@@ -213,11 +213,15 @@ impl State {
         }
     }
 
-    /// The state at other unknowns that explain the rows as well; none where they do not.
-    pub(super) fn moved_to(&self, x: &[f64]) -> Option<State> {
+    /// The state at other unknowns, through the same noise.
+    pub(super) fn at(&self, x: &[f64]) -> State {
         let place = Place::at(&self.frame, x.to_vec(), self.noise.clone(), &all(&self.frame), Derived::Here);
-        let moved = State::of(Arc::clone(&self.frame), place);
-        (moved.cost <= self.cost + AS_GOOD).then_some(moved)
+        State::of(Arc::clone(&self.frame), place)
+    }
+
+    /// The same, where they explain the rows as well; none where they do not.
+    pub(super) fn moved_to(&self, x: &[f64]) -> Option<State> {
+        Some(self.at(x)).filter(|moved| moved.cost <= self.cost + AS_GOOD)
     }
 
     /// The same fitted again from there.

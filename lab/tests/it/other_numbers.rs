@@ -151,3 +151,84 @@ fn numbers_that_are_each_off_by_no_more_than_is_stated_are_told_together() {
     let search = search(Arc::clone(&base), Arc::new(Evidence::new(&base, logs.clone())), None);
     assert_eq!(within_stated(&base, &logs, search.last.told()), Vec::new());
 }
+
+/// A robot that rolls, climbs and speeds up with one mass, and drags.
+fn cart(mass_kg: f64, force_n: f64) -> Arc<Model> {
+    let mass = format!("mass_kg = {{ value = {mass_kg}, source = \"scale\", sigma = 0.3 }}");
+    let text = format!(
+        r#"
+schema = 1
+system = "robot"
+name = "cart"
+[sensor.power_w]
+sigma = 0.1
+[[effect]]
+id = "idle"
+idle_w = {{ value = 12.0, source = "t" }}
+[[effect]]
+id = "rolling"
+rolling_coefficient = {{ value = 0.018, source = "t", sigma = 0.002 }}
+{mass}
+[[effect]]
+id = "slope"
+{mass}
+[[effect]]
+id = "acceleration"
+{mass}
+[[effect]]
+id = "dry_friction"
+force_n = {{ value = {force_n}, source = "t", sigma = 0.5 }}
+"#
+    );
+    Arc::new(Model::parse("cart.toml", &text, &|_| Err("no table".to_owned())).unwrap())
+}
+
+fn drives(base: &Arc<Model>, truth: &Arc<Model>) -> Vec<Prepared> {
+    let row = |row: usize| {
+        let (speed, pitch) = ([0.0, 0.4, 0.9, 1.3, 0.6][row / 40 % 5], [0.0, 0.03, -0.02, 0.06][row / 90 % 4]);
+        format!("{row},{speed},0,{pitch},{},0,20\n", [0.0, 0.1, -0.1, 0.2][row / 17 % 4])
+    };
+    let header = "time_s,speed_mps,yaw_rate_radps,pitch_rad,accel_mps2,payload_kg,power_w\n";
+    let text = format!("{header}{}", (0..2000).map(row).collect::<String>());
+    let log = read_log("drive.csv", text.as_bytes(), LogFacts::default()).unwrap();
+    let shown = predict(truth, &prepare(truth, &log).unwrap(), &truth.values());
+    let noisy = |seed: u128| {
+        let (mut log, noise, mut random): (Log, _, _) = (log.clone(), Normal::new(0.0, 0.1).unwrap(), Pcg64::new(seed, 0));
+        let values = shown.of(Channel::PowerW).unwrap().iter().map(|watts| watts + noise.sample(&mut random)).collect();
+        log.channels.insert(Channel::PowerW, values);
+        prepare(base, &log).unwrap()
+    };
+    vec![noisy(1), noisy(2)]
+}
+
+/// The masses of rolling, slope and acceleration are one number. Were each another, that of rolling alone could stand in for a force that is
+/// wrong, and that is not what a mass in the file would do.
+#[test]
+fn a_number_that_stands_in_several_places_is_told_as_the_one_that_it_is() {
+    let all = |base: Arc<Model>, truth: Arc<Model>| -> Vec<(String, f64, f64)> {
+        let told = told(&base, &drives(&base, &truth));
+        told.into_iter().map(|number| (number.numbers.join(" "), number.found, number.sigma)).collect()
+    };
+    let of_force = all(cart(25.0, 7.0), cart(25.0, 4.0));
+    assert!(of_force.iter().any(|(name, found, _)| name == "dry_friction.force_n" && (found - 4.0).abs() < 0.05), "{of_force:?}");
+    assert!(!of_force.iter().any(|(name, ..)| name.contains("mass_kg")), "{of_force:?}");
+    let of_mass = all(cart(25.0, 4.0), cart(30.0, 4.0));
+    let mass = of_mass.iter().find(|(name, ..)| name == "rolling.mass_kg slope.mass_kg acceleration.mass_kg");
+    assert!(mass.is_some_and(|(_, found, sigma)| (found - 30.0).abs() < 4.0 * sigma && *sigma < 0.1), "{of_mass:?}");
+}
+
+/// A force that is six deviations off is not within what is stated, also where the masses, left to themselves, could be anything.
+#[test]
+fn what_is_stated_holds_each_number_to_its_own_deviation() {
+    let within = |force_n: f64| {
+        let (base, truth) = (cart(25.0, 7.0), cart(25.0, force_n));
+        let logs = drives(&base, &truth);
+        let search = search(Arc::clone(&base), Arc::new(Evidence::new(&base, logs.clone())), None);
+        within_stated(&base, &logs, search.last.told())
+    };
+    assert_eq!(within(4.0), Vec::new());
+    let told = within(6.2);
+    let force = told.iter().find(|one| one.number == "dry_friction.force_n").unwrap_or_else(|| panic!("{told:?}"));
+    assert!((force.found - 6.2).abs() < 3.0 * force.sigma && force.sigma < 0.5, "{told:?}");
+    assert!(told.iter().all(|one| (one.found - one.stated).abs() <= 3.0 * one.stated_sigma), "{told:?}");
+}

@@ -319,3 +319,46 @@ fn what_was_learned_from_does_not_judge() {
         assert!(refused.stderr.contains("copy.csv holds the same readings as b.csv"), "{verb}: {}", refused.stderr);
     }
 }
+
+/// A computer that warms up: the same in every log from its beginning, whatever the robot does. Also where nothing of the model is to be
+/// fitted, and what is left is not the sensor's noise.
+#[test]
+fn a_load_that_comes_up_as_a_log_goes_on_is_proposed_as_such() {
+    let warms = "[[effect]]\nid = \"expression\"\nchannel = \"power_w\"\nformula = \"k * (1 - exp(-time_s / tau_s))\"\nk = { value = 2.0, source = \"t\" }\ntau_s = { value = 1200.0, source = \"t\" }\n";
+    for base in [ROBOT.to_owned(), ROBOT.replace(", free = true", "")] {
+        let folder = tempfile::tempdir().unwrap();
+        let json = propose(folder.path(), &base, warms, &["--format", "json"]).json();
+        let term = &json["terms"][0];
+        assert!(term["words"].as_str().unwrap().ends_with("as a log goes on") && json["terms"].as_array().unwrap().len() == 1, "{json}");
+        // No more than if all that was left before were white: 2 ln(1.2 W / 0.05 W) for each of 1,598 rows.
+        assert!((100.0..10_500.0).contains(&term["delta_bic"].as_f64().unwrap()), "{json}");
+        assert!(json["holdout"][0]["rms_after"].as_f64().unwrap() < 0.06, "{json}");
+    }
+}
+
+/// A fan of 2.5 W that is off three times: where the base has a constant to be fitted it has taken the fan up, and its pauses are told.
+#[test]
+fn what_is_there_most_of_the_time_is_told_as_what_it_is_unless_the_base_has_taken_it_up() {
+    for (base, size, share) in [(ROBOT.to_owned(), -2.5, 0.15), (ROBOT.replace(", free = true", ""), 2.5, 0.85)] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("base.toml"), &base).unwrap();
+        for (name, seed, pauses_s) in [("a", 1, [600, 1900, 2450]), ("b", 2, [300, 1500, 3700]), ("h", 3, [900, 1250, 3000])] {
+            let runs = |time_s: i64| !pauses_s.iter().any(|pause_s| (1..=200).contains(&(time_s - pause_s)));
+            let mut text = String::new();
+            for line in log(ROBOT, seed).lines() {
+                let cells: Vec<f64> = line.split(',').filter_map(|cell| cell.parse().ok()).collect();
+                match cells[..] {
+                    [time_s, speed_mps, power_w] if runs(time_s as i64) => {
+                        let _ = writeln!(text, "{time_s},{speed_mps},{}", power_w + 2.5);
+                    }
+                    _ => text += &format!("{line}\n"),
+                }
+            }
+            fs::write(folder.path().join(format!("{name}.csv")), text).unwrap();
+        }
+        let arguments = ["propose", "--model", "base.toml", "--log", "a.csv", "b.csv", "--holdout", "h.csv", "--format", "json"];
+        let json = lab_in(folder.path(), &arguments).json();
+        let number = |key: &str| json["switching"][key].as_f64().unwrap_or_else(|| panic!("{key}: {json}"));
+        assert!((number("size") - size).abs() < 0.05 && (number("share") - share).abs() < 0.02, "{json}");
+    }
+}

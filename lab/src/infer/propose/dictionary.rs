@@ -189,6 +189,12 @@ const SCALES: [f64; 4] = [0.05, 0.12, 0.3, 0.7];
 /// Over what the power of loads may depend on: every input that moves.
 fn loads(frame: &Frame, channel: Channel) -> Vec<Term> {
     let mut all = vec![Term::new(channel, "a constant load".to_owned(), "1".to_owned())];
+    for tau_s in TAUS_S {
+        // Something that warms up, or was warm when it began.
+        for (words, part) in [("fades", format!("exp(-{TIME} / tau_s)")), ("comes up", format!("(1 - exp(-{TIME} / tau_s))"))] {
+            all.push(Term::new(channel, format!("a load that {words} as a log goes on"), part).shaped("tau_s", tau_s, REACH));
+        }
+    }
     let allowed = readable(frame.model.system);
     let mut moving: Vec<(&str, f64, f64)> = Vec::new();
     for (input, _) in frame.evidence.logs.iter().flat_map(|log| &log.inputs) {

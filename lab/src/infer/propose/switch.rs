@@ -60,7 +60,8 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
     let judged = base.frame.model.system.targets()[0];
     let frame = Frame::new(Arc::clone(&base.frame.model), whole(&base.frame.evidence));
     let train = Rows::new(&frame, base.x.clone(), all(&frame), judged);
-    let before_training = train.rms(&train.without());
+    let without = train.without();
+    let before_training = train.rms(&without);
     let found = found(&frame, train);
     // A held-out log is asked for its own numbers only; all else is what the training logs say.
     let held = Frame::new(Arc::clone(&base.frame.model), whole(holdout));
@@ -86,8 +87,15 @@ pub(super) fn comes_and_goes(base: &State, holdout: &Arc<Evidence>) -> Option<Sw
         Kind::Shown { times, .. } => (judged, times),
         Kind::Driving { channel, .. } => (channel, None),
     };
-    // What is shown most of the time is the rule, which the base has taken up: the exception is told.
-    let is_rule = channel == judged && 2 * found.there.iter().filter(|there| **there).count() > found.there.len();
+    // What is shown most of the time is the rule, and where the base has taken it up, the exception is told.
+    let is_rule = channel == judged && 2 * found.there.iter().filter(|there| **there).count() > found.there.len() && {
+        let left = |wanted: bool| {
+            let own = without.alone.iter().zip(&found.there).filter(|(_, there)| **there == wanted);
+            let (sum, count) = own.fold((0.0, 0_u32), |(sum, count), (left, _)| (sum + left.abs(), count + 1));
+            sum / f64::from(count.max(1))
+        };
+        left(true) < left(false)
+    };
     let there: Vec<bool> = found.there.iter().map(|there| *there != is_rule).collect();
     let (visits, rows, stays_s) = beside.visits(&frame, &there);
     Some(Switching {
