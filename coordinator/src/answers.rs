@@ -16,6 +16,7 @@ use crate::scheduler::HANDOVER_S;
 use crate::scheduler::{Plan, Planned};
 use crate::service_run::{How, ServiceRun};
 use crate::view::Basis;
+use crate::when;
 
 /// The plan made at `basis.now`, and the services that have begun.
 #[must_use]
@@ -30,6 +31,12 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         reasons: rejected.reasons.clone(),
     });
     let stuck: Vec<Unserved> = stuck(basis, plan).collect();
+    let lost = basis.fleet.robots.iter().filter(|(id, robot)| robot.lost && !basis.running.contains_key(*id));
+    let lost = lost.map(|(id, robot)| {
+        let since =
+            robot.gone.map_or_else(String::new, |since| format!(": it has not been heard since {}", when::minute_from(basis.now, since)));
+        Unserved { robot: id.clone(), runs_empty: false, reasons: vec![format!("it was lost{since}")] }
+    });
     let mut quality = quality(plan);
     // They strand whatever is planned.
     let count = u32::try_from(stuck.len()).unwrap_or(u32::MAX);
@@ -40,7 +47,7 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         policy: basis.settings.policy.name().to_owned(),
         trigger,
         services,
-        unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck).collect(),
+        unserved: unserved.filter(|unserved| !basis.running.contains_key(&unserved.robot)).chain(stuck).chain(lost).collect(),
         doubts: basis.watch.doubts(basis.now, basis.fleet, basis.models),
         quality: Some(quality),
     }
@@ -79,7 +86,7 @@ fn running_service(basis: &Basis<'_>, run: &ServiceRun) -> Service {
         How::Recharge { bay, to_soc } => (Mode::Recharge { to_soc: *to_soc }, Some(bay.clone())),
         How::Swap { spare } => (Mode::Swap { spare: spare.clone() }, None),
     };
-    let lost = basis.fleet.stations.get(&run.station).filter(|station| station.lost);
+    let lost = basis.fleet.stations.get(&run.station).filter(|station| station.gone.is_some());
     let lost = lost
         .into_iter()
         .map(|_| format!("{} was lost: whether the service goes on is not known; what follows is as it was planned", run.station));

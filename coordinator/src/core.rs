@@ -33,6 +33,7 @@ pub use study::Study;
 use untold::Untold;
 
 use crate::answers::{self, Explainer};
+use crate::clocks::Clocks;
 use crate::fleet::Fleet;
 use crate::models::{Models, Settings};
 use crate::scheduler::{Accounts, Plan, Solved, Tables};
@@ -171,6 +172,7 @@ pub struct Core {
     refused: BTreeSet<String>,
     watch: Watch,
     trust: Trust,
+    clocks: Clocks,
     outputs: VecDeque<Output>,
 }
 
@@ -215,6 +217,7 @@ impl Core {
             refused: BTreeSet::new(),
             watch: Watch::default(),
             trust: Trust::default(),
+            clocks: Clocks::default(),
             outputs: VecDeque::new(),
         }
     }
@@ -229,6 +232,7 @@ impl Core {
         // What only time can change is looked at with the clock: a message costs the same in any fleet.
         let everybody = matches!(concerned, Concerned::Everybody);
         if everybody {
+            self.count_the_lost(now);
             self.doubt_gauges(now);
             self.resend(now);
         }
@@ -354,6 +358,9 @@ impl Core {
             .chain(&mut self.untold.counted)
             .for_each(earlier);
         self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
+        self.trust.set_back(by_ms);
+        let gone = self.fleet.robots.values_mut().map(|robot| &mut robot.gone);
+        gone.chain(self.fleet.stations.values_mut().map(|station| &mut station.gone)).flatten().for_each(earlier);
         for run in self.running.values_mut() {
             [&mut run.left, &mut run.start, &mut run.end].into_iter().for_each(earlier);
         }

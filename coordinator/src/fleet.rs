@@ -14,16 +14,22 @@ pub struct Robot {
     pub state: Option<RobotState>,
     /// When it first said, by its own clock, that it does what it does.
     pub phase_since: Timestamp,
-    /// Whether it was lost after it had spoken.
+    /// Since when it is not there to be heard, after it had spoken.
+    pub gone: Option<Timestamp>,
+    /// Whether that has lasted, and nothing is planned for it any more.
     pub lost: bool,
 }
+
+/// Who is gone for longer counts as lost, s: an agent that is restarted is back within seconds, and so is everybody after a pause of the
+/// coordinator's own. A guess.
+pub const LOST_S: f64 = 30.0;
 
 impl Robot {
     /// Takes in a state message that is newer than the one before.
     pub fn says(&mut self, state: RobotState) {
         // A clock that was set back makes no moment of the future of the past.
         let since = if self.phase() == Some(state.phase) { self.phase_since.min(state.at) } else { state.at };
-        (self.phase_since, self.lost, self.state) = (since, false, Some(state));
+        (self.phase_since, self.state) = (since, Some(state));
     }
 
     /// Whether its last gauge message is of what it does now, not of what it did before.
@@ -38,10 +44,23 @@ impl Robot {
         self.state.as_ref().map(|state| state.phase)
     }
 
+    /// Power out of its battery by its last word, W; 0 where a station feeds it.
+    #[must_use]
+    pub fn drawn_w(&self) -> f64 {
+        let draws = |state: &&RobotState| matches!(state.phase, RobotPhase::Working | RobotPhase::Travelling | RobotPhase::Waiting);
+        self.state.as_ref().filter(draws).map_or(0.0, |state| state.drain_w.value)
+    }
+
     /// Gauge and state of a robot that can be planned for.
     #[must_use]
     pub fn known(&self) -> Option<(&Gauge, &RobotState)> {
         if self.lost { None } else { Some((self.gauge.as_ref()?, self.state.as_ref()?)) }
+    }
+
+    /// The same of one that is there to be heard.
+    #[must_use]
+    pub fn heard(&self) -> Option<(&Gauge, &RobotState)> {
+        if self.gone.is_some() { None } else { self.known() }
     }
 }
 
@@ -59,7 +78,9 @@ pub struct Station {
     average_degc: Option<f64>,
     /// Packs that robots left and that are not charged yet, by the spare whose place they took.
     pub left: BTreeMap<SpareId, LeftPack>,
-    /// Whether it was lost after it had spoken.
+    /// Since when it is not there to be heard, after it had spoken.
+    pub gone: Option<Timestamp>,
+    /// Whether that has lasted, and nothing is planned there any more.
     pub lost: bool,
 }
 
@@ -125,6 +146,13 @@ impl Station {
         }
     }
 
+    /// Power out of one of its packs by its last word, W.
+    #[must_use]
+    pub fn drawn_w(&self, pack: &PackId) -> f64 {
+        let feeds = |state: &&StationState| state.powered && state.active_pack.as_ref() == Some(pack);
+        self.state.as_ref().filter(feeds).map_or(0.0, |state| state.pack_power_w)
+    }
+
     /// State of one bay.
     #[must_use]
     pub fn bay(&self, bay: &BayId) -> Option<&BayState> {
@@ -142,6 +170,12 @@ impl Station {
     pub fn known(&self) -> Option<&StationState> {
         let state = self.state.as_ref()?;
         (self.unheard(state).next().is_none() && !self.lost).then_some(state)
+    }
+
+    /// The same of one that is there to be heard.
+    #[must_use]
+    pub fn heard(&self) -> Option<&StationState> {
+        if self.gone.is_some() { None } else { self.known() }
     }
 
     /// Packs that are in their places and have not spoken yet.

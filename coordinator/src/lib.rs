@@ -5,7 +5,7 @@
 //!           core.rs         handle(now, Input) / poll() -> Output: beliefs, plans, commands
 //!             core/           hearing, planning, serving, asking
 //!             fleet.rs        the newest word of each robot and station
-//!             trust.rs        whether gauges can be believed
+//!             trust.rs        whether gauges can be believed; clocks.rs whose clock is off
 //!             models.rs       the coordinator's own models and settings
 //!             forecast.rs     what a service takes
 //!             view.rs         beliefs and models as one planning problem
@@ -27,6 +27,7 @@
 
 pub mod answers;
 pub mod certs;
+mod clocks;
 pub mod cmd;
 pub mod config;
 pub mod core;

@@ -177,13 +177,13 @@ impl ServiceRun {
     pub fn next(&self, robot: &Robot, station: &Station) -> Step {
         // That it is out its station knows; that it was charged it has said itself before, heard since or not.
         match (&self.how, self.stage) {
-            (How::Recharge { bay, .. }, Stage::Unloading) if station.known().is_some() && !self.held(bay, station) => {
+            (How::Recharge { bay, .. }, Stage::Unloading) if station.heard().is_some() && !self.held(bay, station) => {
                 return Step::Enter(Stage::LetOut);
             }
-            (_, Stage::LetOut) if robot.lost => return Step::Done,
+            (_, Stage::LetOut) if robot.gone.is_some() => return Step::Done,
             _ => {}
         }
-        let (Some((gauge, state)), Some(place)) = (robot.known(), station.known()) else { return Step::Wait };
+        let (Some((gauge, state)), Some(place)) = (robot.heard(), station.heard()) else { return Step::Wait };
         if state.phase == RobotPhase::Stranded {
             return Step::Fail("the robot is stranded".to_owned());
         }

@@ -25,12 +25,6 @@ const JUMP_SIGMAS: f64 = 5.0;
 const RATE_MAX_PER_H: f64 = 4.0;
 /// A gauge that jumped is believed again after this time without another jump, s.
 const JUMP_FORGOTTEN_S: f64 = 900.0;
-/// A clock that is off by so much is wrong, s: no message is under way for that long.
-const CLOCK_S: f64 = 30.0;
-/// Messages that must agree on that: the first after a start may be an old one.
-const CLOCK_MIN: u32 = 3;
-/// Share by which it must change to be told anew.
-const CLOCK_CHANGE: f64 = 0.5;
 /// What is uncertain of a load that nobody has counted, as a share of it.
 const UNCOUNTED_SHARE: f64 = 0.3;
 
@@ -61,8 +55,14 @@ pub enum Fault {
     Frozen(Timestamp),
     /// Its state of charge moved by so much at once.
     Jumped(Timestamp, f64),
-    /// Its agent's clock is ahead of the coordinator's by so many seconds.
-    Clock(f64),
+}
+
+impl Fault {
+    fn since(&mut self) -> &mut Timestamp {
+        match self {
+            Fault::Silent(since) | Fault::Frozen(since) | Fault::Jumped(since, _) => since,
+        }
+    }
 }
 
 impl std::fmt::Display for Fault {
@@ -71,10 +71,6 @@ impl std::fmt::Display for Fault {
         match self {
             Fault::Silent(since) => write!(f, "has not been heard since {}", time(since)),
             Fault::Frozen(since) => write!(f, "has said the same since {}, though its battery is drawn from", time(since)),
-            Fault::Clock(ahead_s) => {
-                let side = if *ahead_s > 0.0 { "ahead of" } else { "behind" };
-                write!(f, "comes from a clock that is {:.0} s {side} the coordinator's: set one of them", ahead_s.abs())
-            }
             Fault::Jumped(at, by) => write!(f, "jumped by {:+.0} % of charge at {}, which no current explains", by * 100.0, time(at)),
         }
     }
@@ -86,26 +82,19 @@ struct Track {
     last: Option<Gauge>,
     /// When that arrived, by the coordinator's clock, by which all else here is timed.
     arrived: Option<Timestamp>,
-    /// How many messages in a row came from a clock that is off, and by how much that is ahead.
-    clock_off: u32,
-    clock_ahead_s: Option<f64>,
-    /// By how much the last message was ahead: what is told may be half of that.
-    ahead_s: f64,
     /// Since when, and how often, it has said the same.
     same: Option<(Timestamp, u32)>,
     jumped: Option<(Timestamp, f64)>,
     /// Time between its last two messages, s, and between those before.
     gaps_s: [Option<f64>; 2],
+    /// Energy drawn from its battery since it last said something new, Wh, and until when that is counted.
+    uncounted_wh: f64,
+    counted: Option<Timestamp>,
     /// What was told of it last.
     told: Option<Fault>,
 }
 
 impl Track {
-    /// How far the clock that it is timed by is known to be ahead, s.
-    fn known_ahead_s(&self) -> f64 {
-        if self.clock_ahead_s.is_some() { self.ahead_s.max(0.0) } else { 0.0 }
-    }
-
     /// Time between its messages, s; 0 while there has been but one. A silence that has ended does not count.
     fn period_s(&self) -> f64 {
         self.gaps_s.iter().flatten().copied().reduce(f64::min).unwrap_or(0.0)
@@ -124,16 +113,7 @@ impl Trust {
     pub fn heard(&mut self, now: Timestamp, owner: &Owner, gauge: &Gauge, drawn: bool, swapped: bool) {
         let track = self.gauges.entry(owner.clone()).or_default();
         if swapped {
-            let Track { told, clock_off, clock_ahead_s, .. } = *track;
-            *track = Track { told, clock_off, clock_ahead_s, ..Track::default() };
-        }
-        let ahead_s = gauge.at.seconds_since(now);
-        track.ahead_s = ahead_s;
-        track.clock_off = if ahead_s.abs() > CLOCK_S { track.clock_off + 1 } else { 0 };
-        match track.clock_ahead_s {
-            Some(_) if track.clock_off == 0 => track.clock_ahead_s = None,
-            Some(known) if (ahead_s - known).abs() < CLOCK_CHANGE * known.abs() => {}
-            _ => track.clock_ahead_s = (track.clock_off >= CLOCK_MIN).then_some(ahead_s),
+            *track = Track { told: track.told, ..Track::default() };
         }
         if let Some(last) = &track.last {
             // A clock that was set back says nothing of how long it has been.
@@ -151,12 +131,40 @@ impl Trust {
                 _ => None,
             };
         }
+        if track.same.is_none() {
+            (track.uncounted_wh, track.counted) = (0.0, Some(now));
+        }
         (track.last, track.arrived) = (Some(gauge.clone()), Some(now));
     }
 
-    /// Takes in that a battery is away: whatever comes in its place is known by nothing that was said before.
-    pub fn forget(&mut self, owner: &Owner) {
-        self.gauges.remove(owner);
+    /// Takes in that `drawn_w` (W) has been drawn from a battery since this was last said, whether or not its gauge says so.
+    pub fn drawn(&mut self, now: Timestamp, owner: &Owner, drawn_w: f64) {
+        let Some(track) = self.gauges.get_mut(owner) else { return };
+        if let Some(before) = track.counted.replace(now) {
+            track.uncounted_wh += drawn_w.max(0.0) * now.seconds_since(before).max(0.0) / energy::units::S_PER_H;
+        }
+    }
+
+    /// Takes in that who was gone is there again: it has a moment to speak before its silence is told.
+    pub fn back(&mut self, now: Timestamp, owner: &Owner) {
+        if let Some(track) = self.gauges.get_mut(owner).filter(|track| track.arrived.is_some()) {
+            track.arrived = Some(now);
+        }
+    }
+
+    /// Takes in that a battery is away: whatever comes in its place is known by nothing that was said before. Whether its gauge was told
+    /// to be doubted.
+    pub fn forget(&mut self, owner: &Owner) -> bool {
+        self.gauges.remove(owner).is_some_and(|track| track.told.is_some())
+    }
+
+    /// Takes in that the clock by which all is timed here was set back: it has been as long as before since everything.
+    pub fn set_back(&mut self, by_ms: i64) {
+        for track in self.gauges.values_mut() {
+            let since = track.arrived.iter_mut().chain(&mut track.counted).chain(track.same.as_mut().map(|(since, _)| since));
+            let since = since.chain(track.jumped.as_mut().map(|(at, _)| at)).chain(track.told.as_mut().map(Fault::since));
+            since.for_each(|at| *at = at.plus_ms(-by_ms));
+        }
     }
 
     /// What is wrong with a gauge now, if anything is.
@@ -174,21 +182,7 @@ impl Trust {
         {
             return Some(Fault::Frozen(since));
         }
-        let jumped = track.jumped.filter(|(at, _)| now.seconds_since(*at) < JUMP_FORGOTTEN_S).map(|(at, by)| Fault::Jumped(at, by));
-        jumped.or(track.clock_ahead_s.map(Fault::Clock))
-    }
-
-    /// How far a robot's clock is known to be ahead of the coordinator's, s; 0 where it is not.
-    #[must_use]
-    pub fn robot_ahead_s(&self, robot: &RobotId) -> f64 {
-        self.gauges.get(&Owner::Robot(robot.clone())).map_or(0.0, Track::known_ahead_s)
-    }
-
-    /// How far a station's clock is known to be ahead of the coordinator's, s; 0 where it is not.
-    #[must_use]
-    pub fn station_ahead_s(&self, station: &StationId) -> f64 {
-        let own = self.gauges.iter().filter(|(owner, _)| matches!(owner, Owner::Pack(known, _) if known == station));
-        own.max_by_key(|(_, track)| track.arrived).map_or(0.0, |(_, track)| track.known_ahead_s())
+        track.jumped.filter(|(at, _)| now.seconds_since(*at) < JUMP_FORGOTTEN_S).map(|(at, by)| Fault::Jumped(at, by))
     }
 
     /// What is to be told of a gauge, if that is something else than before: its fault, or that it has
@@ -205,19 +199,19 @@ impl Trust {
     }
 
     /// State of charge and energy (Wh) that a battery is believed to have: its gauge's, or less and less
-    /// certain what is left of it after `drawn_w` (W) that nobody has counted. `stored_wh` is what it holds when full, Wh.
+    /// certain what is left of it after what was drawn and nobody has counted. `stored_wh` is what it holds when full, Wh.
     #[must_use]
-    pub fn belief(&self, now: Timestamp, owner: &Owner, gauge: &Gauge, drawn_w: f64, stored_wh: f64) -> (Estimate, Estimate) {
+    pub fn belief(&self, now: Timestamp, owner: &Owner, gauge: &Gauge, stored_wh: f64) -> (Estimate, Estimate) {
         let (soc, remaining_wh) = (from_wire(gauge.soc), from_wire(gauge.remaining_wh));
         match self.fault(now, owner) {
-            None | Some(Fault::Clock(_)) => (soc, remaining_wh),
+            None => (soc, remaining_wh),
             Some(Fault::Jumped(_, by)) => {
                 // It was wrong before or is wrong now.
                 let wider = |estimate: Estimate, by: f64| Estimate::new(estimate.value, estimate.sigma.hypot(by));
                 (wider(soc, by), wider(remaining_wh, by * stored_wh))
             }
-            Some(Fault::Silent(since) | Fault::Frozen(since)) => {
-                let uncounted_wh = drawn_w.max(0.0) * now.seconds_since(since) / energy::units::S_PER_H;
+            Some(Fault::Silent(_) | Fault::Frozen(_)) => {
+                let uncounted_wh = self.gauges.get(owner).map_or(0.0, |track| track.uncounted_wh);
                 let less =
                     |estimate: Estimate, by: f64| Estimate::new((estimate.value - by).max(0.0), estimate.sigma.hypot(UNCOUNTED_SHARE * by));
                 (less(soc, uncounted_wh / stored_wh), less(remaining_wh, uncounted_wh))
@@ -279,13 +273,21 @@ mod tests {
         let pack = Owner::Pack(StationId::new("depot").unwrap(), PackId::new("pack-1").unwrap());
         let mut trust = Trust::default();
         trust.heard(at(0.0), &pack, &gauge(0.0, 0.5, 11.1), true, false);
-        let belief = |now_s: f64, trust: &Trust| trust.belief(at(now_s), &pack, &gauge(0.0, 0.5, 11.1), 3.6, 14.6);
-        assert_eq!(belief(60.0, &trust).1.value, 7.3);
-        // 3.6 W for 1,000 s are 1 Wh, of which 30 % are uncertain beside the gauge's 0.1 Wh.
+        let belief = |now_s: f64, trust: &Trust| trust.belief(at(now_s), &pack, &gauge(0.0, 0.5, 11.1), 14.6);
+        trust.drawn(at(60.0), &pack, 7.2);
+        assert_eq!(belief(60.0, &trust).1.value, 7.3, "its gauge is believed still");
+        trust.drawn(at(500.0), &pack, 7.2);
+        // What it draws now says nothing of what it drew before.
+        trust.drawn(at(1_000.0), &pack, 0.0);
+        // 7.2 W for 500 s are 1 Wh, of which 30 % are uncertain beside the gauge's 0.1 Wh.
         let (soc, left_wh) = belief(1_000.0, &trust);
         assert!((left_wh.value - 6.3).abs() < 1e-12 && (left_wh.sigma - 0.1_f64.hypot(0.3)).abs() < 1e-12, "{left_wh:?}");
         assert!((soc.value - (0.5 - 1.0 / 14.6)).abs() < 1e-12, "{soc:?}");
-        trust.forget(&pack);
+        // The coordinator's clock is set back: it has been silent for as long as before, and nothing of that is news.
+        assert!(trust.news(at(1_000.0), &pack).is_some());
+        trust.set_back(900_000);
+        assert_eq!((belief(100.0, &trust).1, trust.news(at(100.0), &pack)), (left_wh, None));
+        assert!(trust.forget(&pack), "it was doubted");
         assert_eq!(belief(1_000.0, &trust).1.value, 7.3);
     }
 
@@ -320,28 +322,6 @@ mod tests {
             assert_eq!(trust.fault(at(200.0), &robot()).is_some(), frozen);
             assert_eq!(trust.news(at(200.0), &robot()).is_some(), frozen);
             assert!(trust.news(at(201.0), &robot()).is_none(), "told once");
-        }
-    }
-
-    #[test]
-    fn a_clock_that_is_off_is_told_once_and_does_not_silence_its_gauge() {
-        for ahead_s in [300.0, -300.0, -3600.0] {
-            let mut trust = Trust::default();
-            let mut told = 0;
-            for n in 0..400 {
-                let now_s = 4000.0 + f64::from(n);
-                let soc = 0.5 - 8e-5 * f64::from(n);
-                trust.heard(at(now_s), &robot(), &gauge(now_s + ahead_s, soc, 11.1 - 1e-5 * f64::from(n)), true, false);
-                told += usize::from(trust.news(at(now_s), &robot()).is_some());
-            }
-            assert_eq!((told, trust.fault(at(4400.0), &robot())), (1, Some(Fault::Clock(ahead_s))));
-            assert_eq!(trust.robot_ahead_s(&RobotId::new("r").unwrap()), ahead_s.max(0.0));
-            // One that drifts is told anew only when it is off by half as much more; deadlines go by what it shows now.
-            trust.heard(at(4400.5), &robot(), &gauge(4400.5 + 1.2 * ahead_s, 0.468, 11.09), true, false);
-            assert_eq!(trust.robot_ahead_s(&RobotId::new("r").unwrap()), (1.2 * ahead_s).max(0.0));
-            // Set right, it is believed again.
-            trust.heard(at(4401.0), &robot(), &gauge(4401.0, 0.468, 11.09), true, false);
-            assert_eq!(trust.robot_ahead_s(&RobotId::new("r").unwrap()), 0.0);
         }
     }
 }

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use energy::units::S_PER_H;
 use energy::{Channel, Estimate, Model, Need};
-use proto::{BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
+use proto::{Absence, BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::crowd::InReach;
@@ -100,11 +100,7 @@ impl Basis<'_> {
     }
 
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, around: &mut Around<'_>) -> RobotView {
-        let drawn_w = match state.phase {
-            RobotPhase::Working | RobotPhase::Travelling | RobotPhase::Waiting => state.drain_w.value,
-            _ => 0.0,
-        };
-        let (soc, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, drawn_w, battery.battery().stored_wh());
+        let (soc, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, battery.battery().stored_wh());
         let subjects = [Subject::RobotBattery, Subject::RobotWork, Subject::RobotWay];
         let doubts = subjects.map(|subject| if around.is_doubting { self.watch.wider(&subject(id.clone())) } else { 1.0 });
         let soc = wider(soc, doubts[0]);
@@ -209,6 +205,7 @@ impl Basis<'_> {
             station: id.clone(),
             out_of_order: None,
             opens_s: 0.0,
+            away_s: Vec::new(),
             handling: models.handling,
             bays: Vec::new(),
             unfed: 0,
@@ -231,6 +228,8 @@ impl Basis<'_> {
             view.out_of_order = Some("it has no power".to_owned());
         }
         view.opens_s = state.arrives.map_or(0.0, |at| self.comes_s(at));
+        let away_s = |away: &Absence| away.leaves.seconds_since(self.now)..away.returns.map_or(f64::INFINITY, |at| self.comes_s(at));
+        view.away_s = state.away.iter().map(away_s).collect();
         let here: Vec<&ServiceRun> = self.running.values().filter(|run| run.station == *id).collect();
         self.spares(&mut view, models, station, state, &here);
         view.bays = state.bays.iter().filter(|bay| self.usable(&bay.bay, bay.phase, &here)).map(|bay| bay.bay.clone()).collect();
@@ -268,7 +267,7 @@ impl Basis<'_> {
             let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
             let model = models.packs.get(&pack.pack)?;
             let (soc, available_s) = match pack.back {
-                _ if pack.connected => (self.believed(id, state, &pack.pack, gauge.filter(|_| !pack.depleted)?, model), 0.0),
+                _ if pack.connected => (self.believed(id, &pack.pack, gauge.filter(|_| !pack.depleted)?, model), 0.0),
                 back => (from_wire(back?.soc), self.comes_s(back?.at)),
             };
             let usable_wh = self.tables.usable.wh(model, soc, temperature_degc, draw.power_w);
@@ -282,9 +281,8 @@ impl Basis<'_> {
     }
 
     /// State of charge that a pack in its place is believed to have.
-    fn believed(&self, id: &StationId, state: &StationState, pack: &PackId, gauge: &Gauge, model: &Model) -> Estimate {
-        let drawn_w = if state.powered && state.active_pack.as_ref() == Some(pack) { state.pack_power_w } else { 0.0 };
-        self.trust.belief(self.now, &Owner::Pack(id.clone(), pack.clone()), gauge, drawn_w, model.battery().stored_wh()).0
+    fn believed(&self, id: &StationId, pack: &PackId, gauge: &Gauge, model: &Model) -> Estimate {
+        self.trust.belief(self.now, &Owner::Pack(id.clone(), pack.clone()), gauge, model.battery().stored_wh()).0
     }
 
     /// Power out of the active pack while as many charge side by side as can come, and how it falls at the end of that: usable energy is

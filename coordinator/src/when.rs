@@ -1,6 +1,6 @@
 //! Times in words, UTC: the time of day, with its date where it would be taken for another day's.
 
-use proto::Timestamp;
+use proto::{Absence, Timestamp};
 
 /// What is closer than this is told by its time of day alone, s: half a day, as no two such times look alike.
 const SOON_S: f64 = 12.0 * 3600.0;
@@ -39,6 +39,16 @@ pub fn second_from(now: Timestamp, at: Timestamp) -> String {
 #[must_use]
 pub fn minute_from(now: Timestamp, at: Timestamp) -> String {
     if is_soon(at, now) { minute(at) } else { format!("{} {}", date(at), minute(at)) }
+}
+
+/// When a station is away: `leaves at 14:05 and is back at 14:10`, for each time.
+#[must_use]
+pub fn away(now: Timestamp, away: &[Absence]) -> String {
+    let once = |one: &Absence| {
+        let back = one.returns.map_or_else(String::new, |at| format!(" and is back at {}", minute_from(now, at)));
+        format!("leaves at {}{back}", minute_from(now, one.leaves))
+    };
+    if away.is_empty() { "stays".to_owned() } else { away.iter().map(once).collect::<Vec<_>>().join(", ") }
 }
 
 #[cfg(test)]

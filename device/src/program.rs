@@ -5,10 +5,11 @@ use std::io::Read as _;
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::ensure;
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 use tracing::{info, warn};
 
 /// What is kept of what a program prints: the end of it matters.
@@ -24,6 +25,8 @@ pub struct Program {
     key: &'static str,
     command: Vec<String>,
     running: Option<Doing>,
+    /// Waits for what was asked to end.
+    ending: Option<JoinHandle<()>>,
 }
 
 /// An act under way.
@@ -49,7 +52,7 @@ impl Program {
     /// A program that the configuration names under `key`; an empty `command` does nothing.
     #[must_use]
     pub fn new(key: &'static str, command: Vec<String>) -> Self {
-        Self { key, command, running: None }
+        Self { key, command, running: None, ending: None }
     }
 
     /// Warns where the program is not there.
@@ -127,21 +130,25 @@ impl Program {
         let Some(group) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) else { return };
         let _ = kill_process_group(group, Signal::TERM);
         // Apart, so that nobody waits for a program that does not listen.
-        std::thread::spawn(move || {
-            let looks = GRACE.as_millis() / LOOK.as_millis();
-            let has_ended = (0..looks).any(|_| {
-                let ended = !matches!(child.try_wait(), Ok(None));
-                if !ended {
-                    std::thread::sleep(LOOK);
+        self.ending = Some(std::thread::spawn(move || {
+            for _ in 0..GRACE.as_millis() / LOOK.as_millis() {
+                let _ = child.try_wait();
+                // What it has started may need longer than itself.
+                if test_kill_process_group(group).is_err() {
+                    return;
                 }
-                ended
-            });
-            if !has_ended {
-                warn!("`{said}` does not end when it is asked to: it is ended");
-                let _ = kill_process_group(group, Signal::KILL);
-                let _ = child.wait();
+                std::thread::sleep(LOOK);
             }
-        });
+            warn!("`{said}` does not end when it is asked to: it is ended");
+            let _ = kill_process_group(group, Signal::KILL);
+            let _ = child.wait();
+        }));
+    }
+
+    /// Whether what was asked to end still goes on.
+    #[must_use]
+    pub fn is_ending(&self) -> bool {
+        self.ending.as_ref().is_some_and(|ending| !ending.is_finished())
     }
 }
 

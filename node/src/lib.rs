@@ -66,5 +66,5 @@ pub use silence::Silence;
 pub use sole::Sole;
 pub use stop::told_to_stop;
 pub use telemetry::{LOAD_INPUTS, STATION_INPUTS, Telemetry, load_columns};
-pub use vehicle::Vehicle;
+pub use vehicle::{Part, Vehicle, VehicleLeg};
 pub use wire::{gauge_message, why_senseless, wire};

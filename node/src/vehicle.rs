@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use crate::files::ModelRef;
 use crate::mission::{Leg, Mission, Stretch, within};
 
-/// `vehicle`: what a station drives when the run begins; after its profile it stands for good. Driving
-/// takes power from the active pack beside what the station takes anyway; the lift waits meanwhile.
+/// `vehicle`: what a station drives from when the run begins; after its profile it stands for good. Driving
+/// takes power from the active pack beside what the station takes anyway; the lift waits meanwhile. Who is aboard goes along.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle<M = ModelRef> {
@@ -25,24 +25,54 @@ pub struct Vehicle<M = ModelRef> {
     #[serde(default)]
     pub inputs: BTreeMap<String, f64>,
     /// What it does leg by leg, once.
-    pub profile: Vec<Leg>,
+    pub profile: Vec<VehicleLeg>,
+}
+
+/// A leg of a vehicle's profile, or a stay between two.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VehicleLeg {
+    /// How long, s (above 0).
+    pub for_s: f64,
+    /// Inputs of the model that differ from those throughout.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, f64>,
+    /// It stands, and takes robots in.
+    #[serde(default)]
+    pub open: bool,
+}
+
+/// A part of a vehicle's way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// What its model is told, and for how long.
+    pub stretch: Stretch,
+    /// Whether it stands, and takes robots in.
+    pub open: bool,
 }
 
 impl<M> Vehicle<M> {
-    /// The drive as stretches, with standing still at the end of it.
+    /// The way part by part, with standing still at the end of it.
     ///
     /// # Errors
     /// Names the key and what is allowed.
-    pub fn stretches(&self) -> anyhow::Result<Vec<Stretch>> {
+    pub fn parts(&self) -> anyhow::Result<Vec<Part>> {
         ensure!(!self.profile.is_empty(), "vehicle.profile: at least one leg is needed");
         within("vehicle.robot_kg", self.robot_kg, 0.0, 1e6)?;
-        let mission = Mission { inputs: self.inputs.clone(), profile: self.profile.clone(), ..Mission::default() };
+        for (index, leg) in self.profile.iter().enumerate() {
+            ensure!(!leg.open || leg.inputs.is_empty(), "vehicle.profile[{index}]: it is open, so it stands and has no inputs");
+        }
+        let legs = self.profile.iter().map(|leg| Leg { for_s: leg.for_s, distance_m: None, inputs: leg.inputs.clone() });
+        let mission = Mission { inputs: self.inputs.clone(), profile: legs.collect(), ..Mission::default() };
         let as_vehicle = |error: anyhow::Error| anyhow::anyhow!("{}", error.to_string().replacen("mission.", "vehicle.", 1));
         mission.check().map_err(as_vehicle)?;
-        let mut stretches = mission.stretches(&[]).map_err(as_vehicle)?;
-        let still = stretches[0].inputs.iter().map(|&(channel, _)| (channel, 0.0)).collect();
-        stretches.push(Stretch { time_s: f64::INFINITY, distance_m: 0.0, inputs: still });
-        Ok(stretches)
+        let stretches = mission.stretches(&[]).map_err(as_vehicle)?;
+        let still: Vec<_> = stretches[0].inputs.iter().map(|&(channel, _)| (channel, 0.0)).collect();
+        let stand = |time_s| Part { stretch: Stretch { time_s, distance_m: 0.0, inputs: still.clone() }, open: true };
+        let part = |(stretch, leg): (Stretch, &VehicleLeg)| {
+            if leg.open { stand(leg.for_s) } else { Part { stretch, open: false } }
+        };
+        Ok(stretches.into_iter().zip(&self.profile).map(part).chain([stand(f64::INFINITY)]).collect())
     }
 
     /// The same with the model named in another way.

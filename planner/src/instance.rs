@@ -225,6 +225,8 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
         name: raw.id.to_string(),
         charger: 0,
         opens: 0,
+        away: Vec::new(),
+        away_slack: 0,
         bays: range(at("bays"), raw.bays, 0, 10_000)? as u32,
         lift_slots: range(at("lift_slots"), raw.lift_slots, 0, 10_000)?,
         swap_slots: range(at("swap_slots"), raw.swap_slots, 0, 10_000)?,

@@ -5,6 +5,8 @@
 //! tick. All numbers are whole, so that a plan can be judged without rounding. Only the
 //! [`Chance`] that packs hold what was promised is a matter of normal distributions.
 
+use std::ops::Range;
+
 /// Ticks since the planning began.
 pub type Tick = u32;
 
@@ -82,6 +84,10 @@ pub struct Station {
     pub charger: usize,
     /// First tick in which it takes robots in: a station that moves is on its way until then.
     pub opens: Tick,
+    /// The ticks in which it is away once more, a station that moves: no service overlaps them. Empty where it stays.
+    pub away: Vec<Range<Tick>>,
+    /// By how much those of robots whose promise is only held to ([`Robot::held`]) may, ticks: their begin is earlier by as much than it will be.
+    pub away_slack: Tick,
     /// Places to charge.
     pub bays: u32,
     /// Lift movements at once.
@@ -280,6 +286,13 @@ impl Station {
     #[must_use]
     pub fn kinds_of_spares(&self) -> usize {
         self.spares.iter().map(|spare| usize::from(spare.kind) + 1).max().unwrap_or(0)
+    }
+
+    /// Whether it is not away once more in any of the ticks `start..end`, by the clock of a robot whose promise is only held to or of another.
+    #[must_use]
+    pub fn is_there(&self, start: Tick, end: Tick, held: bool) -> bool {
+        let slack = if held { self.away_slack } else { 0 };
+        self.away.iter().all(|away| end <= away.start.saturating_add(slack) || start >= away.end)
     }
 }
 

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::Range;
 
 use crate::book::Clash;
 use crate::draft::Draft;
-use crate::problem::{Problem, Tick, Travel};
-use crate::way::{Mode, Way};
+use crate::problem::{Problem, Robot, Station, Tick, Travel};
+use crate::way::{Mode, Way, Ways};
 
 /// Best ways of one kind at a station that a reason looks at.
 const LOOKED_AT: usize = 64;
@@ -43,6 +44,11 @@ pub enum Why {
     NoPlace,
     /// It has no bay, and spares that do not fit the robot.
     NoFit,
+    /// It is away again before any service there would have ended, and back too late for any other.
+    Leaves {
+        /// When for the first time.
+        away: Range<Tick>,
+    },
     /// No service that adds enough ends within the horizon.
     TooLate {
         /// What it must add.
@@ -156,10 +162,22 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     if station.bays == 0 && !problem.exchanges(travel) {
         return if station.spares.is_empty() { Why::NoPlace } else { Why::NoFit };
     }
+    if let Some(away) = station.away.first().filter(|_| would_do_if_it_stayed(problem, robot, travel)) {
+        return Why::Leaves { away: away.clone() };
+    }
     if problem.strands(robot) {
         return Why::TooLate { min_gain: battery.min_gain, horizon: problem.horizon };
     }
     Why::Pointless
+}
+
+/// Whether there would be a way for a robot at the end of this way, were the station to stay for good.
+fn would_do_if_it_stayed(problem: &Problem, robot: usize, travel: &Travel) -> bool {
+    let station = Station { away: Vec::new(), ..problem.stations[travel.station].clone() };
+    let robot = Robot { travel: vec![Travel { station: 0, ..travel.clone() }], ..problem.robots[robot].clone() };
+    let Problem { name, batteries, .. } = problem;
+    let alone = Problem { name: name.clone(), batteries: batteries.clone(), stations: vec![station], robots: vec![robot], ..*problem };
+    !Ways::new(&alone).of(0).ways.is_empty()
 }
 
 /// What a lack amounts to: waiting for a place is less than energy that nobody has.
@@ -180,6 +198,13 @@ impl fmt::Display for Why {
             Why::TooFar { away, endurance } => write!(f, "it is {away} ticks away, and the robot may be empty in {endurance}"),
             Why::NotThere { opens, endurance } => {
                 write!(f, "it takes robots in from tick {opens}, and the robot may be empty in {endurance}")
+            }
+            Why::Leaves { away } => {
+                write!(
+                    f,
+                    "it is away in ticks {} to {}, and no service that adds enough ends before or begins in time after",
+                    away.start, away.end
+                )
             }
             Why::NoPlace => write!(f, "it has neither bay nor spare"),
             Why::NoFit => write!(f, "it has no bay, and its spares do not fit the robot"),

@@ -318,7 +318,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
             let mut add = |mode, end: Tick, stored, ready, runs, energy| {
                 let cost = cost(mode, end, stored);
                 // Who can do without is not serviced to no gain: that holds at every level.
-                if end <= horizon && (strands || cost < unserved) {
+                if end <= horizon && station.is_there(start, end, robot.held) && (strands || cost < unserved) {
                     let (start, end, variance) = (start as u16, end as u16, travel.variance as f32);
                     let spares = if matches!(mode, Mode::Charge(_)) { 0 } else { travel.spares.unwrap_or(0) };
                     made.ways.push(Way {

@@ -13,8 +13,8 @@ use energy::gauge::{Gauge as Estimator, Sample};
 use energy::selector::{PackSeen, Rule};
 use node::{Due, Ledger, Publish, Silence, refused, wire};
 use proto::{
-    BayId, BayPhase, CommandReply, Gauge, Outcome, PackId, PackReturn, Rejection, RobotId, RobotPhase, RobotState, SpareId, SpareState,
-    StationAction, StationCommand, StationId, StationState, Timestamp,
+    Absence, BayId, BayPhase, CommandReply, Gauge, Outcome, PackId, PackReturn, Rejection, RobotId, RobotPhase, RobotState, SpareId,
+    SpareState, StationAction, StationCommand, StationId, StationState, Timestamp,
 };
 
 pub use alone::Alone;
@@ -99,8 +99,8 @@ impl Pack {
 }
 
 /// What was last told of power, packs and place: whether there is power, the active pack, whose pack is being
-/// exchanged, which packs are in their places, and when the station arrives.
-type ToldPower = (bool, Option<PackId>, Option<RobotId>, Vec<bool>, Option<Timestamp>);
+/// exchanged, which packs are in their places, and when the station arrives and leaves.
+type ToldPower = (bool, Option<PackId>, Option<RobotId>, Vec<bool>, Option<Timestamp>, Vec<Absence>);
 
 /// The station's side of a service.
 ///
@@ -119,6 +119,7 @@ pub struct Agent {
     powered: bool,
     pack_power_w: f64,
     arrives: Option<Timestamp>,
+    away: Vec<Absence>,
     last_command: Option<proto::CommandId>,
     silence: Silence,
     /// Robots that said they are here, and when.
@@ -166,6 +167,7 @@ impl Agent {
             powered: true,
             pack_power_w: 0.0,
             arrives: None,
+            away: Vec::new(),
             last_command: None,
             silence: Silence::default(),
             here: BTreeMap::new(),
@@ -367,6 +369,7 @@ impl Agent {
         self.active_pack = observation.active_pack;
         self.powered = observation.powered;
         self.arrives = observation.arrives_s.map(|in_s| tell::again(self.arrives, now.plus_s(in_s)));
+        self.away = tell::away(&self.away, now, &observation.away_s);
         self.leave_a_low_pack();
         self.moved(observation.lifted, observation.given_up, &observation.mended);
         self.trouble = observation.trouble;

@@ -215,7 +215,7 @@ impl Config {
         charging.check().context("source")?;
         selector.map_or(Ok(()), |selector| selector.check()).context("source")?;
         depot.map_or(Ok(()), |depot| depot.check()).context("source")?;
-        vehicle.as_ref().map(Vehicle::stretches).transpose().context("source")?;
+        vehicle.as_ref().map(Vehicle::parts).transpose().context("source")?;
         ensure!((-60.0..=100.0).contains(temperature_degc), "source.temperature_degc = {temperature_degc}: must be between -60 and 100");
         for (key, value) in [("load_s", load_s), ("unload_s", unload_s), ("swap_s", swap_s)] {
             ensure!((0.0..=TIME_MAX_S).contains(value), "source.{key} = {value}: must be between 0 and {TIME_MAX_S}");
@@ -278,7 +278,7 @@ impl Config {
             selector: *selector,
             depot: *depot,
             vehicle: match vehicle {
-                Some(vehicle) => Some((vehicle.model(path)?, vehicle.stretches()?, vehicle.robot_kg)),
+                Some(vehicle) => Some((vehicle.model(path)?, vehicle.parts()?, vehicle.robot_kg)),
                 None => None,
             },
             temperature_degc: *temperature_degc,

@@ -24,6 +24,9 @@ pub struct Observation {
     pub powered: bool,
     /// While it is on its way to where it takes robots in: seconds until it is there.
     pub arrives_s: Option<f64>,
+    /// When it is away after that, one after the other: seconds until it sets off, and until it takes robots in once more, where
+    /// that is known.
+    pub away_s: Vec<(f64, Option<f64>)>,
     /// A lift movement that has just ended.
     pub lifted: Option<Lifted>,
     /// A lift movement that will not be done: its bay is out of order.

@@ -108,6 +108,7 @@ pub fn station_state(at: Timestamp, seq: u64) -> StationState {
         powered: true,
         pack_power_w: 6.0,
         arrives: None,
+        away: Vec::new(),
         spares: Vec::new(),
         last_command: None,
         note: None,

@@ -66,6 +66,12 @@ impl<'a, 'w> Explainer<'a, 'w> {
             (None, None) => reasons.push("no service is planned".to_owned()),
         }
         let at = service.map(|service| &service.station);
+        let packs =
+            service.into_iter().flat_map(|service| service.packs.iter().map(|pack| Owner::Pack(service.station.clone(), pack.clone())));
+        let faults = packs.filter_map(|owner| Some((basis.trust.fault(basis.now, &owner)?, owner)));
+        reasons.extend(
+            faults.map(|(fault, owner)| format!("the gauge of {owner} {fault}: the plan counts on less of it, and less certainly")),
+        );
         // What a service rests on: the robot's own models, and those of its station.
         let concerns = |doubt: &&Doubt| doubt.robot.as_ref() == Some(robot) || doubt.station.is_some() && doubt.station.as_ref() == at;
         let doubts = self.doubts.iter().filter(concerns).cloned().collect();

@@ -3,7 +3,7 @@
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-/// Intake and retention of telemetry. What is decided (events, commands) is kept for ever.
+/// Intake and retention of telemetry, and of what is decided.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TelemetryConfig {
@@ -14,7 +14,7 @@ pub struct TelemetryConfig {
     pub fine_days: f64,
     /// Older telemetry is thinned to a row in this time, s.
     pub coarse_s: f64,
-    /// And deleted after this, days.
+    /// And deleted after this, days, as events and commands are.
     pub keep_days: f64,
 }
 

@@ -7,6 +7,7 @@ use proto::{
 
 use super::{Core, Output};
 use crate::answers;
+use crate::clocks::Agent;
 use crate::service_run::Stage;
 use crate::store::Record;
 
@@ -43,7 +44,7 @@ impl Core {
         let mut command = self.next_command(now, action);
         let given_up = command.deadline;
         // Who is asked reads the deadline on its own clock.
-        command.deadline = given_up.plus_s(self.trust.robot_ahead_s(robot));
+        command.deadline = given_up.plus_s(self.clocks.ahead_s(&Agent::Robot(robot.clone())));
         self.record(Record::RobotCommand { robot: robot.clone(), command: command.clone() });
         let text = format!("{} to {robot}: {}", command.id, answers::robot_action(&command.action));
         self.event(now, EventKind::CommandSent, Some(robot), None, None, text);
@@ -55,7 +56,7 @@ impl Core {
     pub(super) fn ask_station(&mut self, now: Timestamp, station: &StationId, action: StationAction, service: Option<(RobotId, Stage)>) {
         let mut command = self.next_command(now, action);
         let given_up = command.deadline;
-        command.deadline = given_up.plus_s(self.trust.station_ahead_s(station));
+        command.deadline = given_up.plus_s(self.clocks.ahead_s(&Agent::Station(station.clone())));
         self.record(Record::StationCommand { station: station.clone(), command: command.clone() });
         let text = format!("{} to {station}: {}", command.id, answers::station_action(&command.action));
         self.event(now, EventKind::CommandSent, service.as_ref().map(|(robot, _)| robot).cloned().as_ref(), Some(station), None, text);

@@ -5,13 +5,14 @@ use std::collections::BTreeMap;
 use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 use super::{Core, REFUSED_MAX};
-use crate::fleet::{LeftPack, newer};
+use crate::clocks::Agent;
+use crate::fleet::{LOST_S, LeftPack, Robot, newer};
 use crate::models::from_wire;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;
 use crate::trust::Owner;
 use crate::watch::{Change, News};
-use crate::when::minute_from;
+use crate::when::{self, minute_from};
 
 /// Each says whether there was anything new.
 impl Core {
@@ -29,6 +30,7 @@ impl Core {
         let works = matches!(phase, Some(RobotPhase::Working | RobotPhase::Travelling));
         self.trust.heard(now, &owner, &gauge, works, swapped);
         self.doubt_gauge(now, &owner);
+        self.heard_clock(now, &Agent::Robot(id.clone()), gauge.at);
         let name = self.fleet.robots[id].state.as_ref().map(|state| state.battery.as_str());
         let model = name.and_then(|name| self.models.battery(id, name));
         let news = self.watch.robot_gauge(id, model, &gauge);
@@ -58,6 +60,7 @@ impl Core {
         let before = robot.phase();
         let phase = state.phase;
         robot.says(state.clone());
+        self.robot_alive(now, id, true);
         let news = self.watch.robot_state(id, &state);
         self.doubted(now, news);
         self.record(Record::RobotState { robot: id.clone(), state: state.clone() });
@@ -100,12 +103,19 @@ impl Core {
 
     pub(super) fn robot_alive(&mut self, now: Timestamp, id: &RobotId, alive: bool) -> bool {
         let Some(robot) = self.fleet.robots.get_mut(id) else { return false };
-        let new = robot.lost == alive;
+        let new = robot.gone.is_none() != alive;
         if new {
-            robot.lost = !alive;
+            robot.gone = if alive { None } else { Some(now) };
+            // Who was gone for a moment is planned for as before.
+            let was_lost = std::mem::take(&mut robot.lost) && alive;
             let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
             self.event(now, kind, Some(id), None, None, format!("{id} {verb}"));
-            self.replan(format!("{id} {verb}"));
+            if alive {
+                self.trust.back(now, &Owner::Robot(id.clone()));
+            }
+            if was_lost {
+                self.replan(format!("{id} {verb}"));
+            }
         }
         new
     }
@@ -120,10 +130,8 @@ impl Core {
             return false;
         }
         let before = station.state.replace(state.clone());
-        station.lost = false;
-        for away in state.packs.iter().filter(|pack| !pack.connected) {
-            self.trust.forget(&Owner::Pack(id.clone(), away.pack.clone()));
-        }
+        self.station_alive(now, id, true);
+        let station = self.fleet.stations.entry(id.clone()).or_default();
         if let Some(before) = &before {
             station.is_brought(before, &state);
         }
@@ -141,6 +149,13 @@ impl Core {
                 run.hands_over.or_else(gauged)
             };
             station.left.entry(spare.spare.clone()).or_insert_with(|| LeftPack { since: state.at, soc: soc() });
+        }
+        for away in state.packs.iter().filter(|pack| !pack.connected) {
+            let owner = Owner::Pack(id.clone(), away.pack.clone());
+            if self.trust.forget(&owner) {
+                let text = format!("what the gauge of {owner} was doubted of is gone with it");
+                self.event(now, EventKind::GaugeTrusted, None, Some(id), Some(&away.pack), text);
+            }
         }
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
         let Some(before) = before else {
@@ -177,6 +192,9 @@ impl Core {
             let when = state.arrives.map_or_else(|| "has arrived".to_owned(), |at| format!("arrives at {}", minute_from(now, at)));
             self.replan(format!("{id} {when}"));
         }
+        if before.away != state.away {
+            self.replan(format!("{id} {}", when::away(now, &state.away)));
+        }
         for (was, is) in before.packs.iter().zip(&state.packs) {
             if is.back != was.back && is.connected == was.connected && is.pack == was.pack {
                 self.replan(format!("{} of {id} is expected at another time", is.pack));
@@ -210,6 +228,7 @@ impl Core {
         let owner = Owner::Pack(id.clone(), pack.clone());
         self.trust.heard(now, &owner, &gauge, feeds && gauge.current_a > 0.0, false);
         self.doubt_gauge(now, &owner);
+        self.heard_clock(now, &Agent::Station(id.clone()), gauge.at);
         let news = self.watch.pack_gauge(&self.fleet, &self.models.stations[id], id, &pack, &gauge);
         self.record(Record::PackGauge { station: id.clone(), pack, gauge });
         self.doubted(now, news);
@@ -243,30 +262,70 @@ impl Core {
 
     pub(super) fn station_alive(&mut self, now: Timestamp, id: &StationId, alive: bool) -> bool {
         let Some(station) = self.fleet.stations.get_mut(id) else { return false };
-        let new = station.lost == alive;
+        let new = station.gone.is_none() != alive;
         if new {
-            station.lost = !alive;
+            station.gone = if alive { None } else { Some(now) };
+            let was_lost = std::mem::take(&mut station.lost) && alive;
+            let packs: Vec<PackId> = station.packs.keys().cloned().collect();
             let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
             self.event(now, kind, None, Some(id), None, format!("{id} {verb}"));
-            self.replan(format!("{id} {verb}"));
+            if alive {
+                packs.into_iter().for_each(|pack| self.trust.back(now, &Owner::Pack(id.clone(), pack)));
+            }
+            if was_lost {
+                self.replan(format!("{id} {verb}"));
+            }
         }
         new
+    }
+
+    /// Ceases to plan for whom nobody waits any longer: who was promised a service is waited for until it would have to leave for it.
+    pub(super) fn count_the_lost(&mut self, now: Timestamp) {
+        let has_lasted = |gone: Option<Timestamp>| gone.is_some_and(|since| now.seconds_since(since) >= LOST_S);
+        let leaves = |robot: &RobotId| self.plan.planned.iter().find(|planned| planned.robot == *robot).map(|planned| planned.leave);
+        let mut lost: Vec<String> = Vec::new();
+        for (id, robot) in self.fleet.robots.iter_mut().filter(|(_, robot)| !robot.lost && has_lasted(robot.gone)) {
+            robot.lost = leaves(id).is_none_or(|leave| leave <= now);
+            lost.extend(robot.lost.then(|| id.to_string()));
+        }
+        for (id, station) in self.fleet.stations.iter_mut().filter(|(_, station)| !station.lost && has_lasted(station.gone)) {
+            station.lost = true;
+            lost.push(id.to_string());
+        }
+        lost.into_iter().for_each(|id| self.replan(format!("{id} was lost")));
+    }
+
+    /// Tells of a clock that is off or right again, and plans anew: deadlines are read on it.
+    fn heard_clock(&mut self, now: Timestamp, agent: &Agent, said: Timestamp) {
+        let Some(text) = self.clocks.heard(now, agent, said) else { return };
+        let kind = if self.clocks.is_off(agent) { EventKind::GaugeDoubted } else { EventKind::GaugeTrusted };
+        let (robot, station) = match agent {
+            Agent::Robot(robot) => (Some(robot), None),
+            Agent::Station(station) => (None, Some(station)),
+        };
+        self.event(now, kind, robot, station, None, text.clone());
+        self.replan(text);
     }
 
     /// Tells of gauges that began or ceased to be doubted, and plans anew.
     pub(super) fn doubt_gauges(&mut self, now: Timestamp) {
         for owner in self.trust.owners().cloned().collect::<Vec<_>>() {
+            let drawn_w = match &owner {
+                Owner::Robot(id) => self.fleet.robots.get(id).map_or(0.0, Robot::drawn_w),
+                Owner::Pack(id, pack) => self.fleet.stations.get(id).map_or(0.0, |station| station.drawn_w(pack)),
+            };
+            self.trust.drawn(now, &owner, drawn_w);
             self.doubt_gauge(now, &owner);
         }
     }
 
     fn doubt_gauge(&mut self, now: Timestamp, owner: &Owner) {
-        let (is_lost, robot, station, pack) = match owner {
-            Owner::Robot(id) => (self.fleet.robots.get(id).is_none_or(|belief| belief.lost), Some(id), None, None),
-            Owner::Pack(id, pack) => (self.fleet.stations.get(id).is_none_or(|belief| belief.lost), None, Some(id), Some(pack)),
+        let (is_gone, robot, station, pack) = match owner {
+            Owner::Robot(id) => (self.fleet.robots.get(id).is_none_or(|belief| belief.gone.is_some()), Some(id), None, None),
+            Owner::Pack(id, pack) => (self.fleet.stations.get(id).is_none_or(|belief| belief.gone.is_some()), None, Some(id), Some(pack)),
         };
-        // Who is lost says nothing, and that is told already.
-        if is_lost {
+        // Who is gone says nothing, and that is told already.
+        if is_gone {
             return;
         }
         let Some(fault) = self.trust.news(now, owner) else { return };

@@ -8,12 +8,19 @@ use crate::fleet::{Robot, Station};
 use crate::models::from_wire;
 use crate::scheduler::Planned;
 use crate::service_run::{How, ServiceRun, Stage, Step};
+use crate::when::minute_from;
 
 impl Core {
     /// Begins the services whose robots must leave now.
     pub(super) fn begin(&mut self, now: Timestamp) {
         let due: Vec<Planned> = self.plan.planned.iter().filter(|planned| planned.leave <= now).cloned().collect();
         for service in due {
+            // Nobody is sent who does not hear it, nor to where nobody takes it in.
+            let is_gone = self.fleet.robots.get(&service.robot).is_some_and(|robot| robot.gone.is_some())
+                || self.fleet.stations.get(&service.station).is_some_and(|station| station.gone.is_some());
+            if is_gone {
+                continue;
+            }
             // What a lift has begun ends first; then the robot is where it did not plan to be.
             if self.is_being_moved(now, &service.robot) {
                 continue;
@@ -72,7 +79,7 @@ impl Core {
                 self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
                 continue;
             }
-            if let Some(why) = self.charged_in_vain(now, run, belief) {
+            if let Some(why) = self.charged_in_vain(now, run, belief).or_else(|| self.must_be_out(now, run, place)) {
                 let stage = run.stage;
                 if let Some(run) = self.running.get_mut(&robot) {
                     run.cut_short = Some(why);
@@ -120,13 +127,23 @@ impl Core {
         Some(format!("it has taken none for {:.0} min ({why})", now.seconds_since(since) / 60.0))
     }
 
+    /// Why a robot is let go before it is charged: its station leaves, and all who charge there have to be let out before.
+    fn must_be_out(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<String> {
+        let leaves = station.heard()?.away.first()?.leaves;
+        let inside = |other: &&ServiceRun| other.station == run.station && matches!(other.stage, Stage::Charging | Stage::Unloading);
+        let lift_s = self.models.stations.get(&run.station)?.handling.unload_s;
+        let takes_s = lift_s * self.running.values().filter(inside).count() as f64 + self.settings.deadline_s;
+        let is_due = run.stage == Stage::Charging && run.cut_short.is_none() && leaves.seconds_since(now) <= takes_s;
+        is_due.then(|| format!("{} leaves at {}", run.station, minute_from(now, leaves)))
+    }
+
     /// Whether a robot that is lost on its way keeps a free bay from those who come after it. Nobody can let
     /// it in before it is heard again; then it is planned for where it stands.
     fn keeps_others_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> bool {
         let How::Recharge { bay, .. } = &run.how else { return false };
         let wanted = |planned: &Planned| planned.station == run.station && planned.bay.as_ref() == Some(bay);
         run.under_way()
-            && robot.lost
+            && robot.gone.is_some()
             && now.seconds_since(run.start) > self.settings.deadline_s
             && station.bay_phase(bay) == Some(BayPhase::Free)
             && !self.running.values().any(|other| other.at_place() && other.is_in(&run.station, bay))

@@ -93,6 +93,7 @@ fn ready(time_s: f64) -> StationState {
         powered: true,
         pack_power_w: 6.0,
         arrives: None,
+        away: Vec::new(),
         spares: Vec::new(),
         last_command: None,
         note: None,

@@ -126,7 +126,7 @@ fn check_station(station: &StationEntry) -> Result<(), String> {
     station.charging.check().map_err(|error| format!("station {id}: {error}"))?;
     station.selector.map_or(Ok(()), |selector| selector.check()).map_err(|error| format!("station {id}: {error}"))?;
     station.depot.map_or(Ok(()), |depot| depot.check()).map_err(|error| format!("station {id}: {error}"))?;
-    station.vehicle.as_ref().map_or(Ok(()), |vehicle| vehicle.stretches().map(|_| ())).map_err(|error| format!("station {id}: {error}"))?;
+    station.vehicle.as_ref().map_or(Ok(()), |vehicle| vehicle.parts().map(|_| ())).map_err(|error| format!("station {id}: {error}"))?;
     if station.packs.is_empty() {
         return Err(format!("station {id}: packs: at least one is needed"));
     }

@@ -243,6 +243,7 @@ mod tests {
             station: StationId::new("s").unwrap(),
             out_of_order: None,
             opens_s: 0.0,
+            away_s: Vec::new(),
             handling: Handling { load_s: 30.0, unload_s: 30.0, swap_s: 60.0 },
             bays: Vec::new(),
             unfed: 0,

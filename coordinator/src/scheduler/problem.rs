@@ -1,5 +1,6 @@
 //! What is believed at one moment, for planning. Times are seconds from `now`.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use energy::units::S_PER_H;
@@ -103,6 +104,8 @@ pub struct StationView {
     pub out_of_order: Option<String>,
     /// When it is where it takes robots in, s: 0 or less unless it is on its way there.
     pub opens_s: f64,
+    /// When it sets off again, and when it takes robots in once more, s: no service overlaps that. Empty where it stays.
+    pub away_s: Vec<Range<f64>>,
     /// How long it takes to handle a robot.
     pub handling: Handling,
     /// Bays that work, are free or held by a service that has begun, and take part: no more than may charge side by side.

@@ -59,6 +59,7 @@ fn station(name: &str, bays: usize, usable_wh: &[f64], spares: &[f64]) -> Statio
         station: StationId::new(name).unwrap(),
         out_of_order: None,
         opens_s: 0.0,
+        away_s: Vec::new(),
         handling: Handling { load_s: 30.0, unload_s: 40.0, swap_s: 60.0 },
         bays: (0..bays).map(bay).collect(),
         unfed: 0,
@@ -255,8 +256,7 @@ fn a_pack_that_is_brought_later_pays_for_what_begins_later() {
 
 #[test]
 fn where_not_all_have_room_for_a_whole_charge_some_leave_with_less() {
-    // All are empty in 56 min. A whole charge from 30 % takes 42 min with the lift, one to 50 % takes 14: two whole
-    // ones leave no time for a third robot.
+    // All are empty in 56 min. From 30 % a whole charge takes 42 min with the lift, one to 50 % takes 14: two whole ones leave none for a third.
     let robots = |count: usize| ["a", "b", "c"][..count].iter().map(|name| robot(name, 0.3, &[(0, 60.0)])).collect::<Vec<_>>();
     let levels = |plan: &Plan| plan.planned.iter().map(|planned| planned.to_soc).collect::<Vec<_>>();
     let both = solved(robots(2), vec![station("s", 1, &[90.0], &[])]).plan;

@@ -63,6 +63,11 @@ impl Grid {
         (ticks >= 0.0).then_some(ticks as Tick)
     }
 
+    /// The last tick that begins by then.
+    fn down(self, seconds: f64) -> Tick {
+        (seconds / f64::from(self.tick_s) + 1e-9).max(0.0) as Tick
+    }
+
     fn up(self, seconds: f64) -> Tick {
         (seconds / f64::from(self.tick_s) - 1e-9).ceil().max(0.0) as Tick
     }

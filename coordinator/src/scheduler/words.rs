@@ -78,6 +78,14 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
             on_clock(task, opens),
             minutes(endurance as f64) + task.view.robots[robot].handled_s / 60.0
         ),
+        Why::Leaves { ref away } => {
+            let back = match away.end < task.problem.horizon {
+                true => format!(" or begins in time once it is back at {}", on_clock(task, away.end)),
+                false => String::new(),
+            };
+            let leaves = away.start + task.problem.stations[station].away_slack;
+            format!("it leaves at {}, and no service that adds enough ends before{back}", on_clock(task, leaves))
+        }
         Why::NoPlace => "no bay works, and no charged spare is left".to_owned(),
         Why::NoFit => "no bay works, and none of the spares fits".to_owned(),
         Why::TooLate { .. } => "no service that adds enough ends in time".to_owned(),

@@ -4,9 +4,10 @@
 //!   now ── fine ────────────── keep ──────────>  older
 //!    all that was told │ a row in `coarse` │ gone
 //!    plans, inputs     │ gone
+//!    events, commands                      │ gone
 //! ```
 //!
-//! Events and commands stay. Nothing here takes part in a decision: it may be late, or not run at all.
+//! Nothing here takes part in a decision: it may be late, or not run at all.
 
 use proto::Timestamp;
 use sqlx::any::AnyArguments;
@@ -22,7 +23,7 @@ pub struct Retention {
     pub fine: Timestamp,
     /// To a row in this time, s.
     pub coarse_s: f64,
-    /// Older telemetry is deleted.
+    /// Older telemetry, events and commands are deleted.
     pub keep: Timestamp,
 }
 
@@ -63,25 +64,39 @@ impl Store {
     pub async fn retire(&self, retention: &Retention, sweep: &mut Sweep) -> Result<(), StoreError> {
         let failed = |source| StoreError::database(&self.path, "deleting what is old", source);
         let mut connection = self.writer.acquire().await.map_err(failed)?;
-        forget(&mut connection, retention.fine.unix_ms()).await.map_err(failed)?;
+        forget(&mut connection, retention).await.map_err(failed)?;
         sweep.step(&mut connection, retention).await.map_err(failed)
     }
 }
 
-/// Deletes the oldest plans, capacities and inputs, where the very oldest is old enough.
-async fn forget(connection: &mut AnyConnection, before_ms: i64) -> Result<(), sqlx::Error> {
-    for (oldest, sql) in [
+/// Deletes the oldest of what is not telemetry, where the very oldest is old enough. The newest event stays: numbers go on from it.
+async fn forget(connection: &mut AnyConnection, retention: &Retention) -> Result<(), sqlx::Error> {
+    let (fine_ms, keep_ms) = (retention.fine.unix_ms(), retention.keep.unix_ms());
+    for (before_ms, oldest, sql) in [
         (
+            fine_ms,
             "SELECT at_ms FROM inputs ORDER BY epoch, number LIMIT 1",
             "DELETE FROM inputs WHERE at_ms < $1 AND (epoch, number) IN (SELECT epoch, number FROM inputs ORDER BY epoch, number LIMIT $2)",
         ),
         (
+            fine_ms,
             "SELECT at_ms FROM plans ORDER BY plan LIMIT 1",
             "DELETE FROM plans WHERE at_ms < $1 AND plan IN (SELECT plan FROM plans ORDER BY plan LIMIT $2)",
         ),
         (
+            fine_ms,
             "SELECT at_ms FROM capacities ORDER BY number LIMIT 1",
             "DELETE FROM capacities WHERE at_ms < $1 AND number IN (SELECT number FROM capacities ORDER BY number LIMIT $2)",
+        ),
+        (
+            keep_ms,
+            "SELECT at_ms FROM events ORDER BY seq LIMIT 1",
+            "DELETE FROM events WHERE at_ms < $1 AND seq IN (SELECT seq FROM events ORDER BY seq LIMIT $2) AND seq < (SELECT MAX(seq) FROM events)",
+        ),
+        (
+            keep_ms,
+            "SELECT at_ms FROM commands ORDER BY at_ms, id LIMIT 1",
+            "DELETE FROM commands WHERE at_ms < $1 AND id IN (SELECT id FROM commands ORDER BY at_ms, id LIMIT $2)",
         ),
     ] {
         let oldest_ms: Option<i64> = query_scalar(oldest).fetch_optional(&mut *connection).await?;

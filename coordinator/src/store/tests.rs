@@ -93,6 +93,7 @@ fn station_state(seq: u64) -> Record {
         powered: true,
         pack_power_w: 31.5,
         arrives: None,
+        away: Vec::new(),
         spares: Vec::new(),
         last_command: None,
         note: None,

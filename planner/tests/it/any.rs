@@ -35,8 +35,11 @@ pub fn station() -> impl Strategy<Value = Station> {
     let packs = (pack(0), vec(pack(1), 0..4));
     let sizes = (0_u32..4, 0_i64..3, 0_i64..3, 0_i64..60, 0_u32..3, 0_u32..3, 0_u32..4);
     let opens = prop_oneof![3 => Just(0), 1 => 0_u32..20];
+    let away = vec((0_u32..40, 0_u32..20).prop_map(|(from, ticks)| from..from + ticks), 0..3);
+    let away = prop_oneof![3 => Just(Vec::new()), 1 => away];
+    let away = (away, 0_u32..4);
     let spare = (0_u32..40, prop_oneof![2 => Just(0_u16), 1 => Just(1)]).prop_map(|(ready, kind)| Spare { ready, kind });
-    (packs, sizes, 0_i64..300, vec(spare, 0..4), any::<bool>(), opens).prop_map(
+    (packs, sizes, 0_i64..300, vec(spare, 0..4), any::<bool>(), opens, away).prop_map(
         |(
             (mut first, mut more),
             (bays, lift_slots, swap_slots, switch_cost, load_ticks, unload_ticks, swap_ticks),
@@ -44,6 +47,7 @@ pub fn station() -> impl Strategy<Value = Station> {
             spares,
             busy,
             opens,
+            (away, away_slack),
         )| {
             let ongoing = Ongoing { bay: Some(0), from: 0, load_ticks: 0, until: 7, draw: 60, unload_ticks: 1 };
             let ongoing = if busy && bays > 0 && lift_slots > 0 { vec![ongoing] } else { Vec::new() };
@@ -54,6 +58,8 @@ pub fn station() -> impl Strategy<Value = Station> {
                 name: "any".to_owned(),
                 charger: 0,
                 opens,
+                away,
+                away_slack,
                 bays,
                 lift_slots,
                 swap_slots,

@@ -89,6 +89,10 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
                 (swap_energy, end)
             };
             assert_eq!(session.end as usize, end, "the end as told");
+            for away in &station.away {
+                let leaves = away.start + if robot.held { station.away_slack } else { 0 };
+                assert!((session.start..session.end).all(|tick| !(leaves..away.end).contains(&tick)), "is there while the station is not");
+            }
             outcome[session.robot] = Some((start as i64, i64::from(travel.ticks), end as i64, stored));
         }
         for tick in 0..horizon {

@@ -40,10 +40,20 @@ fn finds_a_way(problem: &Problem, plan: &Plan, robot: usize, is_asked: impl Fn(&
     choices.ways.iter().filter(|way| is_asked(way)).any(|way| draft.books[usize::from(way.station)].fits(choices, way))
 }
 
+/// Whether a robot has any way at a station, however full that is.
+fn finds_a_way_at(problem: &Problem, robot: usize, station: usize) -> bool {
+    Ways::all(problem).of(robot).ways.iter().any(|way| usize::from(way.station) == station)
+}
+
 fn checked(problem: &Problem, seed: u64) -> Result<(), TestCaseError> {
     let plan = plan(problem, "optimise", seed, &mut Moves(300)).expect("a problem that can be planned");
     for unserved in &plan.unserved {
         for Obstacle { station, why } in &unserved.obstacles {
+            if let Why::Leaves { away } = why {
+                let mut stays = problem.clone();
+                prop_assert_eq!(std::mem::take(&mut stays.stations[*station].away).first(), Some(away));
+                prop_assert!(finds_a_way_at(&stays, unserved.robot, *station) && !finds_a_way_at(problem, unserved.robot, *station));
+            }
             let Why::Taken { start, mode, lacks, .. } = why else { continue };
             let is_it = |way: &Way| usize::from(way.station) == *station && u32::from(way.start) == *start && way.mode == *mode;
             let mut there = Some(problem.clone());

@@ -19,7 +19,7 @@ pub use schedule::{
     Unserved,
 };
 pub use sim::{SimDraw, SimSupply};
-pub use station::{BayPhase, BayState, PackReturn, PackState, SpareState, StationState};
+pub use station::{Absence, BayPhase, BayState, PackReturn, PackState, SpareState, StationState};
 
 /// Prints a unit-only enum under the very name that it has on the wire.
 macro_rules! display_as_on_the_wire {

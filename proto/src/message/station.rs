@@ -102,6 +102,9 @@ pub struct StationState {
     /// it will stand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arrives: Option<Timestamp>,
+    /// When it is away after it stands, one after the other: services end before, or begin once it is back. Empty while it stays.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub away: Vec<Absence>,
     /// Every spare, each once.
     pub spares: Vec<SpareState>,
     /// The last command it accepted.
@@ -110,6 +113,16 @@ pub struct StationState {
     /// Anything a person should know.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
+}
+
+/// A time for which a station is away from where it takes robots in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Absence {
+    /// When it sets off.
+    pub leaves: Timestamp,
+    /// When it takes robots in once more, there or elsewhere. None where that is not known: nobody is planned for then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub returns: Option<Timestamp>,
 }
 
 impl Message for StationState {

@@ -1,7 +1,7 @@
 //! What a station says of itself, and when.
 
 use node::{gauge_message, why_senseless};
-use proto::{BayState, PackState, StationState, Timestamp};
+use proto::{Absence, BayState, PackState, StationState, Timestamp};
 
 use super::{Agent, Bay, Output, Pack};
 
@@ -11,6 +11,16 @@ const SAME_S: f64 = 1.0;
 /// A time that is expected, as it is told: as before, where nothing has changed.
 pub(super) fn again(told: Option<Timestamp>, expected: Timestamp) -> Timestamp {
     told.filter(|told| told.seconds_since(expected).abs() <= SAME_S).unwrap_or(expected)
+}
+
+/// Absences that are expected, in seconds from now, as they are told.
+pub(super) fn away(told: &[Absence], now: Timestamp, away_s: &[(f64, Option<f64>)]) -> Vec<Absence> {
+    let told = told.iter().copied().map(Some).chain(std::iter::repeat(None));
+    let one = |(&(leaves_s, returns_s), told): (&(f64, Option<f64>), Option<Absence>)| Absence {
+        leaves: again(told.map(|told| told.leaves), now.plus_s(leaves_s)),
+        returns: returns_s.map(|returns_s| again(told.and_then(|told| told.returns), now.plus_s(returns_s))),
+    };
+    away_s.iter().zip(told).map(one).collect()
 }
 
 impl Agent {
@@ -34,7 +44,14 @@ impl Agent {
         }
         let telling: Vec<_> = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
         let here = self.packs.iter().map(|pack| pack.connected).collect();
-        let power = (self.powered, self.active_pack.clone(), self.swapping.as_ref().map(|(robot, _)| robot.clone()), here, self.arrives);
+        let power = (
+            self.powered,
+            self.active_pack.clone(),
+            self.swapping.as_ref().map(|(robot, _)| robot.clone()),
+            here,
+            self.arrives,
+            self.away.clone(),
+        );
         let changed = self.told.as_ref() != Some(&telling) || self.told_power.as_ref() != Some(&power);
         if changed || self.state_due.is(now) {
             (self.told, self.told_power) = (Some(telling), Some(power));
@@ -72,6 +89,7 @@ impl Agent {
             powered: self.powered,
             pack_power_w: self.pack_power_w,
             arrives: self.arrives,
+            away: self.away.clone(),
             spares: self.spares.clone(),
             last_command: self.last_command.clone(),
             note: self.note(),

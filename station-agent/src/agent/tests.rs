@@ -75,6 +75,7 @@ fn bench() -> Bench {
         active_pack: Some(pack(1)),
         powered: true,
         arrives_s: None,
+        away_s: Vec::new(),
         lifted: None,
         given_up: None,
         mended: Vec::new(),

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::{Config, fraction};
 use crate::agent::Agent;
 use crate::source::Source;
-use crate::source::measured::{Hands, KEY, MeasuredPack, MeasuredSpare, MeasuredStation};
+use crate::source::measured::{Hands, KEY, MeasuredPack, MeasuredSpare, MeasuredStation, Place};
 
 /// A real station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,6 +34,9 @@ pub struct MeasuredConfig {
     /// Longest time that one act may take, s: a program that has not ended by then is stopped, and the act has failed.
     #[serde(default = "default_operate_max_s")]
     pub operate_max_s: f64,
+    /// Whether the station drives: `operate` is asked where it is then.
+    #[serde(default)]
+    pub drives: bool,
     /// The active pack is left below this voltage, V; 0 to leave it when it gives out.
     #[serde(default)]
     pub leave_below_v: f64,
@@ -51,7 +54,7 @@ pub struct MeasuredConfig {
     pub soc_sigma: f64,
 }
 
-/// Some times what the slowest exchanges and lifts take.
+/// A guess: an exchange or a lift takes seconds to a few minutes, and whatever takes longer than a quarter of an hour hangs.
 fn default_operate_max_s() -> f64 {
     900.0
 }
@@ -147,6 +150,7 @@ impl MeasuredConfig {
         self.unmeasured().check()?;
         let key = KEY.trim_start_matches("source.");
         Program::check(key, &self.operate)?;
+        ensure!(!self.drives || !self.operate.is_empty(), "drives: the station drives, and {key} names no program that says where it is");
         ensure!(of.spares.is_empty() || !self.operate.is_empty(), "{key}: the station has spares, and no program to exchange them");
         Ok(())
     }
@@ -175,6 +179,7 @@ impl MeasuredConfig {
         let spares = self.spares.iter().map(spare).collect::<anyhow::Result<_>>()?;
         let rule = Rule { leave_below_v: self.leave_below_v, take_above_v: self.take_above_v };
         let station = MeasuredStation::new(packs, spares, Hands::new(self.operate.clone(), self.operate_max_s, self.soc_sigma));
+        let station = if self.drives { station.at(Place::new(self.operate.clone())) } else { station };
         Ok((Agent::new(of.profile(rule, "measured"), gauges), Box::new(station)))
     }
 }

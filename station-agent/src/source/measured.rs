@@ -1,6 +1,7 @@
 //! A real station: a device beside each of its packs, and a program that works lift, exchange and selector.
 
 mod hands;
+mod place;
 
 use device::{Device, Reader, Reading};
 use energy::Estimate;
@@ -10,6 +11,8 @@ use proto::{PackId, SpareId};
 use tracing::warn;
 
 pub use self::hands::{Hands, KEY};
+pub use self::place::Place;
+use self::place::Stand;
 use super::{Act, Observation, PackReading, Source};
 
 /// Charges of a spare that differ by less are not told anew.
@@ -20,6 +23,8 @@ pub struct MeasuredStation {
     packs: Vec<MeasuredPack>,
     spares: Vec<MeasuredSpare>,
     hands: Hands,
+    /// Where it is, of one that drives.
+    place: Option<Place>,
     active: Option<PackId>,
 }
 
@@ -114,10 +119,17 @@ impl MeasuredSpare {
 }
 
 impl MeasuredStation {
-    /// A station of these packs and spares, worked by `hands`.
+    /// A station of these packs and spares, worked by `hands`, that stands where it is.
     #[must_use]
     pub fn new(packs: Vec<MeasuredPack>, spares: Vec<MeasuredSpare>, hands: Hands) -> Self {
-        Self { packs, spares, hands, active: None }
+        Self { packs, spares, hands, place: None, active: None }
+    }
+
+    /// The same as one that drives.
+    #[must_use]
+    pub fn at(mut self, place: Place) -> Self {
+        self.place = Some(place);
+        self
     }
 
     /// The pack that feeds the station: the one that gives current; where none is seen to, the one that was so before.
@@ -139,7 +151,8 @@ impl MeasuredStation {
     /// What a person should look after.
     fn trouble(&self) -> Option<String> {
         let silent = self.packs.iter().filter_map(|pack| Some(format!("{}: {}", pack.id, pack.silent.as_ref()?)));
-        let all: Vec<String> = silent.chain(self.hands.trouble()).collect();
+        let place = self.place.as_ref().and_then(Place::trouble);
+        let all: Vec<String> = silent.chain(self.hands.trouble()).chain(place).collect();
         (!all.is_empty()).then(|| all.join("; "))
     }
 }
@@ -156,6 +169,7 @@ impl Source for MeasuredStation {
     fn advance(&mut self, dt_s: f64) -> Option<Observation> {
         let packs = self.packs.iter_mut().map(|pack| pack.advance(dt_s)).collect();
         let done = self.hands.advance(dt_s);
+        let Stand { arrives_s, away_s } = self.place.as_mut().map(|place| place.advance(dt_s)).unwrap_or_default();
         self.find_active(done.selected);
         let (hands, spares) = (&self.hands, self.spares.iter_mut());
         // What lies in the place of a spare that is being exchanged is nobody's yet.
@@ -168,7 +182,8 @@ impl Source for MeasuredStation {
             charged: charged.collect(),
             active_pack: self.active.clone(),
             powered: self.packs.iter().any(|pack| pack.last.is_some() && !pack.depleted),
-            arrives_s: None,
+            arrives_s,
+            away_s,
             lifted: done.lifted,
             given_up: done.given_up,
             mended: done.mended,

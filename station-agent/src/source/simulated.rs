@@ -11,8 +11,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Estimate, Model, Run, Start};
 use node::body::PackBody;
-use node::mission::Stretch;
-use node::{Age, Depot, SelectorConfig};
+use node::{Age, Depot, Part, SelectorConfig};
 use proto::{PackId, RobotId, SimDraw, SimSupply, SpareId, Timestamp};
 
 use self::drive::Drive;
@@ -51,7 +50,7 @@ pub struct World {
     /// Where packs are exchanged; none where they stay.
     pub depot: Option<Depot>,
     /// What drives it, what it does, and the mass of a robot aboard, kg; none for one that stands.
-    pub vehicle: Option<(Arc<Model>, Vec<Stretch>, f64)>,
+    pub vehicle: Option<(Arc<Model>, Vec<Part>, f64)>,
     /// Temperature of packs and surroundings, °C.
     pub temperature_degc: f64,
     /// Chooses the gauge ICs' specimens and noise.
@@ -153,7 +152,7 @@ impl StationBody {
             charged: Vec::new(),
             selector: world.selector,
             depot: world.depot,
-            drive: world.vehicle.map(|(load, stretches, robot_kg)| Drive::new(load, stretches, robot_kg)),
+            drive: world.vehicle.map(|(load, parts, robot_kg)| Drive::new(load, parts, robot_kg)),
             switched: 0,
             down_s: 0.0,
             now_s: 0.0,
@@ -279,7 +278,8 @@ impl Source for StationBody {
             packs,
             active_pack: self.packs.get(self.active).map(|pack| pack.id.clone()),
             powered: self.powered,
-            arrives_s: self.drive.as_ref().and_then(Drive::left_s),
+            arrives_s: self.drive.as_ref().and_then(Drive::arrives_s),
+            away_s: self.drive.as_ref().map_or_else(Vec::new, Drive::away_s),
             lifted,
             given_up: None,
             mended: Vec::new(),

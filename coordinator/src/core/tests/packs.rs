@@ -58,7 +58,14 @@ fn a_pack_whose_gauge_falls_silent_is_told_of_and_counts_for_less_until_it_speak
     // It gives 6 W, by what its station said: as much as its usable share of that is gone, and nearly a third of it is not known.
     assert!((4.0..6.5).contains(&(fresh_wh.value - stale_wh.value)), "{fresh_wh:?}, {stale_wh:?}");
     assert!(stale_wh.sigma > fresh_wh.sigma.hypot(1.2), "{fresh_wh:?}, {stale_wh:?}");
+    let why = core.explain(at(3_600.0), &id("r0")).unwrap().reasons;
+    assert!(why.iter().any(|reason| reason.starts_with("the gauge of p of s has not been heard since 00:00:00")), "{why:?}");
     core.handle(at(3_601.0), Input::PackGauge(id("s"), id("p"), gauge(3_601.0, 0.9, 84.0)));
+    assert_eq!(told(&mut core, EventKind::GaugeTrusted), 1);
+    // Silent once more, and taken away: what comes in its place is doubted of nothing.
+    core.handle(at(3_602.0), Input::PackGauge(id("s"), id("p"), gauge(3_602.0, 0.9, 84.0)));
+    held_wh(&mut core, 7_200.0);
+    pack_is(&mut core, 7_201.0, false, None);
     assert_eq!(told(&mut core, EventKind::GaugeTrusted), 1);
 }
 
@@ -66,7 +73,14 @@ fn a_pack_whose_gauge_falls_silent_is_told_of_and_counts_for_less_until_it_speak
 fn a_station_whose_clock_is_ahead_is_asked_until_a_deadline_on_its_own_clock() {
     let mut core = core();
     core.handle(at(0.0), Input::StationState(id("s"), ready(3_600.0)));
+    let told = |core: &mut Core| {
+        let of_clock =
+            |output: &Output| matches!(output, Output::Record(Record::Event(event)) if event.text.starts_with("the clock of s is"));
+        std::iter::from_fn(|| core.poll()).filter(of_clock).count()
+    };
     (0..3).for_each(|n| core.handle(at(f64::from(n)), Input::PackGauge(id("s"), id("p"), gauge(3_600.0 + f64::from(n), 1.0, 84.0))));
+    core.handle(at(3.0), Input::PackGauge(id("s"), id("q"), gauge(3_603.0, 1.0, 84.0)));
+    assert_eq!(told(&mut core), 1, "once, however many packs it has");
     core.ask_station(at(3.0), &id("s"), StationAction::SelectPack { pack: id("p") }, None);
     let command = std::iter::from_fn(|| core.poll()).find_map(|output| match output {
         Output::ToStation(_, command) => Some(command),

@@ -28,7 +28,8 @@ async fn filled(store: &Store) {
     }
     let packs: Vec<Record> = (0..12 * HOUR / 10).map(|n| pack_gauge(10 * n.cast_unsigned())).collect();
     store.append(&packs).await.unwrap();
-    store.append(&events(1..=1)).await.unwrap();
+    store.append(&events(1..=3)).await.unwrap();
+    store.append(&[to_robot("c1-1", 60), to_station("c1-2", 11 * HOUR)]).await.unwrap();
 }
 
 async fn holds(store: &Store) {
@@ -38,7 +39,9 @@ async fn holds(store: &Store) {
     let left = HOUR / 10 + 9 * 60;
     assert_eq!(rows(store, "pack_gauges").await, left);
     assert_eq!(rows(store, "robot_gauges").await, 2 * left);
-    assert_eq!(rows(store, "events").await, 1);
+    let numbers: Vec<u64> = store.reader.events(9).await.unwrap().iter().map(|event| event.seq).collect();
+    assert_eq!(numbers, [3], "they go on from the newest");
+    assert_eq!(rows(store, "commands").await, 1);
     // Nothing more happens until time passes; then a minute more is thinned: six rows become one.
     swept(store, 12 * HOUR).await;
     assert_eq!(rows(store, "pack_gauges").await, left);

@@ -9,7 +9,7 @@ use crate::fleet::Station;
 use crate::models::from_wire;
 use crate::view::Basis;
 use crate::web::number::{Quantity, percent, reading, span};
-use crate::when::minute_from;
+use crate::when::{self, minute_from};
 
 /// One station.
 #[derive(Debug, Clone, Serialize)]
@@ -102,7 +102,7 @@ fn card(basis: &Basis<'_>, schedule: &Schedule, stacks: &Stacks, id: &StationId)
 }
 
 fn standing(now: Timestamp, station: &Station, state: &StationState) -> (String, Tone) {
-    if station.lost {
+    if station.gone.is_some() {
         return ("lost".to_owned(), Tone::Bad);
     }
     if !state.powered {
@@ -111,6 +111,9 @@ fn standing(now: Timestamp, station: &Station, state: &StationState) -> (String,
     let mut words = vec![format!("draws {:.1} W", state.pack_power_w)];
     if let Some(at) = state.arrives {
         words.push(format!("on its way, takes robots in from {}", minute_from(now, at)));
+    }
+    if !state.away.is_empty() {
+        words.push(when::away(now, &state.away));
     }
     if state.lift_busy {
         words.push("lift moves".to_owned());

@@ -81,12 +81,18 @@ fn next_empty(basis: &Basis<'_>) -> Tile {
 
 fn at_work(basis: &Basis<'_>) -> Tile {
     let robots = basis.fleet.robots.values();
-    let (all, working) = (robots.len(), robots.clone().filter(|robot| robot.phase() == Some(RobotPhase::Working) && !robot.lost).count());
+    let (all, working) =
+        (robots.len(), robots.clone().filter(|robot| robot.phase() == Some(RobotPhase::Working) && robot.gone.is_none()).count());
     let count = |so: &dyn Fn(&crate::fleet::Robot) -> bool| basis.fleet.robots.values().filter(|robot| so(robot)).count();
     let stranded = count(&|robot| robot.phase() == Some(RobotPhase::Stranded));
-    let lost = count(&|robot| robot.lost);
-    let troubles: Vec<String> =
-        [(stranded, "stranded"), (lost, "lost")].iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+    let lost = count(&|robot| robot.gone.is_some());
+    let lost_stations = basis.fleet.stations.values().filter(|station| station.gone.is_some()).count();
+    let in_words = if lost_stations == 1 { "station lost" } else { "stations lost" };
+    let troubles: Vec<String> = [(stranded, "stranded"), (lost, "lost"), (lost_stations, in_words)]
+        .iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, what)| format!("{n} {what}"))
+        .collect();
     let (note, tone) =
         if troubles.is_empty() { ("nobody stranded or lost".to_owned(), Tone::Good) } else { (troubles.join(", "), Tone::Bad) };
     Tile { id: "at_work", label: "Robots at work".to_owned(), value: format!("{working} of {all}"), note, tone }

@@ -31,6 +31,8 @@ fn what_a_real_station_lacks_is_told_by_its_key() {
     assert_eq!(refused(&good, ""), "");
     assert_eq!(refused(BOTH, ""), "source.operate: the station has spares, and no program to exchange them");
     assert_eq!(refused(&format!("operate = [\"\"]\n{BOTH}"), ""), "source.operate: its first entry is a program");
+    let drives = "source.drives: the station drives, and operate names no program that says where it is";
+    assert_eq!(refused(&format!("drives = true\n{BOTH}"), ""), drives);
     let one = "packs.p-1 = { kind = \"power_supply\" }";
     assert_eq!(refused(&format!("{OPERATE}\n{one}"), ""), "source.packs: nothing measures pack p-2");
     let more = "[source.packs.p-3]\nkind = \"replay\"\nfile = \"x.csv\"";

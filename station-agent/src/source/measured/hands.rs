@@ -31,6 +31,8 @@ const RETRY_S: f64 = 10.0;
 const RETRY_MAX_S: f64 = 300.0;
 /// Lift movements are given up after so many failures: others want the lift.
 const LIFT_TRIES: u32 = 3;
+/// A step that is longer is one through which the machine has slept, s.
+pub(super) const SLEPT_S: f64 = 60.0;
 /// Time between two checks of a bay that is out of order, s.
 const CHECK_S: f64 = 60.0;
 
@@ -210,7 +212,8 @@ impl Duty {
     fn advance(&mut self, dt_s: f64) -> Option<Outcome> {
         let task = self.task.as_mut()?;
         let ended = if self.program.is_running() {
-            task.at_it_s += dt_s;
+            // What the machine slept through, the program did too.
+            task.at_it_s += if dt_s > SLEPT_S { 0.0 } else { dt_s };
             match self.program.ended() {
                 Some(ended) => ended.result.map(|()| ended.printed),
                 None if task.at_it_s <= self.max_s => return None,
@@ -221,7 +224,8 @@ impl Duty {
             }
         } else {
             task.wait_s -= dt_s;
-            if task.wait_s > 0.0 {
+            // Two of them would be at one lift.
+            if task.wait_s > 0.0 || self.program.is_ending() {
                 return None;
             }
             task.at_it_s = 0.0;

@@ -1,3 +1,5 @@
+use node::mission::Stretch;
+
 use super::*;
 
 const ROOMBA: &str = "roomba-4s2p-2640mah";
@@ -299,11 +301,33 @@ fn own_loads_are_what_robots_say_and_the_other_path_is_reckoned_beside() {
     assert!((body.path_selection_saves_wh() - saved_wh).abs() < 1e-9);
 }
 
+/// A way of stretches at these speeds, m/s, and at the end a stay for good.
+fn way(parts: &[(f64, f64)]) -> Vec<Part> {
+    let part = |&(time_s, speed_mps): &(f64, f64)| Part {
+        stretch: Stretch { time_s, distance_m: 0.0, inputs: vec![(Channel::SpeedMps, speed_mps)] },
+        open: speed_mps == 0.0,
+    };
+    parts.iter().chain([&(f64::INFINITY, 0.0)]).map(part).collect()
+}
+
+#[test]
+fn a_station_that_stays_between_two_drives_says_when_it_leaves_and_its_lift_moves_meanwhile() {
+    let way = way(&[(3.0, 0.2), (2.0, 0.1), (60.0, 0.0), (40.0, 0.0), (10.0, 0.2), (20.0, 0.0), (5.0, 0.1)]);
+    let mut body = StationBody::new(World { vehicle: Some((model("mds-vehicle"), way, 0.5)), ..world(&[1.0]) });
+    let mut told = |steps: i32| {
+        let seen = (0..steps).map(|_| body.advance(1.0).unwrap()).last().unwrap();
+        (seen.arrives_s, seen.away_s, body.driving_w().is_some())
+    };
+    assert_eq!(told(1), (Some(4.0), vec![(104.0, Some(114.0)), (134.0, Some(139.0))], true));
+    assert_eq!(told(4), (None, vec![(100.0, Some(110.0)), (130.0, Some(135.0))], false));
+    assert_eq!(told(60), (None, vec![(40.0, Some(50.0)), (70.0, Some(75.0))], false), "a stay of two parts");
+    assert_eq!(told(40), (Some(10.0), vec![(30.0, Some(35.0))], true));
+    assert_eq!(told(35), (None, Vec::new(), false));
+}
+
 #[test]
 fn a_station_that_drives_takes_it_from_its_pack_and_its_lift_waits() {
-    let leg = Stretch { time_s: 10.0, distance_m: 0.0, inputs: vec![(Channel::SpeedMps, 0.2)] };
-    let still = Stretch { time_s: f64::INFINITY, distance_m: 0.0, inputs: vec![(Channel::SpeedMps, 0.0)] };
-    let mut body = StationBody::new(World { vehicle: Some((model("mds-vehicle"), vec![leg, still], 0.5)), ..world(&[1.0]) });
+    let mut body = StationBody::new(World { vehicle: Some((model("mds-vehicle"), way(&[(10.0, 0.2)]), 0.5)), ..world(&[1.0]) });
     body.act(&Act::Swap { robot: robot(1), spare: spare() });
     assert_eq!(body.advance(1.0).unwrap().arrives_s, Some(9.0));
     // By hand: (12 kg x 9.80665 x 0.02 + 4 N) x 0.2 m/s / 0.5 + 0.5 W = 3.04 W.
