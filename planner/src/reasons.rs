@@ -174,7 +174,7 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
 /// Whether there would be a way for a robot at the end of this way, were the station to stay for good.
 fn would_do_if_it_stayed(problem: &Problem, robot: usize, travel: &Travel) -> bool {
     let station = Station { away: Vec::new(), ..problem.stations[travel.station].clone() };
-    let robot = Robot { travel: vec![Travel { station: 0, ..travel.clone() }], ..problem.robots[robot].clone() };
+    let robot = Robot { travel: vec![Travel { station: 0, ..*travel }], ..problem.robots[robot].clone() };
     let Problem { name, batteries, .. } = problem;
     let alone = Problem { name: name.clone(), batteries: batteries.clone(), stations: vec![station], robots: vec![robot], ..*problem };
     !Ways::new(&alone).of(0).ways.is_empty()

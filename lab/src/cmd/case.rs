@@ -81,6 +81,11 @@ impl<'a> Case<'a> {
         state
     }
 
+    /// What was noticed while its logs were read.
+    pub(super) fn notes(&self) -> Vec<String> {
+        self.train.iter().chain(&self.holdout).flat_map(|log| log.notes.iter().cloned()).collect()
+    }
+
     /// The model as given, as a written one: what a comparison begins with.
     pub(super) fn given(&self) -> anyhow::Result<Written> {
         self.as_written(self.source.text.clone(), Arc::clone(&self.source.model))

@@ -62,6 +62,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     if let Some(holdout) = &holdout {
         page.add_holdout(model, &values, &given.holdout, holdout);
     }
+    page.header.notes = case.notes();
     let mut discovery = None;
     if !args.no_discover {
         let search = searched(&case);

@@ -24,6 +24,7 @@ use crate::report::quantity::digits;
 #[must_use]
 pub fn render(page: &Page) -> String {
     let parts = [
+        ("noticed", "Noticed in the logs", noticed(&page.header.notes)),
         ("errors", "Error against the sensor floor", tables::errors(&page.errors, &page.holdout_errors)),
         ("time", "Measured and predicted", charts::traces(&page.traces)),
         ("regimes", "Where the error lies", charts::regimes(&page.regimes)),
@@ -88,6 +89,10 @@ fn head(header: &Header) -> Markup {
             }
         }
     }
+}
+
+fn noticed(notes: &[String]) -> Option<Markup> {
+    (!notes.is_empty()).then(|| html! { ul { @for note in notes { li { (note) } } } })
 }
 
 fn span(span_s: f64) -> String {

@@ -40,3 +40,21 @@ fn two_runs_write_the_same_report() {
     };
     assert_eq!(write("a.html"), write("b.html"));
 }
+
+/// Who opens a report tomorrow does not see what stood in the terminal today.
+#[test]
+fn what_was_noticed_in_the_logs_stands_in_the_report() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    // A row every 5 s, one of them twice, and half an hour that is not there.
+    let times_s = (0..100).map(|row| 5 * row).chain([495]).chain((0..100).map(|row| 2295 + 5 * row));
+    let rows: String = times_s.map(|time_s| format!("{time_s},1.0,3.9,25\n")).collect();
+    fs::write(at("gap.csv"), format!("time_s,current_a,voltage_v,ambient_degc\n{rows}")).unwrap();
+    let outcome =
+        lab(&["report", "--no-discover", "--soc-initial", "0.9", "--model", CELL, "--log", &at("gap.csv"), "-o", &at("report.html")]);
+    let told: Vec<&str> = outcome.stderr.lines().filter_map(|line| line.strip_prefix("lab: note: ")).collect();
+    let told: Vec<&str> = told.into_iter().filter(|note| note.contains("gap.csv: ")).collect();
+    assert!(told.len() >= 2, "{}", outcome.stderr);
+    let text = fs::read_to_string(at("report.html")).unwrap();
+    assert!(told.iter().all(|note| text.contains(*note)), "{told:#?}");
+}

@@ -86,6 +86,7 @@ pub fn station_state() -> StationState {
         powered: true,
         pack_power_w: 31.5,
         arrives: Some(at(302)),
+        away: vec![Absence { leaves: at(3_902), returns: Some(at(4_202)) }, Absence { leaves: at(7_802), returns: None }],
         spares: vec![SpareState { spare: id("s1"), soc: Estimate::new(0.98, 0.01), ready: true, battery: None }],
         last_command: Some(id("c8")),
         note: Some("fan of bay b2 is loud".to_owned()),

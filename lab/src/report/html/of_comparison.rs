@@ -42,6 +42,7 @@ pub fn page_of(model: &Arc<Model>, values: &[f64], logs: &[Prepared], comparison
             title: format!("{}: model and measurement", model.name),
             model: model.name.clone(),
             logs: log_lines(logs, false),
+            notes: Vec::new(),
             date: date.map(str::to_owned),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         },

@@ -60,6 +60,8 @@ pub struct Header {
     pub model: String,
     /// The logs.
     pub logs: Vec<LogLine>,
+    /// What was noticed while they were read: gaps, repeated times, readings that are none.
+    pub notes: Vec<String>,
     /// Date as the caller gives it; this library reads no clock.
     pub date: Option<String>,
     /// Version of the program.

@@ -135,6 +135,7 @@ pub(crate) fn full(name: &str) -> Page {
                 LogLine { name: name.to_owned(), holdout: false, rows: 100, span_s: 3600.0 },
                 LogLine { name: "held out".to_owned(), holdout: true, rows: 50, span_s: 60.0 },
             ],
+            notes: vec!["discharge: 3 rows have the time of the row before".to_owned()],
             date: Some("2026-01-31".to_owned()),
             version: "0.1.0".to_owned(),
         },
@@ -211,8 +212,8 @@ fn every_section_parses_loads_nothing_and_escapes_names() {
     let text = render(&full(NASTY));
     let seen = check(&text);
     assert_eq!(seen.headings.borrow().iter().filter(|heading| *heading == "h1").count(), 1);
-    // The verdict and nine sections.
-    assert_eq!(seen.headings.borrow().iter().filter(|heading| *heading == "h2").count(), 10);
+    // The verdict and ten sections.
+    assert_eq!(seen.headings.borrow().iter().filter(|heading| *heading == "h2").count(), 11);
     let (images, described) = *seen.images.borrow();
     assert!(images >= 10 && images == described, "{images} pictures, {described} described");
     assert!(text.contains("prefers-color-scheme:dark") && text.contains("width=device-width"));

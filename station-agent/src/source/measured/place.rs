@@ -140,7 +140,7 @@ mod tests {
         let (path, answer) = (folder.path().join("operate.sh"), folder.path().join("answer"));
         std::fs::write(&path, format!("test \"$*\" = place && cat {}\n", answer.display())).unwrap();
         let mut place = Place::new(vec!["/bin/sh".to_owned(), path.display().to_string()]);
-        let mut until = |place: &mut Place, wanted: &dyn Fn(&Place) -> bool| {
+        let until = |place: &mut Place, wanted: &dyn Fn(&Place) -> bool| {
             for _ in 0..2_000 {
                 let stand = place.advance(0.01);
                 if wanted(place) {
