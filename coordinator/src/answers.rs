@@ -30,13 +30,7 @@ pub fn schedule(basis: &Basis<'_>, plan: &Plan, number: u64, trigger: String) ->
         runs_empty: rejected.stranded,
         reasons: rejected.reasons.clone(),
     });
-    let stuck: Vec<Unserved> = stuck(basis, plan).collect();
-    let lost = basis.fleet.robots.iter().filter(|(id, robot)| robot.lost && !basis.running.contains_key(*id));
-    let lost = lost.map(|(id, robot)| {
-        let since =
-            robot.gone.map_or_else(String::new, |since| format!(": it has not been heard since {}", when::minute_from(basis.now, since)));
-        Unserved { robot: id.clone(), runs_empty: false, reasons: vec![format!("it was lost{since}")] }
-    });
+    let (stuck, lost): (Vec<Unserved>, Vec<Unserved>) = untold(basis, plan).partition(|unserved| unserved.runs_empty);
     let mut quality = quality(plan);
     // They strand whatever is planned.
     let count = u32::try_from(stuck.len()).unwrap_or(u32::MAX);
@@ -65,19 +59,25 @@ fn quality(plan: &Plan) -> Quality {
     }
 }
 
-/// Robots that no plan can reach where they are: in a bay without power, say.
-fn stuck<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unserved> + 'a {
+/// Robots of which no plan tells: those that it cannot reach where they are, in a bay without power say, and those that were lost, of which
+/// nobody knows whether they run empty.
+fn untold<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unserved> + 'a {
     let planned = plan.planned.iter().map(|planned| &planned.robot);
     let in_plan: BTreeSet<&RobotId> = planned.chain(plan.rejected.iter().map(|rejected| &rejected.robot)).collect();
-    basis.fleet.robots.iter().filter_map(move |(id, robot)| {
+    // Between two plans a robot that was just let go is in neither list.
+    let is_told = move |id: &RobotId| basis.running.contains_key(id) || in_plan.contains(id);
+    basis.fleet.robots.iter().filter(move |(id, _)| !is_told(id)).filter_map(|(id, robot)| {
+        if robot.lost {
+            let since = robot.gone.map(|since| format!(": it has not been heard since {}", when::minute_from(basis.now, since)));
+            let why = format!("it was lost{}", since.unwrap_or_default());
+            return Some(Unserved { robot: id.clone(), runs_empty: false, reasons: vec![why] });
+        }
         let (_, state) = robot.known()?;
-        let told = basis.running.contains_key(id) || in_plan.contains(id);
         let place = state.station.as_ref().map_or_else(String::new, |station| format!(" at {station}"));
         let note = state.note.as_ref().map_or_else(String::new, |note| format!(": {note}"));
-        // Between two plans a robot that was just let go is in neither list.
         let plannable = matches!(state.phase, proto::RobotPhase::Working | proto::RobotPhase::Waiting);
         let why = || format!("{}{place}{note}", state.phase);
-        (!told && !plannable).then(|| Unserved { robot: id.clone(), runs_empty: true, reasons: vec![why()] })
+        (!plannable).then(|| Unserved { robot: id.clone(), runs_empty: true, reasons: vec![why()] })
     })
 }
 

@@ -67,11 +67,11 @@ impl Document<'_> {
     }
 }
 
-/// Serde lists what it expected; the nearest of these is most often what was meant. Kinds of number are told in words.
+/// Serde lists what it expected; the nearest of these is most often what was meant. Kinds of number and lists are told in words.
 fn with_near_match(message: &str) -> String {
     let Some((problem, expected)) = message.split_once(", expected ") else { return message.to_owned() };
-    if let Some((_, number)) = NUMBERS.iter().find(|(kind, _)| *kind == expected.trim_end()) {
-        return format!("{problem}, expected {number}");
+    if let Some((_, words)) = KINDS.iter().find(|(kind, _)| *kind == expected.trim_end()) {
+        return format!("{problem}, expected {words}");
     }
     let Some(wrong) = problem.split('`').nth(1) else { return message.to_owned() };
     let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
@@ -81,8 +81,9 @@ fn with_near_match(message: &str) -> String {
     }
 }
 
-/// What serde calls numbers, and what people do.
-const NUMBERS: [(&str, &str); 7] = [
+/// What serde calls numbers and lists, and what people do.
+const KINDS: [(&str, &str); 8] = [
+    ("a sequence", "a list: `[a, b]`, or `[[name]]` before each of several tables"),
     ("u8", "a whole number from 0 to 255"),
     ("u16", "a whole number from 0 to 65535"),
     ("u32", "a whole number, 0 or more"),
@@ -144,5 +145,16 @@ mod tests {
         assert!(error.to_string().ends_with("expected a number"), "{error}");
         let error = Document { file: "pack.toml", text: "capacity_ah = 2.0\nseries = -3\n" }.parse::<Sample>().unwrap_err();
         assert!(error.to_string().ends_with("expected a whole number, 0 or more"), "{error}");
+    }
+
+    #[test]
+    fn one_table_where_several_may_stand_is_told_how_to_be_written() {
+        #[derive(Debug, Deserialize)]
+        struct Fleet {
+            #[expect(dead_code, reason = "only read")]
+            station: Vec<Sample>,
+        }
+        let error = Document { file: "fleet.toml", text: "[station]\nseries = 3\n" }.parse::<Fleet>().unwrap_err();
+        assert!(error.to_string().ends_with("expected a list: `[a, b]`, or `[[name]]` before each of several tables"), "{error}");
     }
 }

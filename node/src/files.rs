@@ -60,7 +60,7 @@ pub fn is_of(model: &Model, system: System, key: &str) -> anyhow::Result<()> {
 
 /// A model named in a configuration: a name or path, or the same with effects left out.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected the name or file of a model, or { model = NAME, without = [EFFECT, ...] }")]
 pub enum ModelRef {
     /// A built-in name or a path beside the configuration.
     Name(String),

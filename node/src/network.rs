@@ -96,7 +96,7 @@ impl NetworkConfig {
         ensure!(!(self.listen.is_empty() && self.connect.is_empty()), "network: needs an address in listen or connect");
         for address in self.listen.iter().chain(&self.connect) {
             let is_one = address.parse::<zenoh::config::EndPoint>().is_ok();
-            ensure!(is_one, "network: `{address}` is not an address such as {}", Self::DEFAULT_ENDPOINT);
+            ensure!(is_one && names_its_port(address), "network: `{address}` is not an address such as {}", Self::DEFAULT_ENDPOINT);
         }
         let secret = |address: &&String| address.starts_with("tls/");
         let plain = self.listen.iter().chain(&self.connect).find(|address| !secret(address));
@@ -156,6 +156,14 @@ impl Tls {
     }
 }
 
+/// Whether an address over IP has a port: without one nobody would ever answer.
+fn names_its_port(address: &str) -> bool {
+    let Some((protocol, place)) = address.split_once('/') else { return false };
+    let place = place.split(['?', '#']).next().unwrap_or_default();
+    let is_port = |port: &str| port.parse::<u16>().is_ok();
+    !["tcp", "udp", "tls", "quic", "ws"].contains(&protocol) || place.rsplit_once(':').is_some_and(|(_, port)| is_port(port))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -168,6 +176,20 @@ mod tests {
         let bare = NetworkConfig::to("tls/localhost:7447");
         assert!(bare.check().unwrap_err().to_string().contains("[network.tls]"));
         assert!(NetworkConfig { tls: Some(tls), ..bare }.check().is_ok());
+    }
+
+    #[test]
+    fn an_address_without_a_port_is_refused() {
+        for (address, is_one) in [
+            ("tcp/127.0.0.1", false),
+            ("tcp/[::1]", false),
+            ("udp/10.0.0.1:port", false),
+            ("tcp/[::]:0", true),
+            ("tcp/robot.local:7447#iface=lo", true),
+            ("unixsock-stream//run/tender", true),
+        ] {
+            assert_eq!(NetworkConfig::to(address).check().is_ok(), is_one, "{address}");
+        }
     }
 
     #[test]

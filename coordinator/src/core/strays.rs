@@ -127,6 +127,7 @@ impl Core {
         if stage != Stage::Travelling && known.is_some_and(|state| !state.powered) {
             return;
         }
+        let packs = known.and_then(|state| state.active_pack.clone()).into_iter().collect();
         let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.clone()) else { return };
         let to_soc = self.settings.charge_to_soc;
         let charge_s = self.models.battery(robot, &state.battery).map_or(0.0, |battery| {
@@ -139,7 +140,7 @@ impl Core {
             return;
         }
         let start = now.plus_s(travel_s);
-        let run = ServiceRun {
+        let mut run = ServiceRun {
             robot: robot.clone(),
             station: station.clone(),
             how: How::Recharge { bay, to_soc },
@@ -147,7 +148,7 @@ impl Core {
             start,
             end: start.plus_s(charge_s),
             need: Need::default(),
-            packs: Vec::new(),
+            packs,
             why: ["begun by the coordinator before this one, or by the robot itself".to_owned()].into(),
             stage,
             asked: None,
@@ -155,7 +156,10 @@ impl Core {
             takes_none_since: None,
             cut_short: None,
         };
+        let basis = self.basis(now);
+        run.need = basis.still_needs(&run, &self.models.stations[&station], basis.ends_s(&run));
         self.strays.remove(robot);
+        self.changed.insert(robot.clone(), vec![format!("it is taken over at {station} as it was found")]);
         self.plan.planned.retain(|planned| planned.robot != *robot);
         self.event(now, EventKind::ServiceStarted, Some(robot), Some(&station), None, format!("{robot} is taken over at {station}"));
         self.running.insert(robot.clone(), run);

@@ -182,7 +182,7 @@ pub struct RobotEntry {
 
 /// One number for all robots of an entry, or one for each.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected one number for all robots, or a list with one for each")]
 pub enum OneOrEach {
     /// For all.
     One(f64),

@@ -97,7 +97,7 @@ impl Basis<'_> {
 
     /// What a service that has begun and ends then still takes: the charge that the robot still lacks, or the exchange alone. What the
     /// lift takes in its last moments goes with the time that is left: the packs are not asked for all of it within a second.
-    pub(super) fn still_needs(&self, run: &ServiceRun, models: &StationModels, ends_s: f64) -> Need {
+    pub(crate) fn still_needs(&self, run: &ServiceRun, models: &StationModels, ends_s: f64) -> Need {
         let handling = &models.handling;
         let left = |whole_s: f64| (ends_s / whole_s.max(1.0)).clamp(0.0, 1.0);
         let Some(to_soc) = run.how.to_soc() else {

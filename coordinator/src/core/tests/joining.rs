@@ -56,3 +56,48 @@ fn what_is_wrong_with_an_input_is_told_once_whatever_its_numbers() {
     let refused = |output: &Output| matches!(output, Output::Record(Record::Event(event)) if event.kind == EventKind::InputRefused);
     assert_eq!(std::iter::from_fn(|| core.poll()).filter(refused).count(), 2, "one of each robot");
 }
+
+#[test]
+fn who_is_gone_for_a_moment_keeps_what_it_was_promised_and_who_stays_away_gives_it_up_when_it_would_have_to_leave() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    core.handle(at(61.0), Input::Tick);
+    let planned = |core: &Core| core.plan.planned.iter().find(|planned| planned.robot == id("r0")).cloned();
+    let leave_s = planned(&core).unwrap().leave.seconds_since(at(0.0));
+    assert!(leave_s > 300.0, "{leave_s}");
+    let told = |core: &mut Core| -> Vec<EventKind> {
+        let told = std::iter::from_fn(|| core.poll()).filter_map(|output| match output {
+            Output::Record(Record::Event(event)) => Some(event.kind),
+            _ => None,
+        });
+        told.filter(|kind| matches!(kind, EventKind::Joined | EventKind::Lost | EventKind::PromiseBroken)).collect()
+    };
+    told(&mut core);
+    // Both agents are restarted, and heard again a moment later.
+    core.handle(at(70.0), Input::StationAlive(id("s"), false));
+    core.handle(at(70.0), Input::RobotAlive(id("r0"), false));
+    core.handle(at(90.0), Input::Tick);
+    assert!(planned(&core).is_some(), "{:?}", core.schedule());
+    core.handle(at(91.0), Input::StationAlive(id("s"), true));
+    joins(&mut core, 91.0, 0);
+    core.handle(at(91.0), Input::RobotAlive(id("r0"), true));
+    core.handle(at(150.0), Input::Tick);
+    assert_eq!(told(&mut core), [EventKind::Lost, EventKind::Lost, EventKind::Joined, EventKind::Joined]);
+    assert!(planned(&core).is_some());
+    // It is gone for good: its place is kept until it would have to leave for it, and nobody sends it there.
+    core.handle(at(160.0), Input::RobotAlive(id("r0"), false));
+    core.handle(at(leave_s - 1.0), Input::Tick);
+    let leave = planned(&core).unwrap().leave;
+    assert_eq!(told(&mut core), [EventKind::Lost]);
+    core.handle(leave.plus_s(1.0), Input::Tick);
+    core.handle(leave.plus_s(3.0), Input::Tick);
+    assert_eq!(told(&mut core), [EventKind::PromiseBroken]);
+    let [unserved] = &core.schedule().unserved[..] else { panic!("{:?}", core.schedule()) };
+    assert!(unserved.reasons[0].starts_with("it was lost: it has not been heard since 00:02"), "{unserved:?}");
+    assert!(!unserved.runs_empty && core.running.is_empty());
+    // Back again, it is planned for at once.
+    joins(&mut core, leave_s + 10.0, 0);
+    core.handle(at(leave_s + 12.0), Input::Tick);
+    assert!(!core.fleet.robots[&id::<RobotId>("r0")].lost && !core.schedule().unserved.iter().any(|left| left.reasons[0].contains("lost")));
+}
