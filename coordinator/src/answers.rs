@@ -132,7 +132,7 @@ fn planned_service(planned: &Planned) -> Service {
 #[must_use]
 pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     let station = basis.fleet.stations.get(id)?;
-    let state = station.known()?;
+    let state = station.heard()?;
     let active = state.active_pack.as_ref()?;
     let left_s = station.packs.get(active)?.time_to_empty_s?.value;
     if left_s > HANDOVER_S {

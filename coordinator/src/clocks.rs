@@ -74,6 +74,12 @@ impl Clocks {
         self.shown.get(agent).is_some_and(|shown| shown.told_s.is_some())
     }
 
+    /// By how much an agent's clock was told to be ahead, s; below 0 where it is behind, 0 where it is right.
+    #[must_use]
+    pub fn told_ahead_s(&self, agent: &Agent) -> f64 {
+        self.shown.get(agent).and_then(|shown| shown.told_s).unwrap_or(0.0)
+    }
+
     /// How far an agent's clock is known to be ahead of the coordinator's, s, by its last message; 0 where it is not.
     #[must_use]
     pub fn ahead_s(&self, agent: &Agent) -> f64 {
@@ -104,6 +110,16 @@ mod tests {
             assert_eq!(clocks.heard(at(401.0), &robot, at(401.0)).as_deref(), Some("the clock of r is right again"));
             assert_eq!(clocks.ahead_s(&robot), 0.0);
         }
+    }
+
+    #[test]
+    fn times_that_an_agent_tells_are_read_on_the_clock_that_it_was_told_to_have() {
+        let mut clocks = Clocks::default();
+        let station = Agent::Station(StationId::new("depot").unwrap());
+        (0..3).for_each(|n| drop(clocks.heard(at(f64::from(n)), &station, at(f64::from(n) - 300.0))));
+        assert_eq!((clocks.told_ahead_s(&station), clocks.ahead_s(&station)), (-300.0, 0.0));
+        clocks.heard(at(3.0), &station, at(3.0));
+        assert_eq!(clocks.told_ahead_s(&station), 0.0);
     }
 
     #[test]

@@ -23,6 +23,9 @@ pub struct Robot {
 /// Who is gone for longer counts as lost, s: an agent that is restarted is back within seconds, and so is everybody after a pause of the
 /// coordinator's own. A guess.
 pub const LOST_S: f64 = 30.0;
+/// A station that is gone for so long counts as lost, s, also where nobody would have to leave for it yet. A guess: a machine has started anew
+/// by then.
+pub const STATION_LOST_S: f64 = 300.0;
 
 impl Robot {
     /// Takes in a state message that is newer than the one before.
@@ -144,6 +147,17 @@ impl Station {
                 (gauge.time_to_empty_s, gauge.time_to_full_s) = (None, None);
             }
         }
+    }
+
+    /// What a station says, with the times that it expects on the coordinator's clock, and absences one after the other; its own clock is ahead by
+    /// so much, s.
+    #[must_use]
+    pub fn on_own_clock(mut state: StationState, ahead_s: f64) -> StationState {
+        let times = state.arrives.iter_mut().chain(state.packs.iter_mut().filter_map(|pack| Some(&mut pack.back.as_mut()?.at)));
+        let away = state.away.iter_mut().flat_map(|away| std::iter::once(&mut away.leaves).chain(&mut away.returns));
+        times.chain(away).for_each(|at| *at = at.plus_s(-ahead_s));
+        state.away.sort_by_key(|away| away.leaves);
+        state
     }
 
     /// Power out of one of its packs by its last word, W.

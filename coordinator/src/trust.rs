@@ -87,9 +87,11 @@ struct Track {
     jumped: Option<(Timestamp, f64)>,
     /// Time between its last two messages, s, and between those before.
     gaps_s: [Option<f64>; 2],
-    /// Energy drawn from its battery since it last said something new, Wh, and until when that is counted.
+    /// Energy drawn from its battery since it last said something new, or since it was last heard at rest, Wh, and until when that is counted.
     uncounted_wh: f64,
     counted: Option<Timestamp>,
+    /// Until when its silence is not told: it was away with its agent, which is back.
+    excused: Option<Timestamp>,
     /// What was told of it last.
     told: Option<Fault>,
 }
@@ -147,8 +149,8 @@ impl Trust {
 
     /// Takes in that who was gone is there again: it has a moment to speak before its silence is told.
     pub fn back(&mut self, now: Timestamp, owner: &Owner) {
-        if let Some(track) = self.gauges.get_mut(owner).filter(|track| track.arrived.is_some()) {
-            track.arrived = Some(now);
+        if let Some(track) = self.gauges.get_mut(owner) {
+            track.excused = Some(now.plus_s(SILENT_S));
         }
     }
 
@@ -161,7 +163,12 @@ impl Trust {
     /// Takes in that the clock by which all is timed here was set back: it has been as long as before since everything.
     pub fn set_back(&mut self, by_ms: i64) {
         for track in self.gauges.values_mut() {
-            let since = track.arrived.iter_mut().chain(&mut track.counted).chain(track.same.as_mut().map(|(since, _)| since));
+            let since = track
+                .arrived
+                .iter_mut()
+                .chain(&mut track.counted)
+                .chain(&mut track.excused)
+                .chain(track.same.as_mut().map(|(since, _)| since));
             let since = since.chain(track.jumped.as_mut().map(|(at, _)| at)).chain(track.told.as_mut().map(Fault::since));
             since.for_each(|at| *at = at.plus_ms(-by_ms));
         }
@@ -190,6 +197,9 @@ impl Trust {
     pub fn news(&mut self, now: Timestamp, owner: &Owner) -> Option<Option<Fault>> {
         let fault = self.fault(now, owner);
         let track = self.gauges.get_mut(owner)?;
+        if matches!(fault, Some(Fault::Silent(_))) && track.excused.is_some_and(|until| now < until) {
+            return None;
+        }
         (std::mem::replace(&mut track.told, fault) != fault).then_some(fault)
     }
 
@@ -289,6 +299,18 @@ mod tests {
         assert_eq!((belief(100.0, &trust).1, trust.news(at(100.0), &pack)), (left_wh, None));
         assert!(trust.forget(&pack), "it was doubted");
         assert_eq!(belief(1_000.0, &trust).1.value, 7.3);
+    }
+
+    #[test]
+    fn who_is_back_is_not_told_to_be_silent_but_what_it_drew_meanwhile_is_gone() {
+        let mut trust = Trust::default();
+        trust.heard(at(0.0), &robot(), &gauge(0.0, 0.5, 11.1), true, false);
+        trust.drawn(at(3_600.0), &robot(), 3.65);
+        trust.back(at(3_600.0), &robot());
+        assert_eq!(trust.news(at(3_601.0), &robot()), None);
+        // 3.65 of 14.6 Wh are a quarter.
+        assert!((trust.belief(at(3_601.0), &robot(), &gauge(0.0, 0.5, 11.1), 14.6).0.value - 0.25).abs() < 1e-12);
+        assert!(matches!(trust.news(at(3_800.0), &robot()), Some(Some(Fault::Silent(since))) if since == at(0.0)));
     }
 
     #[test]

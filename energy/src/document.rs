@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn one_table_where_several_may_stand_is_told_how_to_be_written() {
-        #[derive(Debug, Deserialize)]
+        #[derive(Debug, serde::Deserialize)]
         struct Fleet {
             #[expect(dead_code, reason = "only read")]
             station: Vec<Sample>,

@@ -160,8 +160,9 @@ impl Tls {
 fn names_its_port(address: &str) -> bool {
     let Some((protocol, place)) = address.split_once('/') else { return false };
     let place = place.split(['?', '#']).next().unwrap_or_default();
-    let is_port = |port: &str| port.parse::<u16>().is_ok();
-    !["tcp", "udp", "tls", "quic", "ws"].contains(&protocol) || place.rsplit_once(':').is_some_and(|(_, port)| is_port(port))
+    // An address of IPv6 stands in brackets, or its end would pass for a port.
+    let is_one = |(host, port): (&str, &str)| port.parse::<u16>().is_ok() && (!host.contains(':') || host.starts_with('['));
+    !["tcp", "udp", "tls", "quic", "ws"].contains(&protocol) || place.rsplit_once(':').is_some_and(is_one)
 }
 
 #[cfg(test)]
@@ -183,6 +184,7 @@ mod tests {
         for (address, is_one) in [
             ("tcp/127.0.0.1", false),
             ("tcp/[::1]", false),
+            ("tcp/::1", false),
             ("udp/10.0.0.1:port", false),
             ("tcp/[::]:0", true),
             ("tcp/robot.local:7447#iface=lo", true),

@@ -46,7 +46,7 @@ pub enum Why {
     NoFit,
     /// It is away again before any service there would have ended, and back too late for any other.
     Leaves {
-        /// When for the first time.
+        /// When for the first time after the robot could have come.
         away: Range<Tick>,
     },
     /// No service that adds enough ends within the horizon.
@@ -162,7 +162,8 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     if station.bays == 0 && !problem.exchanges(travel) {
         return if station.spares.is_empty() { Why::NoPlace } else { Why::NoFit };
     }
-    if let Some(away) = station.away.first().filter(|_| would_do_if_it_stayed(problem, robot, travel)) {
+    let in_the_way = station.away.iter().find(|away| away.end > soonest.max(who.not_before)).or(station.away.first());
+    if let Some(away) = in_the_way.filter(|_| would_do_if_it_stayed(problem, robot, travel)) {
         return Why::Leaves { away: away.clone() };
     }
     if problem.strands(robot) {
@@ -174,9 +175,9 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
 /// Whether there would be a way for a robot at the end of this way, were the station to stay for good.
 fn would_do_if_it_stayed(problem: &Problem, robot: usize, travel: &Travel) -> bool {
     let station = Station { away: Vec::new(), ..problem.stations[travel.station].clone() };
-    let robot = Robot { travel: vec![Travel { station: 0, ..*travel }], ..problem.robots[robot].clone() };
-    let Problem { name, batteries, .. } = problem;
-    let alone = Problem { name: name.clone(), batteries: batteries.clone(), stations: vec![station], robots: vec![robot], ..*problem };
+    let batteries = vec![problem.battery(robot).clone()];
+    let robot = Robot { battery: 0, travel: vec![Travel { station: 0, ..*travel }], ..problem.robots[robot].clone() };
+    let alone = Problem { name: problem.name.clone(), batteries, stations: vec![station], robots: vec![robot], ..*problem };
     !Ways::new(&alone).of(0).ways.is_empty()
 }
 

@@ -7,6 +7,7 @@ use proto::{Alternative, Doubt, Explanation, Mode, RobotId, Schedule, Service, S
 use crate::scheduler::Accounts;
 use crate::trust::Owner;
 use crate::view::Basis;
+use crate::when;
 
 /// Explains robot after robot from one plan.
 pub struct Explainer<'a, 'w> {
@@ -43,6 +44,8 @@ impl<'a, 'w> Explainer<'a, 'w> {
         };
         let service = self.services.get(robot).copied();
         let mut reasons = Vec::new();
+        let since = belief.gone.map(|since| when::minute_from(basis.now, since));
+        reasons.extend(since.map(|since| format!("it has not been heard since {since}: what follows is what it said before")));
         if let Some((gauge, state)) = belief.known() {
             let (soc, left) = (gauge.soc, gauge.remaining_wh);
             reasons.push(format!(

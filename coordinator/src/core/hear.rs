@@ -1,12 +1,12 @@
 //! Takes in what robots and stations say: the newest word of each, and what changed with it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 use super::{Core, REFUSED_MAX};
 use crate::clocks::Agent;
-use crate::fleet::{LOST_S, LeftPack, Robot, newer};
+use crate::fleet::{LOST_S, LeftPack, Robot, STATION_LOST_S, Station, newer};
 use crate::models::from_wire;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;
@@ -129,6 +129,9 @@ impl Core {
         if !newer(now, (state.at, state.seq), station.state.as_ref().map(|known| (known.at, known.seq))) {
             return false;
         }
+        self.record(Record::StationState { station: id.clone(), state: state.clone() });
+        let state = Station::on_own_clock(state, self.clocks.told_ahead_s(&Agent::Station(id.clone())));
+        let station = self.fleet.stations.entry(id.clone()).or_default();
         let before = station.state.replace(state.clone());
         self.station_alive(now, id, true);
         let station = self.fleet.stations.entry(id.clone()).or_default();
@@ -157,7 +160,6 @@ impl Core {
                 self.event(now, EventKind::GaugeTrusted, None, Some(id), Some(&away.pack), text);
             }
         }
-        self.record(Record::StationState { station: id.clone(), state: state.clone() });
         let Some(before) = before else {
             let modelled = &self.models.stations[id].packs;
             let unknown: Vec<String> = state.packs.iter().filter(|p| !modelled.contains_key(&p.pack)).map(|p| p.pack.to_string()).collect();
@@ -279,20 +281,37 @@ impl Core {
         new
     }
 
-    /// Ceases to plan for whom nobody waits any longer: who was promised a service is waited for until it would have to leave for it.
+    /// Ceases to plan for whom nobody waits any longer: who was promised a service is waited for until it would have to leave for it, and a
+    /// station until somebody would have to leave for it.
     pub(super) fn count_the_lost(&mut self, now: Timestamp) {
-        let has_lasted = |gone: Option<Timestamp>| gone.is_some_and(|since| now.seconds_since(since) >= LOST_S);
-        let leaves = |robot: &RobotId| self.plan.planned.iter().find(|planned| planned.robot == *robot).map(|planned| planned.leave);
-        let mut lost: Vec<String> = Vec::new();
-        for (id, robot) in self.fleet.robots.iter_mut().filter(|(_, robot)| !robot.lost && has_lasted(robot.gone)) {
-            robot.lost = leaves(id).is_none_or(|leave| leave <= now);
-            lost.extend(robot.lost.then(|| id.to_string()));
+        let has_lasted = |gone: Option<Timestamp>, lost_s: f64| gone.is_some_and(|since| now.seconds_since(since) >= lost_s);
+        let robots: Vec<&RobotId> =
+            self.fleet.robots.iter().filter(|(_, one)| !one.lost && has_lasted(one.gone, LOST_S)).map(|(id, _)| id).collect();
+        let stations: Vec<(&StationId, bool)> = self
+            .fleet
+            .stations
+            .iter()
+            .filter(|(_, one)| !one.lost && has_lasted(one.gone, LOST_S))
+            .map(|(id, one)| (id, has_lasted(one.gone, STATION_LOST_S)))
+            .collect();
+        if robots.is_empty() && stations.is_empty() {
+            return;
         }
-        for (id, station) in self.fleet.stations.iter_mut().filter(|(_, station)| !station.lost && has_lasted(station.gone)) {
-            station.lost = true;
-            lost.push(id.to_string());
+        let waited: BTreeSet<&RobotId> = self.plan.planned.iter().filter(|one| one.leave > now).map(|one| &one.robot).collect();
+        let robots: Vec<RobotId> = robots.into_iter().filter(|id| !waited.contains(id)).cloned().collect();
+        let is_due = |id: &StationId| {
+            let mut there = self.plan.planned.iter().filter(|one| one.station == *id).peekable();
+            there.peek().is_none() || there.any(|one| one.leave <= now)
+        };
+        let stations: Vec<StationId> = stations.into_iter().filter(|(id, long)| *long || is_due(id)).map(|(id, _)| id.clone()).collect();
+        for id in robots {
+            self.fleet.robots.entry(id.clone()).or_default().lost = true;
+            self.replan(format!("{id} was lost"));
         }
-        lost.into_iter().for_each(|id| self.replan(format!("{id} was lost")));
+        for id in stations {
+            self.fleet.stations.entry(id.clone()).or_default().lost = true;
+            self.replan(format!("{id} was lost"));
+        }
     }
 
     /// Tells of a clock that is off or right again, and plans anew: deadlines are read on it.

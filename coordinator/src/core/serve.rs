@@ -79,7 +79,11 @@ impl Core {
                 self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
                 continue;
             }
-            if let Some(why) = self.charged_in_vain(now, run, belief).or_else(|| self.must_be_out(now, run, place)) {
+            if let Some(why) = self.comes_too_late(now, run, place) {
+                self.fail(now, &robot, &why);
+                continue;
+            }
+            if let Some(why) = self.charged_in_vain(now, run, belief).or_else(|| self.must_be_out(now, run, belief, place)) {
                 let stage = run.stage;
                 if let Some(run) = self.running.get_mut(&robot) {
                     run.cut_short = Some(why);
@@ -128,13 +132,35 @@ impl Core {
     }
 
     /// Why a robot is let go before it is charged: its station leaves, and all who charge there have to be let out before.
-    fn must_be_out(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<String> {
-        let leaves = station.heard()?.away.first()?.leaves;
-        let inside = |other: &&ServiceRun| other.station == run.station && matches!(other.stage, Stage::Charging | Stage::Unloading);
+    fn must_be_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> Option<String> {
+        let charges = |stage: Stage| matches!(stage, Stage::Charging | Stage::ChargingItself);
+        robot.heard().filter(|_| charges(run.stage) && run.cut_short.is_none())?;
+        let leaves = leaves(now, station)?;
+        let left_s = leaves.seconds_since(now) - self.settings.deadline_s;
         let lift_s = self.models.stations.get(&run.station)?.handling.unload_s;
-        let takes_s = lift_s * self.running.values().filter(inside).count() as f64 + self.settings.deadline_s;
-        let is_due = run.stage == Stage::Charging && run.cut_short.is_none() && leaves.seconds_since(now) <= takes_s;
-        is_due.then(|| format!("{} leaves at {}", run.station, minute_from(now, leaves)))
+        let inside = |other: &&ServiceRun| other.station == run.station && (charges(other.stage) || other.stage == Stage::Unloading);
+        if left_s > lift_s * self.running.values().filter(inside).count() as f64 {
+            return None;
+        }
+        // Who would be ready last goes last.
+        let basis = self.basis(now);
+        let own_s = basis.ends_s(run);
+        let after = self.running.values().filter(inside).filter(|other| other.robot == run.robot || basis.ends_s(other) > own_s).count();
+        (left_s <= lift_s * after as f64).then(|| format!("{} leaves at {}", run.station, minute_from(now, leaves)))
+    }
+
+    /// Why a robot that is on its way, or waits, is not taken in any more: its station leaves before that would be done.
+    fn comes_too_late(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<String> {
+        let comes_s = match run.stage {
+            Stage::Travelling => run.start.seconds_since(now).max(0.0),
+            Stage::Waiting => 0.0,
+            _ => return None,
+        };
+        let leaves = leaves(now, station)?;
+        let handling = &self.models.stations.get(&run.station)?.handling;
+        let takes_s = if matches!(run.how, How::Swap { .. }) { handling.swap_s } else { handling.load_s + handling.unload_s };
+        let is_late = comes_s + takes_s > leaves.seconds_since(now);
+        is_late.then(|| format!("{} leaves at {}, before it would be let out again", run.station, minute_from(now, leaves)))
     }
 
     /// Whether a robot that is lost on its way keeps a free bay from those who come after it. Nobody can let
@@ -200,7 +226,7 @@ impl Core {
     pub(super) fn fail(&mut self, now: Timestamp, robot: &RobotId, why: &str) {
         let Some(run) = self.give_up(now, robot, why) else { return };
         let phase = self.fleet.robots.get(robot).and_then(Robot::phase);
-        let powered = self.fleet.stations.get(&run.station).and_then(Station::known).is_some_and(|state| state.powered);
+        let powered = self.fleet.stations.get(&run.station).and_then(Station::heard).is_some_and(|state| state.powered);
         match (phase, &run.how) {
             (Some(RobotPhase::Travelling | RobotPhase::Waiting), _) if matches!(run.stage, Stage::Travelling | Stage::Waiting) => {
                 self.ask_robot(now, robot, RobotAction::Undock, None);
@@ -226,4 +252,10 @@ impl Core {
             }
         }
     }
+}
+
+/// When a station that is heard sets off next, if it does.
+fn leaves(now: Timestamp, station: &Station) -> Option<Timestamp> {
+    let away = &station.heard()?.away;
+    away.iter().find(|away| away.returns.is_none_or(|returns| returns > now)).map(|away| away.leaves)
 }

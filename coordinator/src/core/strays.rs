@@ -61,7 +61,7 @@ impl Core {
         if self.running.contains_key(robot) {
             return None;
         }
-        let (_, state) = self.fleet.robots.get(robot)?.known()?;
+        let (_, state) = self.fleet.robots.get(robot)?.heard()?;
         match state.phase {
             RobotPhase::Stranded => None,
             // It plans like any other, unless a station believes to have it.
@@ -74,7 +74,7 @@ impl Core {
     fn held(&self) -> BTreeMap<RobotId, Held> {
         let mut held = BTreeMap::new();
         for (id, station) in &self.fleet.stations {
-            let Some(state) = station.known() else { continue };
+            let Some(state) = station.heard() else { continue };
             if let Some(robot) = &state.swapping {
                 held.entry(robot.clone()).or_insert(Held::Moving);
             }

@@ -83,8 +83,10 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
                 true => format!(" or begins in time once it is back at {}", on_clock(task, away.end)),
                 false => String::new(),
             };
-            let leaves = away.start + task.problem.stations[station].away_slack;
-            format!("it leaves at {}, and no service that adds enough ends before{back}", on_clock(task, leaves))
+            let (told, all) = (&task.view.stations[station].away_s, &task.problem.stations[station].away);
+            let leaves_s = all.iter().position(|one| one == away).and_then(|place| told.get(place)).map_or(0.0, |away_s| away_s.start);
+            let leaves = minute_from(task.view.now, task.view.now.plus_s(leaves_s));
+            format!("it leaves at {leaves}, and no service that adds enough ends before{back}")
         }
         Why::NoPlace => "no bay works, and no charged spare is left".to_owned(),
         Why::NoFit => "no bay works, and none of the spares fits".to_owned(),

@@ -90,7 +90,7 @@ async fn forget(connection: &mut AnyConnection, retention: &Retention) -> Result
         ),
         (
             keep_ms,
-            "SELECT at_ms FROM events ORDER BY seq LIMIT 1",
+            "SELECT MIN(at_ms) FROM (SELECT at_ms FROM events ORDER BY seq LIMIT 2000) AS oldest",
             "DELETE FROM events WHERE at_ms < $1 AND seq IN (SELECT seq FROM events ORDER BY seq LIMIT $2) AND seq < (SELECT MAX(seq) FROM events)",
         ),
         (

@@ -114,7 +114,7 @@ impl Past {
         }
         self.sampled = Some(now);
         for (id, robot) in &core.fleet().robots {
-            if let Some((gauge, _)) = robot.known() {
+            if let Some((gauge, _)) = robot.heard() {
                 self.robots.entry(id.clone()).or_default().push(now, gauge.soc);
             }
         }

@@ -10,9 +10,9 @@ use crate::models::Settings;
 use crate::scheduler::problem::{StationView, View};
 use crate::scheduler::racks::Racks;
 
-/// How much earlier than a station leaves services there are planned to end, s: a guess, of what a charge takes longer than was thought. Who
-/// is promised one already may need that time.
-const LEAVING_SLACK_S: f64 = 120.0;
+/// How much earlier than they must services of a station that leaves are planned to end, s: a guess, of what a charge takes longer than was
+/// thought. Who is promised one already may need that time. They must when there is still time to ask twice.
+const LEAVING_SLACK_S: f64 = 60.0;
 /// What a station may draw in a tick where nothing limits it.
 const NO_LIMIT: i64 = 1 << 40;
 /// A promise that was given is kept as long as it is more likely than not that it can be; what makes it
@@ -58,7 +58,11 @@ pub(super) fn station(
         name: station.station.to_string(),
         charger,
         opens: if station.opens_s > 0.0 { tick(station.opens_s) } else { 0 },
-        away: station.away_s.iter().map(|away_s| grid.down(away_s.start - LEAVING_SLACK_S + ahead_s)..tick(away_s.end)).collect(),
+        away: station
+            .away_s
+            .iter()
+            .map(|away_s| grid.down(away_s.start - settings.deadline_s - LEAVING_SLACK_S + ahead_s)..tick(away_s.end))
+            .collect(),
         away_slack: grid.down(LEAVING_SLACK_S),
         bays: if out { 0 } else { station.bays.len() as u32 },
         lift_slots: 1,

@@ -68,7 +68,7 @@ fn services(schedule: &Schedule) -> Tile {
 
 fn next_empty(basis: &Basis<'_>) -> Tile {
     let left = basis.fleet.robots.iter().filter_map(|(id, robot)| {
-        let (gauge, _) = robot.known()?;
+        let (gauge, _) = robot.heard()?;
         Some((id, from_wire(gauge.time_to_empty_s?)))
     });
     let soonest = left.min_by(|a, b| a.1.value.total_cmp(&b.1.value));

@@ -48,11 +48,15 @@ impl Place {
 
     /// Where it is after `dt_s` (s) more.
     pub(super) fn advance(&mut self, dt_s: f64) -> Stand {
-        let left = |time_s: f64| (time_s - dt_s).max(0.0);
-        self.said.arrives_s = self.said.arrives_s.map(left);
-        for (leaves_s, returns_s) in &mut self.said.away_s {
-            (*leaves_s, *returns_s) = (left(*leaves_s), returns_s.map(left));
+        let away = self.said.away_s.iter_mut().flat_map(|(leaves_s, returns_s)| std::iter::once(leaves_s).chain(returns_s));
+        for time_s in self.said.arrives_s.iter_mut().chain(away) {
+            // What was expected for now may have come: that is asked at once.
+            if (0.0..dt_s).contains(time_s) {
+                self.wait_s = if self.program.is_running() { self.wait_s } else { 0.0 };
+            }
+            *time_s -= dt_s;
         }
+        self.said.away_s.retain(|(_, returns_s)| returns_s.is_none_or(|returns_s| returns_s > 0.0));
         if self.program.is_running() {
             // What the machine slept through, the program did too.
             self.wait_s += if dt_s > SLEPT_S { 0.0 } else { dt_s };
@@ -159,6 +163,10 @@ mod tests {
         place.advance(5.0);
         let lost = until(&mut place, &|place| place.trouble().is_some());
         assert!(lost.arrives_s.is_some_and(|left_s| left_s > 60.0), "what it said before holds: {lost:?}");
+        // What it expected comes, and nobody says so: the time that it told stays what it was, and an absence that is over is none.
+        place.said.away_s = vec![(5.0, Some(20.0)), (60.0, None)];
+        assert_eq!(place.advance(10.0).away_s, [(-5.0, Some(10.0)), (50.0, None)]);
+        assert_eq!(place.advance(15.0).away_s, [(35.0, None)]);
         std::fs::write(&answer, "here").unwrap();
         place.advance(10.0);
         assert_eq!(until(&mut place, &|place| place.trouble().is_none()), Stand::default());
