@@ -34,7 +34,7 @@ pub const METRICS: &[(&str, &str)] = &[
 
 /// A number, or a range of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(untagged, expecting = "expected a number, or a range { min = LEAST, max = MOST }")]
+#[serde(untagged)]
 pub enum Expectation {
     /// Exactly this.
     Exactly(f64),
