@@ -12,7 +12,7 @@ use crate::scheduler::racks::Racks;
 
 /// How much earlier than they must services of a station that leaves are planned to end, s: a guess, of what a charge takes longer than was
 /// thought. Who is promised one already may need that time. They must when there is still time to ask twice.
-const LEAVING_SLACK_S: f64 = 60.0;
+const LEAVING_SLACK_S: f64 = 120.0;
 /// What a station may draw in a tick where nothing limits it.
 const NO_LIMIT: i64 = 1 << 40;
 /// A promise that was given is kept as long as it is more likely than not that it can be; what makes it
