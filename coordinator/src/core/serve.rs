@@ -135,7 +135,8 @@ impl Core {
     fn must_be_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> Option<String> {
         let charges = |stage: Stage| matches!(stage, Stage::Charging | Stage::ChargingItself);
         robot.heard().filter(|_| charges(run.stage) && run.cut_short.is_none())?;
-        let leaves = leaves(now, station)?;
+        // Who is aboard once it has left goes along.
+        let leaves = station.heard()?.away.iter().map(|away| away.leaves).find(|leaves| *leaves > now)?;
         let left_s = leaves.seconds_since(now) - self.settings.deadline_s;
         let lift_s = self.models.stations.get(&run.station)?.handling.unload_s;
         let inside = |other: &&ServiceRun| other.station == run.station && (charges(other.stage) || other.stage == Stage::Unloading);
@@ -145,22 +146,24 @@ impl Core {
         // Who would be ready last goes last.
         let basis = self.basis(now);
         let own_s = basis.ends_s(run);
-        let after = self.running.values().filter(inside).filter(|other| other.robot == run.robot || basis.ends_s(other) > own_s).count();
+        let goes_later = |other: &&ServiceRun| basis.ends_s(other).total_cmp(&own_s).then(other.robot.cmp(&run.robot)).is_ge();
+        let after = self.running.values().filter(inside).filter(goes_later).count();
         (left_s <= lift_s * after as f64).then(|| format!("{} leaves at {}", run.station, minute_from(now, leaves)))
     }
 
     /// Why a robot that is on its way, or waits, is not taken in any more: its station leaves before that would be done.
-    fn comes_too_late(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<String> {
+    pub(super) fn comes_too_late(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<String> {
         let comes_s = match run.stage {
             Stage::Travelling => run.start.seconds_since(now).max(0.0),
             Stage::Waiting => 0.0,
             _ => return None,
         };
-        let leaves = leaves(now, station)?;
         let handling = &self.models.stations.get(&run.station)?.handling;
         let takes_s = if matches!(run.how, How::Swap { .. }) { handling.swap_s } else { handling.load_s + handling.unload_s };
-        let is_late = comes_s + takes_s > leaves.seconds_since(now);
-        is_late.then(|| format!("{} leaves at {}, before it would be let out again", run.station, minute_from(now, leaves)))
+        // Who comes while it is away waits until it is back, if it comes back.
+        let (begins, ends) = (now.plus_s(comes_s), now.plus_s(comes_s + takes_s));
+        let away = station.heard()?.away.iter().find(|away| away.leaves < ends && (begins < away.leaves || away.returns.is_none()))?;
+        Some(format!("{} leaves at {}, before it would be let out again", run.station, minute_from(now, away.leaves)))
     }
 
     /// Whether a robot that is lost on its way keeps a free bay from those who come after it. Nobody can let
@@ -252,10 +255,4 @@ impl Core {
             }
         }
     }
-}
-
-/// When a station that is heard sets off next, if it does.
-fn leaves(now: Timestamp, station: &Station) -> Option<Timestamp> {
-    let away = &station.heard()?.away;
-    away.iter().find(|away| away.returns.is_none_or(|returns| returns > now)).map(|away| away.leaves)
 }

@@ -156,6 +156,10 @@ impl Core {
             takes_none_since: None,
             cut_short: None,
         };
+        // Who was just called back because its station leaves is still on its way for a moment.
+        if self.fleet.stations.get(&station).is_some_and(|place| self.comes_too_late(now, &run, place).is_some()) {
+            return;
+        }
         let basis = self.basis(now);
         run.need = basis.still_needs(&run, &self.models.stations[&station], basis.ends_s(&run));
         self.strays.remove(robot);

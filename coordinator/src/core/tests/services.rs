@@ -2,6 +2,8 @@
 
 use super::*;
 
+mod leaving;
+
 /// The service of robot `n`, which stands before its bay.
 fn waits(n: usize, start_s: f64) -> ServiceRun {
     ServiceRun {
@@ -325,29 +327,4 @@ fn a_station_takes_part_from_when_its_packs_are_heard() {
     core.handle(at(63.0), Input::PackGauge(id("s"), id("p"), gauge(63.0, 1.0, 84.0)));
     core.handle(at(63.5), Input::Tick);
     assert_eq!((core.schedule().services.len(), core.schedule().trigger.as_str()), (1, "the packs of s are known"));
-}
-
-#[test]
-fn whoever_charges_is_let_out_before_the_station_leaves() {
-    let mut core = begun(How::Recharge { bay: id("bay-1"), to_soc: 0.98 }, Stage::Charging);
-    says(&mut core, 110.0, "r0", RobotPhase::Charging);
-    let leaves = StationState {
-        at: at(110.0),
-        seq: 110_002,
-        bays: vec![BayState { bay: id("bay-1"), phase: BayPhase::Occupied, robot: Some(id("r0")) }],
-        away: vec![proto::Absence { leaves: at(1_000.0), returns: None }],
-        ..core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap()
-    };
-    core.handle(at(110.0), Input::StationState(id("s"), leaves));
-    let asked = |core: &mut Core, time_s: f64| {
-        core.handle(at(time_s), Input::Tick);
-        let undocks = |output: &Output| matches!(output, Output::ToRobot(_, command) if command.action == proto::RobotAction::Undock);
-        std::iter::from_fn(|| core.poll()).filter(undocks).count()
-    };
-    // The lift takes its time, and the robot may have to be asked twice.
-    let takes_s = core.models.stations[&id::<StationId>("s")].handling.unload_s + core.settings.deadline_s;
-    assert_eq!(asked(&mut core, 1_000.0 - takes_s - 1.0), 0);
-    assert_eq!(asked(&mut core, 1_000.0 - takes_s + 1.0), 1);
-    let run = &core.running[&id::<RobotId>("r0")];
-    assert_eq!(run.cut_short.as_deref(), Some("s leaves at 00:16"));
 }

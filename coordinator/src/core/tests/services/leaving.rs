@@ -1,0 +1,79 @@
+//! Services at a station that leaves.
+
+use super::*;
+
+#[test]
+fn whoever_charges_is_let_out_before_the_station_leaves() {
+    let mut core = begun(How::Recharge { bay: id("bay-1"), to_soc: 0.98 }, Stage::Charging);
+    says(&mut core, 110.0, "r0", RobotPhase::Charging);
+    let leaves = StationState {
+        at: at(110.0),
+        seq: 110_002,
+        bays: vec![BayState { bay: id("bay-1"), phase: BayPhase::Occupied, robot: Some(id("r0")) }],
+        away: vec![proto::Absence { leaves: at(1_000.0), returns: None }],
+        ..core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap()
+    };
+    core.handle(at(110.0), Input::StationState(id("s"), leaves));
+    let asked = |core: &mut Core, time_s: f64| {
+        core.handle(at(time_s), Input::Tick);
+        let undocks = |output: &Output| matches!(output, Output::ToRobot(_, command) if command.action == proto::RobotAction::Undock);
+        std::iter::from_fn(|| core.poll()).filter(undocks).count()
+    };
+    // The lift takes its time, and the robot may have to be asked twice.
+    let takes_s = core.models.stations[&id::<StationId>("s")].handling.unload_s + core.settings.deadline_s;
+    assert_eq!(asked(&mut core, 1_000.0 - takes_s - 1.0), 0);
+    assert_eq!(asked(&mut core, 1_000.0 - takes_s + 1.0), 1);
+    let run = &core.running[&id::<RobotId>("r0")];
+    assert_eq!(run.cut_short.as_deref(), Some("s leaves at 00:16"));
+}
+
+#[test]
+fn who_comes_before_its_station_leaves_is_called_back_once_and_who_comes_when_it_is_back_goes_on() {
+    // Robots on their way at 10 s, to begin at 100 s; what takes a lift in and out takes a minute or so.
+    for (leaves_s, returns_s, goes_on) in [
+        (5_000.0, None, true),
+        (110.0, None, false),
+        (110.0, Some(400.0), false),
+        (50.0, Some(90.0), true),
+        (50.0, Some(200.0), true),
+        (50.0, None, false),
+    ] {
+        let mut core = begun(recharge(), Stage::Travelling);
+        says(&mut core, 9.0, "r0", RobotPhase::Travelling);
+        let away = vec![proto::Absence { leaves: at(leaves_s), returns: returns_s.map(at) }];
+        let state = core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap();
+        core.handle(at(10.0), Input::StationState(id("s"), StationState { at: at(10.0), seq: 10_002, away, ..state }));
+        // It has not heard yet that it is called back.
+        (11..15).for_each(|time_s| core.handle(at(f64::from(time_s)), Input::Tick));
+        let failed = noted(&mut core).into_iter().filter(|kind| *kind == EventKind::ServiceFailed).count();
+        assert_eq!(
+            (failed, core.running.contains_key(&id::<RobotId>("r0"))),
+            (usize::from(!goes_on), goes_on),
+            "{leaves_s}, {returns_s:?}"
+        );
+    }
+}
+
+#[test]
+fn of_several_the_last_to_be_charged_is_let_out_last() {
+    let mut core = begun(How::Recharge { bay: id("bay-1"), to_soc: 0.98 }, Stage::Charging);
+    joins(&mut core, 0.0, 1);
+    let soon = How::Recharge { bay: id("bay-2"), to_soc: 0.5 };
+    core.running.insert(id("r1"), ServiceRun { how: soon, stage: Stage::Charging, end: at(690.0), ..waits(1, 100.0) });
+    says(&mut core, 110.0, "r0", RobotPhase::Charging);
+    says(&mut core, 110.0, "r1", RobotPhase::Charging);
+    let state = core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap();
+    let bay = |bay: &str, robot: &str| BayState { bay: id(bay), phase: BayPhase::Occupied, robot: Some(id(robot)) };
+    let away = vec![proto::Absence { leaves: at(600.0), returns: Some(at(900.0)) }];
+    let bays = vec![bay("bay-1", "r0"), bay("bay-2", "r1")];
+    core.handle(at(110.0), Input::StationState(id("s"), StationState { at: at(110.0), seq: 110_002, bays, away, ..state }));
+    let (lift_s, deadline_s) = (core.models.stations[&id::<StationId>("s")].handling.unload_s, core.settings.deadline_s);
+    let cut = |core: &mut Core, time_s: f64| {
+        core.handle(at(time_s), Input::Tick);
+        ["r0", "r1"].map(|robot| core.running[&id::<RobotId>(robot)].cut_short.is_some())
+    };
+    assert!(lift_s > 2.0);
+    assert_eq!(cut(&mut core, 600.0 - deadline_s - 2.0 * lift_s - 1.0), [false, false]);
+    assert_eq!(cut(&mut core, 600.0 - deadline_s - 2.0 * lift_s + 1.0), [false, true]);
+    assert_eq!(cut(&mut core, 600.0 - deadline_s - lift_s + 1.0), [true, true]);
+}
