@@ -36,6 +36,7 @@ use crate::answers::{self, Explainer};
 use crate::clocks::Clocks;
 use crate::fleet::Fleet;
 use crate::models::{Models, Settings};
+use crate::refusals::Refusals;
 use crate::scheduler::{Accounts, Plan, Solved, Tables};
 use crate::service_run::ServiceRun;
 use crate::store::Record;
@@ -155,6 +156,7 @@ pub struct Core {
     promised: BTreeSet<RobotId>,
     /// Robots that are somewhere without a service, since when.
     strays: BTreeMap<RobotId, Timestamp>,
+    refusals: Refusals,
     started: Option<Timestamp>,
     /// The last instant that it was given.
     last: Option<Timestamp>,
@@ -206,6 +208,7 @@ impl Core {
             schedule: Arc::new(schedule),
             promised: BTreeSet::new(),
             strays: BTreeMap::new(),
+            refusals: Refusals::default(),
             started: None,
             last: None,
             planned: None,
@@ -341,6 +344,7 @@ impl Core {
             planned: &self.plan.planned,
             watch: &self.watch,
             trust: &self.trust,
+            refusals: &self.refusals,
             crowd: self.plan.crowd,
             in_reach: OnceCell::new(),
         }
@@ -359,6 +363,7 @@ impl Core {
             .for_each(earlier);
         self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
         self.trust.set_back(by_ms);
+        self.refusals.set_back(by_ms);
         let gone = self.fleet.robots.values_mut().map(|robot| &mut robot.gone);
         gone.chain(self.fleet.stations.values_mut().map(|station| &mut station.gone)).flatten().for_each(earlier);
         for run in self.running.values_mut() {

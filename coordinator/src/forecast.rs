@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 pub use energy::forecast::ending::Draw;
 pub use energy::service::{Circumstances, Handling, Recharge};
-use energy::{Estimate, Model, Need, forecast, service};
+use energy::units::S_PER_H;
+use energy::{Estimate, Model, Need, Pack, Start, forecast, service};
 
 use crate::models::StationModels;
 
@@ -58,6 +59,21 @@ pub fn spare_again(station: &StationModels, battery: &Arc<Model>, at_once: usize
     let recharge = service::pack_energy(&station.load, battery, Estimate::exact(soc), to_soc, &around);
     let given_wh = if station.recharge_w <= 0.0 { recharge.need.mean_wh } else { 0.0 };
     Some((given_wh, recharge.charge_s))
+}
+
+/// How a pack is charged from empty with this power into it, W: when (s), and its state of charge. It ends where its charger does, or where it
+/// stays too hot or too cold.
+#[must_use]
+pub fn refill(pack: &Arc<Model>, power_w: f64, temperature_degc: f64) -> Vec<(f64, f64)> {
+    let mut run = Pack::new(Arc::clone(pack), Start { temperature_degc, ..Start::at_soc(0.0) });
+    let (mut course, mut at_s, mut soc) = (vec![(0.0, 0.0)], 0.0, 0.0);
+    let capacity_as = pack.battery().capacity_ah * S_PER_H;
+    forecast::charge_within(&mut run, 1.0, power_w, true, |time_s, current_a, _| {
+        at_s += time_s;
+        soc = f64::min(soc + current_a * time_s / capacity_as, 1.0);
+        course.push((at_s, soc));
+    });
+    course
 }
 
 /// What an exchange takes without the charge of the pack that is left.

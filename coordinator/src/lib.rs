@@ -6,6 +6,7 @@
 //!             core/           hearing, planning, serving, asking
 //!             fleet.rs        the newest word of each robot and station
 //!             trust.rs        whether gauges can be believed; clocks.rs whose clock is off
+//!             refusals.rs     who has refused a service, and until when it is not tried again
 //!             models.rs       the coordinator's own models and settings
 //!             forecast.rs     what a service takes
 //!             view.rs         beliefs and models as one planning problem
@@ -36,6 +37,7 @@ pub mod forecast;
 mod intake;
 pub mod models;
 pub mod outbox;
+pub mod refusals;
 pub mod replay;
 pub mod rmf;
 pub mod scenario;

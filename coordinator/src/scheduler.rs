@@ -6,6 +6,7 @@
 //!   problem.rs    the same as one immutable view, in seconds and Wh
 //!   charging.rs   what charging takes and how long, from the energy models, once per kind
 //!   usable.rs     what packs give, likewise
+//!   refill.rs     what an outside supply puts into those that rest
 //!      |
 //!   translate.rs  that view as a `planner::Problem`, on a grid of ticks
 //!      |
@@ -34,6 +35,7 @@ mod plan;
 mod problem;
 mod racks;
 mod recharging;
+mod refill;
 mod solve;
 pub(crate) mod translate;
 pub mod usable;
@@ -47,6 +49,7 @@ pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, HANDOVER_S, PackState, PackView, RobotView, SpareView, StationView, View};
 pub use racks::Racks;
 pub use recharging::Recharging;
+pub use refill::{Refill, steps_s};
 pub use solve::{Solved, solve};
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts};

@@ -98,6 +98,19 @@ pub struct ServiceRun {
     pub takes_none_since: Option<Timestamp>,
     /// Why its robot was let go before it was charged.
     pub cut_short: Option<String>,
+    /// What is asked again, since it could not be done at the moment or nothing came of it.
+    pub again: Option<Again>,
+}
+
+/// A command that is asked again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Again {
+    /// When.
+    pub at: Timestamp,
+    /// How often it was asked.
+    pub times: u32,
+    /// Why nothing came of it.
+    pub why: String,
 }
 
 /// What carries a service on.
@@ -133,17 +146,24 @@ impl ServiceRun {
     /// Whether its robot should be charged and nothing to speak of flows: it is too hot or too cold, or its charger gives nothing.
     #[must_use]
     pub fn takes_no_charge(&self, gauge: &Gauge, state: &RobotState) -> bool {
-        let charges = matches!(self.stage, Stage::Charging | Stage::ChargingItself) && state.phase == RobotPhase::Charging;
+        let charges = matches!(self.stage, Stage::Charging | Stage::ChargingItself)
+            && matches!(state.phase, RobotPhase::Charging | RobotPhase::Docked);
         charges && gauge.power_w > -NO_CHARGE_PER_H * gauge.full_wh.value
     }
 
     /// Enters a stage.
     pub fn enter(&mut self, stage: Stage, now: Timestamp) {
         let before = (self.under_way(), self.stage);
+        if stage != before.1 || stage == Stage::Travelling {
+            self.again = None;
+        }
         self.stage = stage;
         if before.0 && self.at_place() {
             self.end = self.end.plus_s(now.seconds_since(self.start));
             self.start = now;
+        }
+        if stage == Stage::Unloading {
+            self.end = self.end.max(now);
         }
         if stage == Stage::LetOut && before.1 != Stage::LetOut {
             self.end = now;
@@ -195,7 +215,7 @@ impl ServiceRun {
             // By its own rule, while nobody was heard: then it has what it came for, or gave it up.
             (_, Stage::Waiting | Stage::Loading | Stage::Handing, RobotPhase::Working) => Step::Fail("it has gone back to work".to_owned()),
             // It drove into its bay by itself: no lift is asked to take it in.
-            (How::Recharge { to_soc, .. }, Stage::Travelling | Stage::Waiting, RobotPhase::Docked) => {
+            (How::Recharge { to_soc, .. }, Stage::Travelling | Stage::Waiting, RobotPhase::Docked | RobotPhase::Charging) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::ChargingItself)
             }
             (How::Recharge { bay, .. }, Stage::Waiting, RobotPhase::Waiting) => match station.bay_phase(bay) {
@@ -212,6 +232,8 @@ impl ServiceRun {
             (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked | RobotPhase::Charging) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::Charging)
             }
+            // It was full already.
+            (How::Recharge { .. }, Stage::Loading, RobotPhase::Charged) => Step::Enter(Stage::Charging),
             // It drives out by itself too, unless a lift holds it after all.
             (How::Recharge { bay, .. }, Stage::ChargingItself, RobotPhase::Charged) if !self.held(bay, station) => Step::Wait,
             (How::Recharge { bay, .. }, Stage::Charging | Stage::ChargingItself, RobotPhase::Charged) => {

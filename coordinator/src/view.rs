@@ -21,11 +21,13 @@ use self::fit::SpareKind;
 use crate::fleet::{Fleet, Station};
 use crate::forecast::{self, Draw};
 use crate::models::{Models, Settings, StationModels, from_wire};
+use crate::refusals::Refusals;
 use crate::scheduler::charging::{Table, step_degc, uncritical_degc};
-use crate::scheduler::{PackState, PackView, Planned, RobotView, StationView, Tables, View};
+use crate::scheduler::{PackState, PackView, Planned, Refill, RobotView, StationView, Tables, View, steps_s};
 use crate::service_run::{ServiceRun, Stage};
 use crate::trust::{Owner, Trust};
 use crate::watch::{Subject, Watch};
+use crate::when::minute_from;
 
 /// Share of the time to empty after which a service is wanted whatever the state of charge.
 const QUEUE_SHARE: f64 = 0.9;
@@ -56,6 +58,8 @@ pub struct Basis<'a> {
     pub(crate) watch: &'a Watch,
     /// Doubts in gauges.
     pub(crate) trust: &'a Trust,
+    /// Services that were refused.
+    pub(crate) refusals: &'a Refusals,
     /// So many robots more are taken in side by side than a station's converters feed at full current.
     pub(crate) crowd: usize,
     /// What the robots that can come to each station ask of it, counted when first asked for.
@@ -143,6 +147,11 @@ impl Basis<'_> {
             let index = *index;
             if let Some(why) = &station.out_of_order {
                 view.closed.push((station.station.clone(), why.clone()));
+                continue;
+            }
+            if let Some(refusal) = self.refusals.holds(self.now, id, &station.station) {
+                let [at, until] = [refusal.at, refusal.until].map(|at| minute_from(self.now, at));
+                view.closed.push((station.station.clone(), format!("at {at} {}; not tried again before {until}", refusal.why)));
                 continue;
             }
             let kind = (index, Arc::as_ptr(battery).addr(), view.charge_degc as i32);
@@ -262,6 +271,7 @@ impl Basis<'_> {
     fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
         let bays = if state.bays.is_empty() { 0 } else { self.side_by_side(id) };
         let draw = self.working_draw(models, bays);
+        let (share_w, charged) = packs::charged_from_outside(models, station, state);
         let packs = state.packs.iter().filter_map(|pack| {
             let gauge = station.packs.get(&pack.pack);
             let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
@@ -274,7 +284,17 @@ impl Basis<'_> {
             let gain_wh = self.tables.gain_wh(models, bays, model, temperature_degc, &draw);
             let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
             let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-            let state = Some(PackState { model: Arc::clone(model), soc: wider(soc, factor), temperature_degc });
+            let course = (pack.connected && !charged.is_empty()).then(|| self.tables.refills.course(model, share_w, temperature_degc));
+            let refill = course.map_or(Refill::NOTHING, |course| {
+                let usable_wh = |soc: f64| self.tables.usable.wh(model, Estimate::exact(soc), temperature_degc, draw.power_w).value;
+                let is_charged = charged.contains(&pack.pack);
+                if is_charged {
+                    Refill::along(course, soc.value, steps_s(model, share_w, self.now), usable_wh)
+                } else {
+                    Refill::later(course)
+                }
+            });
+            let state = Some(PackState { model: Arc::clone(model), soc: wider(soc, factor), temperature_degc, refill });
             Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, uncounted_wh: 0.0, state, available_s })
         });
         packs::in_order(packs.collect(), state.active_pack.as_ref(), draw.power_w)

@@ -1,7 +1,8 @@
 //! A measured log, replayed as a gauge would have seen it.
 //!
 //! Columns `time_s`, `current_a`, `voltage_v` and, where it was measured, `temperature_degc`.
-//! The current at row k flowed over (t[k-1], t[k]]; rows without a voltage are passed over.
+//! The current at row k flowed over (t[k-1], t[k]]. A row without a voltage shows nothing, but its charge counts with the next one that has
+//! one; over a row without a current flowed what the others say.
 
 use std::path::{Path, PathBuf};
 
@@ -21,6 +22,28 @@ struct Row {
     current_a: f64,
     voltage_v: f64,
     temperature_degc: Option<f64>,
+}
+
+/// What flowed since the last row that showed a voltage.
+#[derive(Debug, Clone, Copy, Default)]
+struct Waits {
+    charge_as: f64,
+    passed_s: f64,
+    last_a: Option<f64>,
+}
+
+impl Waits {
+    /// One row more, with its current where it has one.
+    fn and(self, current_a: Option<f64>, time_s: f64, last_s: Option<f64>) -> Self {
+        let Some(current_a) = current_a else { return self };
+        let passed_s = last_s.map_or(0.0, |last_s| time_s - last_s);
+        Self { charge_as: self.charge_as + current_a * passed_s, passed_s: self.passed_s + passed_s, last_a: Some(current_a) }
+    }
+
+    /// The mean of these currents, A; none where no row had one.
+    fn mean_a(self) -> Option<f64> {
+        self.last_a.map(|last_a| if self.passed_s > 0.0 { self.charge_as / self.passed_s } else { last_a })
+    }
 }
 
 /// A log being replayed.
@@ -51,6 +74,7 @@ impl Log {
         let [time, current, voltage] = [need("time_s")?, need("current_a")?, need("voltage_v")?];
         let temperature = find("temperature_degc");
         let mut rows: Vec<Row> = Vec::new();
+        let (mut waits, mut last_s) = (Waits::default(), None);
         for record in reader.records() {
             let record = record.with_context(|| format!("{}", path.display()))?;
             let line = record.position().map_or(0, csv::Position::line);
@@ -70,13 +94,15 @@ impl Log {
                 Ok(Some(value))
             };
             let time_s = number(time)?.with_context(|| format!("{}:{line}: `time_s` is empty", path.display()))?;
-            if let Some(last) = rows.last()
-                && time_s <= last.time_s
-            {
-                bail!("{}:{line}: time_s = {time_s} after {}; time must increase", path.display(), last.time_s);
+            if let Some(last_s) = last_s.filter(|last_s| time_s <= *last_s) {
+                bail!("{}:{line}: time_s = {time_s} after {last_s}; time must increase", path.display());
             }
-            let (Some(current_a), Some(voltage_v)) = (number(current)?, number(voltage)?) else { continue };
             let temperature_degc = temperature.map(number).transpose()?.flatten();
+            let (current, voltage_v) = (number(current)?, number(voltage)?);
+            waits = waits.and(current, time_s, last_s);
+            last_s = Some(time_s);
+            let (Some(current_a), Some(voltage_v)) = (waits.mean_a(), voltage_v) else { continue };
+            waits = Waits::default();
             rows.push(Row { time_s, current_a, voltage_v, temperature_degc });
         }
         ensure!(rows.len() >= 2, "{}: {} rows with current and voltage; at least 2 are needed", path.display(), rows.len());
@@ -179,6 +205,17 @@ mod tests {
             // The first row's current flowed before the log: 10 s of 1 A and 20 s of 2 A.
             assert!((charge_as - 50.0).abs() < 1e-9, "{dt_s}: {charge_as}");
         }
+    }
+
+    #[test]
+    fn what_flowed_in_rows_without_a_voltage_is_not_lost_and_not_taken_for_what_the_next_row_says() {
+        // 60 s of 3 A of which nothing but the charge is known, and 20 s of 1 A; over the 10 s without a current flows their mean.
+        let mut replay = log("time_s,current_a,voltage_v\n0,1,4\n60,3,\n70,,3.8\n90,1,3.8\n").unwrap();
+        let shown: Vec<[f64; 2]> = std::iter::from_fn(|| (!replay.has_ended()).then(|| replay.advance(10.0)))
+            .flatten()
+            .map(|sample| [sample.dt_s, sample.current_a])
+            .collect();
+        assert_eq!(shown, [[70.0, 3.0], [20.0, 1.0]]);
     }
 
     #[test]

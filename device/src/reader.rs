@@ -15,6 +15,8 @@ use crate::report::{Device, Report, Supply};
 /// Without a report for this long, what was drawn meanwhile is not known: the gauge starts anew from
 /// what the device says, s.
 const HISTORY_LOST_S: f64 = 60.0;
+/// A device whose clock shows the same for longer than this, s, though it reports has none: until then it may repeat itself.
+const STANDS_S: f64 = 5.0;
 /// What the first report after that shows stands for no more than so much, s.
 const FIRST_S: f64 = 1.0;
 /// A device that measures no current is heard again after this time even if its charge has not
@@ -72,6 +74,8 @@ pub struct Reader {
     unmeasured: Unmeasured,
     now_s: f64,
     last: Option<Last>,
+    /// For how long the device's clock has shown the same, s.
+    stood_s: f64,
     /// From when a charge is counted whose current nobody measures.
     anchor: Option<Anchor>,
     /// What reports without a voltage have said, until one shows a voltage.
@@ -119,6 +123,7 @@ impl Reader {
             unmeasured,
             now_s: 0.0,
             last: None,
+            stood_s: 0.0,
             anchor: None,
             waits: Flowed::default(),
             trouble: None,
@@ -197,9 +202,10 @@ impl Reader {
         let now = Last { now_s: self.now_s, at_s: report.at_s };
         let last = self.last.replace(now)?;
         let by_us = now.now_s - last.now_s;
-        // The device's clock knows better when reports came late and together, unless it was set.
+        // The device's clock knows better when reports came late and together, unless it was set, or stands.
         let by_device = now.at_s.zip(last.at_s).map(|(now, last)| now - last).filter(|s| (0.0..=HISTORY_LOST_S).contains(s));
-        let since_s = by_device.unwrap_or(by_us);
+        self.stood_s = if by_device == Some(0.0) { self.stood_s + by_us } else { 0.0 };
+        let since_s = if self.stood_s > STANDS_S { std::mem::take(&mut self.stood_s) } else { by_device.unwrap_or(by_us) };
         (by_us <= HISTORY_LOST_S && since_s <= HISTORY_LOST_S).then_some(since_s)
     }
 

@@ -91,7 +91,7 @@ pub fn left_out(state: &State) -> Vec<LeftOut> {
         };
         let (shift, sigma) = shift(state, what, WORTH_TELLING)?;
         let fact = match what {
-            Rough::SocInitial(own) => format!("soc_initial = {:.4}", state.frame.evidence.logs[own].start.soc + shift),
+            Rough::SocInitial(own) => format!("soc_initial = {:.4}", (state.frame.evidence.logs[own].start.soc + shift).clamp(0.0, 1.0)),
             _ => String::new(),
         };
         Some(LeftOut { what: words, shift, sigma, stated_sigma: known.sigma, unit, fact })

@@ -64,6 +64,20 @@ impl Prepared {
         to_s - from_s - self.unmeasured.iter().map(within).sum::<f64>()
     }
 
+    /// In a piece of a gap flowed so much more current than its rows say, A: each says the mean of what has flowed since the one before. What a battery
+    /// shows at the end of one that is only partly of the gap is not judged, since that row's own current is another.
+    pub(crate) fn flows(&mut self, piece: &Unmeasured, more_a: f64) {
+        let Some((_, current_a)) = self.inputs.iter_mut().find(|(channel, _)| *channel == Channel::CurrentA) else { return };
+        for (row, current_a) in current_a.iter_mut().enumerate().skip(1) {
+            let (from_s, to_s) = (self.time_s[row - 1], self.time_s[row]);
+            let share = (piece.to_s.min(to_s) - piece.from_s.max(from_s)).max(0.0) / (to_s - from_s);
+            *current_a += share * more_a;
+            if share > 0.0 && piece.to_s < to_s && more_a != 0.0 {
+                self.targets.iter_mut().for_each(|target| target.used[row] = false);
+            }
+        }
+    }
+
     /// The same log if what was read of an input had been true so much earlier, s. Where nothing was read so late, nothing is judged.
     #[must_use]
     pub(crate) fn with_late_input(&self, channel: Channel, late_s: f64) -> Prepared {

@@ -145,7 +145,12 @@ pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
         if written.is_err() {
             let _ = std::fs::remove_file(&draft);
         }
-        written
+        written?;
+        // The new name must survive a power cut too; where a folder cannot be synced it is moot.
+        if let Ok(folder) = std::fs::File::open(path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))) {
+            let _ = folder.sync_all();
+        }
+        Ok(())
     };
     write().with_context(|| format!("cannot write {}", path.display()))
 }

@@ -19,14 +19,17 @@ impl Default for Publish {
     }
 }
 
+/// Longest time between two messages, s: a day.
+const PERIOD_MAX_S: f64 = 86_400.0;
+
 impl Publish {
-    /// Checks that both periods are positive.
+    /// Checks that both periods are positive and no longer than a day.
     ///
     /// # Errors
     /// Names the key and the allowed range.
     pub fn check(&self) -> anyhow::Result<()> {
         for (key, value) in [("gauge_period_s", self.gauge_period_s), ("state_period_s", self.state_period_s)] {
-            anyhow::ensure!(value.is_finite() && value > 0.0, "publish.{key} = {value}: must be a positive number");
+            anyhow::ensure!(value > 0.0 && value <= PERIOD_MAX_S, "publish.{key} = {value}: must be above 0 and at most {PERIOD_MAX_S} s");
         }
         Ok(())
     }

@@ -10,7 +10,7 @@ use tracing::warn;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
-use zenoh::query::{Query, Queryable};
+use zenoh::query::{ConsolidationMode, Query, Queryable};
 use zenoh::sample::{Sample, SampleKind};
 
 /// Questions that wait for an answer.
@@ -125,7 +125,8 @@ impl Link {
     /// Asks once and returns the first answer that can be read. Nobody answering is no error:
     /// who asks decides whether to ask again.
     pub async fn ask<Q: Message, A: Message>(&self, key: &Key, question: Option<&Q>, timeout: Duration) -> Answer<A> {
-        let mut get = self.session.get(key.build(&self.site)).timeout(timeout);
+        // The first answer counts, and it counts when it comes: of two agents with one id only one is believed.
+        let mut get = self.session.get(key.build(&self.site)).timeout(timeout).consolidation(ConsolidationMode::None);
         if let Some(question) = question {
             get = get.payload(encode(question));
         }

@@ -1,14 +1,14 @@
 //! Commands: sent with an id, sent again until answered, given up at their deadline.
 
 use proto::{
-    Command, CommandId, CommandReply, EventKind, Outcome, RobotAction, RobotCommand, RobotId, StationAction, StationCommand, StationId,
-    Timestamp,
+    Command, CommandId, CommandReply, EventKind, Outcome, Rejection, RobotAction, RobotCommand, RobotId, StationAction, StationCommand,
+    StationId, Timestamp,
 };
 
 use super::{Core, Output};
 use crate::answers;
 use crate::clocks::Agent;
-use crate::service_run::Stage;
+use crate::service_run::{Again, Stage};
 use crate::store::Record;
 
 /// A command that waits for its answer.
@@ -32,6 +32,18 @@ pub(super) enum AskedCommand {
     Robot(RobotId, RobotCommand),
     Station(StationId, StationCommand),
 }
+
+impl AskedCommand {
+    fn whom(&self) -> String {
+        match self {
+            Self::Robot(robot, _) => robot.to_string(),
+            Self::Station(station, _) => station.to_string(),
+        }
+    }
+}
+
+/// What it mostly means that an agent obeys a later start of a coordinator than this one.
+const STALE: &str = ": another coordinator of this site has begun later, or this one's store is younger than the agents' memory";
 
 impl Core {
     pub(super) fn next_command<A>(&mut self, now: Timestamp, action: A) -> Command<A> {
@@ -96,11 +108,34 @@ impl Core {
         }
         match &reply.outcome {
             Outcome::Accepted => self.enter(now, &robot, stage),
-            Outcome::Rejected { reason, detail } => {
-                self.event(now, EventKind::CommandRejected, Some(&robot), None, None, format!("{}: {reason}: {detail}", reply.id));
-                self.fail(now, &robot, detail);
-            }
+            Outcome::Rejected { reason, detail } => self.refused(now, &robot, *reason, detail, asked.command.whom(), &reply.id),
         }
+    }
+
+    /// A command of a service was refused. What cannot be done at the moment is asked again; else robot and station are not brought together for a while.
+    fn refused(&mut self, now: Timestamp, robot: &RobotId, reason: Rejection, detail: &str, whom: String, id: &CommandId) {
+        let Some(run) = self.running.get_mut(robot) else { return };
+        let station = run.station.clone();
+        let times = run.again.as_ref().map_or(1, |again| again.times + 1);
+        let is_news = run.again.as_ref().is_none_or(|again| again.why != detail);
+        if reason == Rejection::Busy {
+            let after_s = (self.settings.resend_s * f64::from(2_u32.saturating_pow(times - 1))).min(self.settings.deadline_s);
+            run.again = Some(Again { at: now.plus_s(after_s), times, why: detail.to_owned() });
+            if is_news {
+                let text = format!("{id}: {reason}: {detail}; it is asked again");
+                self.event(now, EventKind::CommandRejected, Some(robot), Some(&station), None, text);
+            }
+            return;
+        }
+        let cause = if reason == Rejection::StaleEpoch { STALE } else { "" };
+        self.event(now, EventKind::CommandRejected, Some(robot), Some(&station), None, format!("{id}: {reason}: {detail}{cause}"));
+        self.refusals.note(now, robot, &station, format!("{whom} refused ({reason}: {detail}{cause})"));
+        self.fail(now, robot, &format!("{whom} refused: {detail}"));
+    }
+
+    /// Whether a robot has still to answer.
+    pub(super) fn has_to_answer(&self, robot: &RobotId) -> bool {
+        self.asked.values().any(|asked| matches!(&asked.command, AskedCommand::Robot(whom, _) if whom == robot))
     }
 
     /// Sends again what was not answered, with the same id, until its deadline.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use proto::{EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
+use proto::{BayPhase, EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 use super::{Core, REFUSED_MAX};
 use crate::clocks::Agent;
@@ -197,19 +197,40 @@ impl Core {
         if before.away != state.away {
             self.replan(format!("{id} {}", when::away(now, &state.away)));
         }
-        for (was, is) in before.packs.iter().zip(&state.packs) {
-            if is.back != was.back && is.connected == was.connected && is.pack == was.pack {
+        self.bays_changed(now, id, &before, &state);
+        for was in &before.packs {
+            let Some(is) = state.packs.iter().find(|is| is.pack == was.pack) else {
+                self.replan(format!("{} of {id} is no longer listed", was.pack));
+                continue;
+            };
+            if is.back != was.back && is.connected == was.connected {
                 self.replan(format!("{} of {id} is expected at another time", is.pack));
             }
-            if is.connected != was.connected && is.pack == was.pack {
+            if is.connected != was.connected {
                 self.replan(format!("{} of {id} {}", is.pack, if is.connected { "is there again" } else { "is away" }));
             }
-            if is.depleted && !was.depleted && is.pack == was.pack {
+            if is.depleted && !was.depleted {
                 self.event(now, EventKind::PackDepleted, None, Some(id), Some(&is.pack), format!("{} of {id} is depleted", is.pack));
                 self.replan(format!("{} of {id} is depleted", is.pack));
             }
         }
         true
+    }
+
+    /// Tells which bays have failed, or work again.
+    fn bays_changed(&mut self, now: Timestamp, id: &StationId, before: &StationState, state: &StationState) {
+        for is in &state.bays {
+            let failed = |phase: BayPhase| phase == BayPhase::Failed;
+            let Some(was) = before.bays.iter().find(|was| was.bay == is.bay && failed(was.phase) != failed(is.phase)) else { continue };
+            let whom = was.robot.as_ref().or(is.robot.as_ref()).map(|robot| format!(" ({robot} is in it)")).unwrap_or_default();
+            let text = format!(
+                "{} of {id} {}",
+                is.bay,
+                if failed(is.phase) { format!("is out of order{whom}") } else { "works again".to_owned() }
+            );
+            self.event(now, EventKind::PhaseChanged, is.robot.as_ref(), Some(id), None, text.clone());
+            self.replan(text);
+        }
     }
 
     pub(super) fn pack_gauge(&mut self, now: Timestamp, id: &StationId, pack: PackId, gauge: Gauge) -> bool {

@@ -7,7 +7,7 @@ use crate::answers;
 use crate::fleet::{Robot, Station};
 use crate::models::from_wire;
 use crate::scheduler::Planned;
-use crate::service_run::{How, ServiceRun, Stage, Step};
+use crate::service_run::{Again, How, ServiceRun, Stage, Step};
 use crate::when::minute_from;
 
 impl Core {
@@ -23,6 +23,10 @@ impl Core {
             }
             // What a lift has begun ends first; then the robot is where it did not plan to be.
             if self.is_being_moved(now, &service.robot) {
+                continue;
+            }
+            // Of two commands on their way at once the later one may come first.
+            if self.has_to_answer(&service.robot) {
                 continue;
             }
             let Planned { robot, station, bay, spare, to_soc, start, end, need, packs, why, .. } = service;
@@ -48,6 +52,7 @@ impl Core {
                 hands_over: None,
                 takes_none_since: None,
                 cut_short: None,
+                again: None,
             };
             let action = run.first();
             self.event(now, EventKind::ServiceStarted, Some(&robot), Some(&station), None, format!("{robot} goes to {station}"));
@@ -79,13 +84,23 @@ impl Core {
                 self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
                 continue;
             }
-            if let Some(why) = self.comes_too_late(now, run, place) {
+            if let Some(why) = self.comes_too_late(now, run, place).or_else(|| out_of_order(run, place)) {
                 self.fail(now, &robot, &why);
                 continue;
             }
+            if let Some(why) = self.does_not_come(now, run, belief) {
+                self.refusals.note(now, &robot, &station, why.clone());
+                self.fail(now, &robot, &why);
+                continue;
+            }
+            if let Some(why) = self.does_not_end(now, run) {
+                self.give_up(now, &robot, &why);
+                continue;
+            }
             if let Some(why) = self.charged_in_vain(now, run, belief).or_else(|| self.must_be_out(now, run, belief, place)) {
-                let stage = run.stage;
+                let (stage, again_at) = (run.stage, now.plus_s(self.settings.deadline_s));
                 if let Some(run) = self.running.get_mut(&robot) {
+                    run.again = Some(Again { at: again_at, times: 1, why: why.clone() });
                     run.cut_short = Some(why);
                 }
                 self.ask_robot(now, &robot, RobotAction::Undock, Some((robot.clone(), stage)));
@@ -98,6 +113,22 @@ impl Core {
             // Nothing of this service can free it there; it is taken over as it stands.
             if let Some((taker, bay)) = self.taken_elsewhere(run, belief) {
                 self.give_up(now, &robot, &format!("it was taken into {bay} of {taker}"));
+                continue;
+            }
+            if let Some(bay) = another_bay(run, place) {
+                self.is_in(now, &robot, bay);
+                continue;
+            }
+            if run.again.as_ref().is_some_and(|again| now < again.at) {
+                continue;
+            }
+            if let Some(action) = self.asked_again(now, run, belief) {
+                let stage = run.stage;
+                if stage != Stage::Travelling {
+                    let again = Again { at: now.plus_s(self.settings.deadline_s), times: 1, why: "it takes no charge".to_owned() };
+                    self.running.entry(robot.clone()).and_modify(|run| run.again = Some(again));
+                }
+                self.ask_robot(now, &robot, action, Some((robot.clone(), stage)));
                 continue;
             }
             match run.next(belief, place) {
@@ -117,6 +148,53 @@ impl Core {
         self.select_packs(now, &stations);
     }
 
+    /// Why a robot that has agreed to come is not waited for: when it should be there it is still at work.
+    fn does_not_come(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<String> {
+        let works_on = run.stage == Stage::Travelling && robot.heard().is_some() && robot.phase() == Some(RobotPhase::Working);
+        let is_due = run.again.is_none() && now.seconds_since(run.start) > self.settings.deadline_s;
+        (works_on && is_due).then(|| format!("{} agreed to come and is still at work", run.robot))
+    }
+
+    /// Why a service is given up that nobody ends: an exchange, or a bay that is to be emptied.
+    fn does_not_end(&self, now: Timestamp, run: &ServiceRun) -> Option<String> {
+        let what = match run.stage {
+            Stage::Swapping => "its exchange",
+            Stage::Unloading => "its way out of the bay",
+            _ => return None,
+        };
+        let late_s = now.seconds_since(run.end);
+        (late_s > self.settings.late_s).then(|| format!("{what} has not ended {:.0} min after it was due", late_s / 60.0))
+    }
+
+    /// What a robot is asked once more: to come, where it could not at the moment; in its bay to get out, where it was to, and to charge where it does
+    /// not.
+    fn asked_again(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<RobotAction> {
+        match (&run.how, run.stage, robot.heard().map(|(_, state)| state.phase)?) {
+            (_, Stage::Travelling, RobotPhase::Working) if run.again.is_some() => Some(run.first()),
+            (_, Stage::Charging | Stage::ChargingItself, RobotPhase::Docked | RobotPhase::Charging) if run.cut_short.is_some() => {
+                Some(RobotAction::Undock)
+            }
+            (How::Recharge { to_soc, .. }, Stage::Charging | Stage::ChargingItself, RobotPhase::Docked)
+                if run.takes_none_since.is_some_and(|since| now.seconds_since(since) > self.settings.deadline_s) =>
+            {
+                Some(RobotAction::ChargeTo { soc: *to_soc })
+            }
+            _ => None,
+        }
+    }
+
+    /// A robot is in another bay of its station than it was told: the station knows.
+    fn is_in(&mut self, now: Timestamp, robot: &RobotId, bay: BayId) {
+        let Some(run) = self.running.get_mut(robot) else { return };
+        let How::Recharge { bay: own, .. } = &mut run.how else { return };
+        let text = format!("{robot} is in {bay}, not in {own}");
+        *own = bay;
+        let station = run.station.clone();
+        self.event(now, EventKind::PhaseChanged, Some(robot), Some(&station), None, text.clone());
+        self.replan(text);
+        self.refresh_schedule(now);
+    }
+
     /// Notes since when a robot takes no charge.
     fn note_charge(&mut self, now: Timestamp, robot: &RobotId) {
         let (Some(run), Some(belief)) = (self.running.get_mut(robot), self.fleet.robots.get(robot)) else { return };
@@ -126,7 +204,8 @@ impl Core {
 
     /// Why a robot is let go although it is not charged: it should be, and has taken nothing for long.
     fn charged_in_vain(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<String> {
-        let since = run.takes_none_since.filter(|&since| now.seconds_since(since.max(run.end)) > self.settings.late_s)?;
+        let since = run.takes_none_since.filter(|_| run.cut_short.is_none())?;
+        let since = Some(since).filter(|&since| now.seconds_since(since.max(run.end)) > self.settings.late_s)?;
         let why = robot.known().and_then(|(_, state)| state.note.as_deref()).unwrap_or("its charger gives nothing");
         Some(format!("it has taken none for {:.0} min ({why})", now.seconds_since(since) / 60.0))
     }
@@ -201,6 +280,9 @@ impl Core {
                 run.hands_over = self.fleet.robots.get(robot).and_then(|robot| robot.gauge.as_ref()).map(|gauge| from_wire(gauge.soc));
             }
             run.enter(stage, now);
+            if !run.under_way() {
+                self.refusals.forget(robot, &run.station);
+            }
             self.refresh_schedule(now);
         }
     }
@@ -255,4 +337,22 @@ impl Core {
             }
         }
     }
+}
+
+/// Why a robot in a bay is let go: the bay has failed, and gives it nothing.
+fn out_of_order(run: &ServiceRun, station: &Station) -> Option<String> {
+    let How::Recharge { bay, .. } = &run.how else { return None };
+    let has_failed = run.takes_none_since.is_some() && station.bay_phase(bay) == Some(BayPhase::Failed);
+    has_failed.then(|| format!("bay {bay} is out of order"))
+}
+
+/// The bay in which a station says that it holds a robot, if that is another than it was told.
+fn another_bay(run: &ServiceRun, station: &Station) -> Option<BayId> {
+    let (How::Recharge { bay: own, .. }, Stage::Loading | Stage::Charging | Stage::ChargingItself) = (&run.how, run.stage) else {
+        return None;
+    };
+    let state = station.heard()?;
+    let mut holds = state.bays.iter().filter(|bay| bay.robot.as_ref() == Some(&run.robot)).peekable();
+    let found = holds.peek()?.bay.clone();
+    (holds.all(|bay| bay.bay != *own && bay.phase == BayPhase::Occupied)).then_some(found)
 }

@@ -119,7 +119,8 @@ impl Core {
         // A bay belongs to one service; who comes second is planned anew when it stands there. Who is in it is let out,
         // also when somebody is on the way to it: nobody else would.
         let before = |run: &ServiceRun| run.is_in(&station, &bay) && (run.at_place() || (stage == Stage::Travelling && run.under_way()));
-        if self.running.values().any(before) || !self.models.stations.contains_key(&station) {
+        let is_refused = self.refusals.holds(now, robot, &station).is_some();
+        if is_refused || self.running.values().any(before) || !self.models.stations.contains_key(&station) {
             return;
         }
         // In a bay without power nothing can be carried on before that comes back.
@@ -155,6 +156,7 @@ impl Core {
             hands_over: None,
             takes_none_since: None,
             cut_short: None,
+            again: None,
         };
         // Who was just called back because its station leaves is still on its way for a moment.
         if self.fleet.stations.get(&station).is_some_and(|place| self.comes_too_late(now, &run, place).is_some()) {

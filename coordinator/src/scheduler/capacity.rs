@@ -151,7 +151,7 @@ impl Supply {
             begun: station.begun(),
             parts: station.begun_parts(),
             overhead_from_s: 0.0,
-            packs: station.packs.iter().map(|pack| Some((pack.available_s, pack.state.clone()?))).collect(),
+            packs: station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?.now()))).collect(),
         }
     }
 }

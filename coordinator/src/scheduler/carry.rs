@@ -6,6 +6,7 @@ use energy::units::S_PER_H;
 use energy::{Channel, Estimate, Pack, Start};
 
 use super::problem::{HANDOVER_S, PackState, StationView};
+use super::refill::Refill;
 
 /// Margins of more standard deviations than this are as good as certain, whatever the load looks like.
 pub(super) const SIGMAS_MAX: f64 = 6.0;
@@ -18,6 +19,9 @@ const STEP_MIN_S: f64 = 4.0;
 const PRECISION: f64 = 0.05;
 /// The load is scaled up by no more than this.
 const SCALE_MAX: f64 = 1.3;
+
+/// A pack that has given out is not turned to again before it has rested for so long, s: it would give out at once.
+const RESTS_MIN_S: f64 = 5.0 * HANDOVER_S;
 
 /// Packs are drained to their end in stretches of this, and for no longer than a week, s.
 const TAIL_S: f64 = 3600.0;
@@ -82,6 +86,8 @@ impl Load<'_> {
         // Where nothing is planned yet, what the station takes by itself is all that is known.
         let energy_ws: f64 = steps.iter().map(|step| step.dt_s * step.power_w).sum();
         let mean_w = if self.until_s > 0.0 { energy_ws / self.until_s } else { self.overhead_w };
+        // What would come after that is not what they hold.
+        bank.refills = false;
         if carries && mean_w > 0.0 {
             while bank.at_s < self.until_s + TAIL_MAX_S && bank.gives(mean_w, TAIL_S) {}
         }
@@ -118,8 +124,9 @@ impl Load<'_> {
 /// How a station's packs stand when the services that have begun are over; none where it is not known how they stand now.
 #[must_use]
 pub fn packs_after_begun(station: &StationView) -> Option<Vec<PackState>> {
-    let packs: Option<Vec<_>> = station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect();
-    let packs = packs?;
+    let now: Option<Vec<_>> = station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?.now()))).collect();
+    let now = now?;
+    let packs: Vec<_> = now.iter().map(|(from_s, state)| (*from_s, state)).collect();
     let load = Load {
         parts: &station.begun_parts(),
         overhead_w: station.overhead_per_h.mean_wh,
@@ -130,12 +137,13 @@ pub fn packs_after_begun(station: &StationView) -> Option<Vec<PackState>> {
     for step in load.steps(&packs) {
         bank.gives(step.power_w, step.dt_s);
     }
-    let state = |(&(_, before), (_, pack)): (&(f64, &PackState), &(f64, Pack))| PackState {
+    let state = |(&(_, before), Turn { pack, .. }): (&(f64, &PackState), &Turn<'_>)| PackState {
         model: before.model.clone(),
         soc: Estimate::new(pack.channels()[Channel::Soc], before.soc.sigma),
         temperature_degc: pack.channels()[Channel::CellDegc],
+        refill: Refill::default(),
     };
-    Some(packs.iter().zip(&bank.packs).map(state).collect())
+    Some(packs.iter().zip(&bank.turns).map(state).collect())
 }
 
 /// A stretch of constant power.
@@ -148,25 +156,38 @@ struct Step {
     serves: bool,
 }
 
-/// Packs that are drained one after the other.
-struct Bank {
-    /// From when each is there, s, and itself.
-    packs: Vec<(f64, Pack)>,
+/// Packs that are drained one after the other; one that is charged while it rests is turned to again when all others have given out.
+struct Bank<'a> {
+    turns: Vec<Turn<'a>>,
     /// Which is being drained.
     active: usize,
     /// How late it is, s.
     at_s: f64,
     /// What was drawn so far, Wh.
     given_wh: f64,
+    /// Whether packs that rest are charged.
+    refills: bool,
 }
 
-impl Bank {
-    fn new(packs: &Packs<'_>) -> Self {
-        let pack = |&(from_s, state): &(f64, &PackState)| {
-            let start = Start { temperature_degc: state.temperature_degc, ..Start::at_soc(state.soc.value) };
-            (from_s, Pack::new(state.model.clone(), start))
+/// A pack when its turn comes.
+struct Turn<'a> {
+    /// From when it is there, s.
+    from_s: f64,
+    state: &'a PackState,
+    /// Since when it rests, s, and the state of charge that it had then.
+    rests: (f64, f64),
+    pack: Pack,
+}
+
+impl<'a> Bank<'a> {
+    fn new(packs: &Packs<'a>) -> Self {
+        let turn = |&(from_s, state): &(f64, &'a PackState)| Turn {
+            from_s,
+            state,
+            rests: (0.0, state.soc.value),
+            pack: pack(state, state.soc.value),
         };
-        Self { packs: packs.iter().map(pack).collect(), active: 0, at_s: 0.0, given_wh: 0.0 }
+        Self { turns: packs.iter().map(turn).collect(), active: 0, at_s: 0.0, given_wh: 0.0, refills: true }
     }
 
     /// Draws this power for so long; whether it was there all the time.
@@ -174,7 +195,7 @@ impl Bank {
         let end_s = self.at_s + dt_s;
         let mut longest_s = STEP_MAX_S;
         while self.at_s < end_s - 1e-9 {
-            let Some((_, pack)) = self.packs.get_mut(self.active).filter(|(from_s, _)| *from_s <= self.at_s + 1e-6) else {
+            let Some(Turn { pack, .. }) = self.turns.get_mut(self.active).filter(|turn| turn.from_s <= self.at_s + 1e-6) else {
                 self.at_s = end_s;
                 return false;
             };
@@ -188,22 +209,48 @@ impl Bank {
                 longest_s = step_s / 2.0;
             } else {
                 pack.restore();
+                self.is_left();
                 (self.active, longest_s) = (self.active + 1, STEP_MAX_S);
+                self.is_refilled();
                 self.hand_over(power_w);
             }
         }
         true
     }
 
+    /// The active pack has given out: it rests until its turn comes again.
+    fn is_left(&mut self) {
+        let Turn { state, pack: left, .. } = &self.turns[self.active];
+        if self.refills && state.refill != Refill::NOTHING {
+            let (state, soc) = (*state, left.channels()[Channel::Soc]);
+            self.turns.push(Turn { from_s: self.at_s + RESTS_MIN_S, state, rests: (self.at_s, soc), pack: pack(state, soc) });
+        }
+    }
+
+    /// The pack whose turn it is has been charged as long as it rested.
+    fn is_refilled(&mut self) {
+        let at_s = self.at_s;
+        let Some(turn) = self.turns.get_mut(self.active).filter(|_| self.refills) else { return };
+        let (since_s, soc) = turn.rests;
+        if let Some(soc) = turn.state.refill.rested(soc, at_s - since_s) {
+            turn.pack = pack(turn.state, soc);
+        }
+    }
+
     /// The pack before was left a little earlier than it gave out, where the next one is there: that one has carried the load since then.
     fn hand_over(&mut self, power_w: f64) {
         let at_s = self.at_s;
-        if let Some((_, next)) = self.packs.get_mut(self.active).filter(|(from_s, _)| *from_s <= at_s)
+        if let Some(Turn { pack: next, .. }) = self.turns.get_mut(self.active).filter(|turn| turn.from_s <= at_s)
             && next.step_power(power_w, HANDOVER_S).is_err()
         {
             next.restore();
         }
     }
+}
+
+/// A pack that stands like that, at this state of charge.
+fn pack(state: &PackState, soc: f64) -> Pack {
+    Pack::new(state.model.clone(), Start { temperature_degc: state.temperature_degc, ..Start::at_soc(soc) })
 }
 
 #[cfg(test)]
@@ -221,11 +268,33 @@ mod tests {
     fn a_pack_that_is_little_known_holds_no_less_for_it() {
         // 84 Wh, of which an hour at 30 W takes 30: it is over 40 Wh more, however little is known of them.
         let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
-        let pack = PackState { model, soc: Estimate::exact(1.0), temperature_degc: 25.0 };
+        let pack = PackState { model, soc: Estimate::exact(1.0), temperature_degc: 25.0, refill: Refill::default() };
         let load = Load { parts: &[(0.0, 3600.0, 25.0)], overhead_w: 5.0, overhead_from_s: 0.0, until_s: 3600.0 };
         let spare_wh = [1.0, 2.0, 17.0].map(|sigma_wh| load.spare_wh(&[(0.0, &pack)], sigma_wh));
         assert!((spare_wh[0] - 6.0).abs() < 1e-9, "no further than six deviations: {spare_wh:?}");
         assert!(spare_wh[1] > 40.0 && (spare_wh[1] - spare_wh[2]).abs() < 1e-9, "{spare_wh:?}");
+    }
+
+    #[test]
+    fn a_pack_has_when_its_turn_comes_what_it_was_charged_with_until_then() {
+        // A tenth of 84 Wh lasts at 20 W for less than half an hour; until then 40 W are charged into the other one: a quarter of it.
+        let model = Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
+        let state = |refill: Refill| PackState { model: model.clone(), soc: Estimate::exact(0.1), temperature_degc: 25.0, refill };
+        let charged = Refill::along(crate::forecast::refill(&model, 40.0, 25.0).into(), 0.1, [60.0, 60.0], |soc| 84.0 * soc);
+        let (first, empty, filled) = (state(Refill::default()), state(Refill::default()), state(charged));
+        let load = Load { parts: &[(0.0, 3600.0, 20.0)], overhead_w: 0.0, overhead_from_s: 0.0, until_s: 3600.0 };
+        let given_wh = [&empty, &filled].map(|second| load.given_wh(&[(0.0, &first), (0.0, second)]));
+        let first_h = load.given_wh(&[(0.0, &first)]) / 20.0;
+        let more_wh = given_wh[1] - given_wh[0];
+        assert!((0.85..1.0).contains(&(more_wh / (40.0 * first_h))), "{more_wh} Wh more after {first_h} h at 40 W");
+        // Both charged in turn carry half of what comes for ever, and all of it not for long.
+        let both = Refill::later(crate::forecast::refill(&model, 40.0, 25.0).into());
+        let (one, other) = (state(both.clone()), state(both));
+        let lasts = |power_w: f64| {
+            let load = Load { parts: &[(0.0, 36_000.0, power_w)], overhead_w: 0.0, overhead_from_s: 0.0, until_s: 36_000.0 };
+            load.spare_wh(&[(0.0, &one), (0.0, &other)], 1.0) > 0.0
+        };
+        assert_eq!([20.0, 45.0].map(lasts), [true, false]);
     }
 
     #[test]
@@ -236,7 +305,7 @@ mod tests {
             usable_wh: Estimate::exact(0.0),
             gain_wh: 0.0,
             uncounted_wh: 0.0,
-            state: Some(PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 }),
+            state: Some(PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0, refill: Refill::default() }),
             available_s: 0.0,
         };
         let mut station = StationView {

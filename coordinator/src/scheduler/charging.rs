@@ -13,6 +13,7 @@ use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 
 use super::crowd::Fed;
+use super::refill::Refills;
 use super::usable::Usable;
 use crate::forecast::{self, Draw, Recharge};
 use crate::models::{Alike, StationModels};
@@ -285,6 +286,8 @@ pub struct Tables {
     fed: Mutex<BTreeMap<(Alike, usize, usize), Fed>>,
     /// What packs give.
     pub usable: Usable,
+    /// How packs are charged from outside.
+    pub refills: Refills,
 }
 
 impl Tables {

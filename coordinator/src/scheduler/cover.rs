@@ -6,15 +6,15 @@
 //! the margin is how much more than that they could carry. Whoever is left out for want of energy is asked about once more
 //! with what was not counted (`again.rs`).
 
-use energy::Need;
 use energy::units::S_PER_H;
+use energy::{Estimate, Need};
 use planner::{Mode, Session};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::carry::{Load, Part, SIGMAS_MAX};
 use super::charging::Course;
 use super::effort::WHOLE_FLEET_MAX;
-use super::problem::{PackState, PackView, StationView};
+use super::problem::{PackView, StationView};
 use super::recharging::Recharging;
 use super::translate::Task;
 
@@ -57,7 +57,10 @@ impl<'a> Cover<'a> {
             let ends = self.draws.iter().filter(|(start_s, ..)| *start_s < from_s).map(|(_, end_s, _)| *end_s);
             ends.fold(self.station.committed_until_s, f64::max).min(from_s)
         });
-        needed.filter(|&by_s| by_s > 0.0).chain([until_s]).map(|by_s| self.before(by_s)).fold(1.0, f64::min)
+        // What comes all the time pays for nothing before either.
+        let is_refilled = self.station.packs.iter().any(|pack| pack.refill().levels().next().is_some());
+        let ends = self.draws.iter().map(|(_, end_s, _)| *end_s).filter(|&end_s| is_refilled && end_s < until_s);
+        needed.chain(ends).filter(|&by_s| by_s > 0.0).chain([until_s]).map(|by_s| self.before(by_s)).fold(1.0, f64::min)
     }
 
     fn before(&self, until_s: f64) -> f64 {
@@ -71,7 +74,8 @@ impl<'a> Cover<'a> {
         }
         let there = self.station.packs.iter().filter(|pack| pack.available_s < until_s.max(f64::MIN_POSITIVE));
         let counts_more = there.clone().any(|pack| pack.uncounted_wh > 0.0);
-        let usable = there.fold(Need::default(), |sum, pack| sum.plus(&Need::own(pack.usable_wh))).estimate();
+        let by = |pack: &PackView| Need::own(Estimate::new(pack.before_wh(until_s), pack.usable_wh.sigma));
+        let usable = there.fold(Need::default(), |sum, pack| sum.plus(&by(pack))).estimate();
         let need = need.estimate();
         let sigma = usable.sigma.hypot(need.sigma).max(1e-9);
         let counted_wh = usable.value - need.value;
@@ -86,7 +90,8 @@ impl<'a> Cover<'a> {
     fn stepped_wh(&self, until_s: f64, sigma_wh: f64) -> Option<f64> {
         let parts = self.load()?;
         let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, overhead_from_s: 0.0, until_s };
-        Some(load.spare_wh(&self.packs(|_| true)?, sigma_wh))
+        let packs: Option<Vec<_>> = self.station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect();
+        Some(load.spare_wh(&packs?, sigma_wh))
     }
 
     /// How much more than was counted the packs that are there give if the load goes on as it is, Wh; none where that is
@@ -97,7 +102,17 @@ impl<'a> Cover<'a> {
         let is_there = |pack: &PackView| pack.available_s <= 0.0;
         let load = Load { parts: &parts, overhead_w: self.station.overhead_per_h.mean_wh, overhead_from_s: 0.0, until_s };
         let counted_wh: f64 = self.station.packs.iter().filter(|pack| is_there(pack)).map(|pack| pack.usable_wh.value).sum();
-        Some(load.given_wh(&self.packs(is_there)?) - counted_wh)
+        // What comes into them from outside is counted apart.
+        let now: Option<Vec<_>> = self
+            .station
+            .packs
+            .iter()
+            .filter(|pack| is_there(pack))
+            .map(|pack| Some((pack.available_s, pack.state.as_ref()?.now())))
+            .collect();
+        let now = now?;
+        let packs: Vec<_> = now.iter().map(|(from_s, state)| (*from_s, state)).collect();
+        Some(load.given_wh(&packs) - counted_wh)
     }
 
     /// All that services draw, also those that have begun.
@@ -106,12 +121,6 @@ impl<'a> Cover<'a> {
         parts.extend(self.recharging.iter().flatten().map(Recharging::part));
         parts.extend(self.station.begun_parts());
         Some(parts)
-    }
-
-    /// The packs as they stand, if that is known.
-    fn packs(&self, counts: impl Fn(&PackView) -> bool) -> Option<Vec<(f64, &'a PackState)>> {
-        let packs = self.station.packs.iter().filter(|pack| counts(pack));
-        packs.map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect()
     }
 }
 

@@ -276,7 +276,7 @@ impl<'a> Ledger<'a> {
         let mut start_wh = 0.0;
         let mut paying = Vec::new();
         for pack in &self.station.packs {
-            let end_wh = start_wh + pack.usable_wh.value;
+            let end_wh = start_wh + pack.before_wh(f64::INFINITY);
             if from_wh < end_wh && to_wh > start_wh {
                 paying.push(pack.pack.clone());
             }

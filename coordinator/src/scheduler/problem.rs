@@ -11,6 +11,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::carry::Part;
 use super::charging::Table;
 use super::recharging::Recharging;
+use super::refill::Refill;
 use crate::forecast::Handling;
 
 /// Everything a plan is made from.
@@ -195,9 +196,17 @@ pub struct PackState {
     pub soc: Estimate,
     /// Its temperature, °C.
     pub temperature_degc: f64,
+    /// What comes into it from outside until it is its turn.
+    pub refill: Refill,
 }
 
 impl PackState {
+    /// As it stands now, whatever comes.
+    #[must_use]
+    pub fn now(&self) -> Self {
+        Self { refill: Refill::default(), ..self.clone() }
+    }
+
     /// What a standard deviation of its state of charge comes to, Wh.
     #[must_use]
     pub fn sigma_wh(&self) -> f64 {
@@ -221,4 +230,19 @@ pub struct PackView {
     pub state: Option<PackState>,
     /// When it can feed the station, s: 0 when it is in its place, later while another one is brought there.
     pub available_s: f64,
+}
+
+impl PackView {
+    /// What comes into it from outside until it is its turn.
+    #[must_use]
+    pub fn refill(&self) -> &Refill {
+        static NOTHING: Refill = Refill::NOTHING;
+        self.state.as_ref().map_or(&NOTHING, |state| &state.refill)
+    }
+
+    /// What it gives before that time, s from now, Wh.
+    #[must_use]
+    pub fn before_wh(&self, at_s: f64) -> f64 {
+        self.usable_wh.value + self.refill().before_wh(at_s)
+    }
 }

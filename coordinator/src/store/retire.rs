@@ -69,7 +69,7 @@ impl Store {
     }
 }
 
-/// Deletes the oldest of what is not telemetry, where the very oldest is old enough. The newest event stays: numbers go on from it.
+/// Deletes the oldest of what is not telemetry, where the very oldest is old enough. The newest event and the newest plan stay: numbers go on from them.
 async fn forget(connection: &mut AnyConnection, retention: &Retention) -> Result<(), sqlx::Error> {
     let (fine_ms, keep_ms) = (retention.fine.unix_ms(), retention.keep.unix_ms());
     for (before_ms, oldest, sql) in [
@@ -81,7 +81,7 @@ async fn forget(connection: &mut AnyConnection, retention: &Retention) -> Result
         (
             fine_ms,
             "SELECT at_ms FROM plans ORDER BY plan LIMIT 1",
-            "DELETE FROM plans WHERE at_ms < $1 AND plan IN (SELECT plan FROM plans ORDER BY plan LIMIT $2)",
+            "DELETE FROM plans WHERE at_ms < $1 AND plan IN (SELECT plan FROM plans ORDER BY plan LIMIT $2) AND plan < (SELECT MAX(plan) FROM plans)",
         ),
         (
             fine_ms,

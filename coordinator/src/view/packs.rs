@@ -1,9 +1,27 @@
-//! The order in which a station's packs are drained, and what each gives in it.
+//! The order in which a station's packs are drained, what each gives in it, and what comes into those that rest.
 
 use energy::units::S_PER_H;
-use proto::PackId;
+use proto::{PackId, StationState};
 
+use crate::fleet::Station;
+use crate::models::StationModels;
 use crate::scheduler::{HANDOVER_S, PackView};
+
+/// A pack that rests is charged from outside where so much of an equal share of the supply goes into it by its gauge: less is noise, or the end
+/// of a charge. A guess; a charger's current falls to a tenth or a twentieth before it ends. One that still shows as much going out has not
+/// spoken since it fed the station.
+const IS_CHARGING: f64 = 0.05;
+
+/// What an outside supply gives each pack that is charged from it, as far as all ask for as much, W; and whose turn it is not yet to feed the
+/// station, and who is charged by its gauge.
+pub(super) fn charged_from_outside(models: &StationModels, station: &Station, state: &StationState) -> (f64, Vec<PackId>) {
+    let resting = state.packs.iter().filter(|pack| pack.connected && state.active_pack.as_ref() != Some(&pack.pack));
+    let left = if models.spare_battery.is_some() { state.spares.iter().filter(|spare| !spare.ready).count() } else { 0 };
+    let least_w = IS_CHARGING * models.recharge_w / (resting.clone().count() + left).max(1) as f64;
+    let is_charged = |pack: &PackId| station.packs.get(pack).is_some_and(|gauge| models.recharge_w > 0.0 && gauge.power_w.abs() >= least_w);
+    let charged: Vec<PackId> = resting.map(|pack| pack.pack.clone()).filter(is_charged).collect();
+    (models.recharge_w / (charged.len() + left).max(1) as f64, charged)
+}
 
 /// Packs in the order in which they are drained at this power: the active one first, the fullest last, those that are still to come
 /// after all. Only the last one sees the end of the last charge. The others are left a little before they give out, and none that
@@ -16,7 +34,7 @@ pub(super) fn in_order(mut packs: Vec<PackView>, active: Option<&PackId>, power_
         a_is.cmp(&b_is).then(a_s.total_cmp(&b_s)).then(a_wh.total_cmp(&b_wh)).then_with(|| a.pack.cmp(&b.pack))
     });
     let left_wh = HANDOVER_S / S_PER_H * power_w;
-    packs.retain(|pack| is_active(&pack.pack) || pack.usable_wh.value > 2.0 * left_wh);
+    packs.retain(|pack| is_active(&pack.pack) || pack.before_wh(f64::INFINITY) > 2.0 * left_wh);
     if let Some((last, before)) = packs.split_last_mut() {
         last.usable_wh.value += std::mem::take(&mut last.gain_wh);
         for pack in before {

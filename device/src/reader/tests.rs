@@ -43,6 +43,19 @@ fn messages_that_come_late_and_together_are_counted_by_their_own_clock() {
 }
 
 #[test]
+fn the_charge_of_a_device_whose_clock_stands_is_counted_by_ours() {
+    let stands = |current_a: f64| Report { at_s: Some(7.0), ..report(current_a, 0.6) };
+    let mut reader = read_from((0..31).map(move |_| vec![stands(2.0)]));
+    reader.advance(1.0);
+    assert_eq!(counted(&mut reader, 30), (60.0, 30.0));
+    // One that says the same twice, and then what is new, is not counted twice.
+    let at = |at_s: f64| Report { at_s: Some(at_s), ..report(2.0, 0.6) };
+    let mut reader = read_from((0..31).map(move |second| vec![at(f64::from(second / 2 * 2))]));
+    reader.advance(1.0);
+    assert_eq!(counted(&mut reader, 30), (60.0, 30.0));
+}
+
+#[test]
 fn after_a_silence_the_gauge_starts_anew_from_what_the_device_says() {
     let silence = std::iter::repeat_n(Vec::new(), 90);
     let mut reader = read_from([vec![report(1.0, 0.6)]].into_iter().chain(silence).chain([vec![report(1.0, 0.4)], vec![report(1.0, 0.4)]]));

@@ -39,8 +39,8 @@ pub fn rms_by_log(state: &State) -> Vec<(usize, Channel, f64)> {
     evidence.segments.iter().map(of).collect()
 }
 
-/// Logs as they would read had their sensors no offset and no gain, beginning where the state has them begin. Delays stay, and what flowed in
-/// gaps.
+/// Logs as they would read had their sensors no offset and no gain, beginning where the state has them begin, with what flowed in their gaps. Delays
+/// stay.
 #[must_use]
 pub fn corrected(state: &State, logs: &[Prepared]) -> Vec<Prepared> {
     let error = |what| state.frame.error(&state.x, what);
@@ -58,6 +58,9 @@ pub fn corrected(state: &State, logs: &[Prepared]) -> Vec<Prepared> {
             read(*channel, values, -around_k);
         }
         log.targets.iter_mut().for_each(|target| read(target.channel, &mut target.observed, 0.0));
+        for (number, piece) in log.unmeasured.clone().iter().enumerate() {
+            log.flows(piece, error(Rough::Unmeasured { log: index, piece: number }));
+        }
         log.start.soc += error(Rough::SocInitial(index));
         log.start.temperature_degc += error(Rough::TemperatureInitial(index));
         log.start.clock_s += error(Rough::Clock(index));

@@ -21,6 +21,8 @@ use crate::prepare::Prepared;
 const LATE_ROWS: f64 = 10.0;
 /// Share by which a sensor may show too much or too little here: also pounds for kilograms, and hardly its sign.
 const WIDE_GAIN: f64 = 1.0;
+/// Deviation of an offset of a measured input here, in deviations of the input itself: what was not logged at all may be more than what was.
+const WIDE_OFFSET: f64 = 4.0;
 /// Units in which a column may be read for the right one: thousandths and thousands, minutes for seconds, km/h for m/s, degrees for
 /// radians, and the other sign.
 const UNITS: [f64; 8] = [1.0, 1e3, 1e-3, 60.0, 1.0 / 60.0, 3.6, 180.0 / std::f64::consts::PI, -1.0];
@@ -108,7 +110,7 @@ pub fn other_numbers(model: &Arc<Model>, logs: &[Prepared], found: &State) -> Ve
     // A battery's are effects of the catalogue.
     let measured = inputs.iter().filter(|_| model.system != System::Battery);
     let offsets = measured.filter_map(|&channel| {
-        let wider = Sensor { offset_sigma: spread(logs, channel), ..model.sensor(channel) };
+        let wider = Sensor { offset_sigma: WIDE_OFFSET * spread(logs, channel), ..model.sensor(channel) };
         let number = of_sensor(logs, Rough::Offset(channel), wider, false)?;
         Some(OtherNumber { numbers: vec![format!("offset of {}", channel.name())], ..number })
     });

@@ -46,6 +46,9 @@ const FURTHER_FALL: f64 = 0.02;
 /// comes and goes without a period has one by chance, and that explains less.
 const PERIODIC_FALL: f64 = 0.3;
 
+/// RMS of each channel.
+type ByChannel = Vec<(Channel, f64)>;
+
 /// One term of a proposal.
 #[derive(Debug, Clone)]
 pub struct Proposed {
@@ -87,6 +90,24 @@ impl Proposal {
     #[must_use]
     pub fn slow(&self, name: &str) -> Option<&str> {
         self.terms.iter().find(|term| term.name == name)?.slow.as_deref()
+    }
+
+    /// A refitted term that brings more than the number of those tried excuses, and does so on logs that the fit has not seen; with its RMS there.
+    fn holds<'t>(&self, state: State, term: &'t Term, tried: usize, holdout: &Arc<Evidence>) -> Option<(State, &'t Term, ByChannel)> {
+        if self.state.bic() - state.bic() < DELTA_BIC + 2.0 * (tried as f64).ln() {
+            return None;
+        }
+        let training = &self.state.frame.evidence;
+        if error(training, &state.rms()) >= error(training, &self.state.rms()) {
+            return None;
+        }
+        let wanted = match () {
+            () if term.period_s.is_some() => PERIODIC_FALL,
+            () if self.terms.is_empty() => HOLDOUT_FALL,
+            () => FURTHER_FALL,
+        };
+        let after = held_out(&state, holdout);
+        (error(holdout, &after) <= (1.0 - wanted) * error(holdout, &self.holdout)).then_some((state, term, after))
     }
 
     /// Drops earlier terms whose work the newest does: a multiple of the true period, say, once that was found.
@@ -138,25 +159,12 @@ pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Eviden
         if found.terms.is_empty() {
             (found.tried, found.period_s) = (terms.len(), period_s);
         }
-        let Some((state, term)) = look.best(&terms) else { break };
-        let delta_bic = found.state.bic() - state.bic();
-        if delta_bic < DELTA_BIC + 2.0 * (terms.len() as f64).ln() {
+        let Some((state, term, after)) =
+            look.best(&terms).into_iter().find_map(|(state, term)| found.holds(state, term, terms.len(), holdout))
+        else {
             break;
-        }
-        let training = &found.state.frame.evidence;
-        if error(training, &state.rms()) >= error(training, &found.state.rms()) {
-            break;
-        }
-        let name = next_name(&found.state.frame.model);
-        let after = held_out(&state, holdout);
-        let wanted = match () {
-            () if term.period_s.is_some() => PERIODIC_FALL,
-            () if found.terms.is_empty() => HOLDOUT_FALL,
-            () => FURTHER_FALL,
         };
-        if error(holdout, &after) > (1.0 - wanted) * error(holdout, &found.holdout) {
-            break;
-        }
+        let (delta_bic, name) = (found.state.bic() - state.bic(), next_name(&found.state.frame.model));
         let (state, after) = at_one_phase(&found.state, &state, term, &name, holdout).unwrap_or((state, after));
         let words = term.words.clone() + &rhythm(|wanted| Some(state.x[unknown(&state.frame, &name, wanted)?]));
         found.terms.push(Proposed { name, words, slow: term.slow.clone(), delta_bic });
@@ -209,12 +217,13 @@ impl<'a> Look<'a> {
         Look { state, base: Absorber::new(&lens, state.held()), lens, slow: state.lens(&state.noise) }
     }
 
-    /// The term that leaves the best model, refitted; none when no term says anything.
-    fn best<'t>(&self, terms: &'t [Term]) -> Option<(State, &'t Term)> {
+    /// The terms that leave the best models, refitted, the best first; none when no term says anything.
+    fn best<'t>(&self, terms: &'t [Term]) -> Vec<(State, &'t Term)> {
         let (periodic, others): (Vec<&Term>, Vec<&Term>) = terms.iter().partition(|term| term.period_s.is_some());
         let mut scored: Vec<(Seen, &Term)> = periodic.into_par_iter().filter_map(|term| Some((self.at_its_phases(term)?, term))).collect();
         let others: Option<Vec<_>> = others.par_chunks(TOGETHER).map(|terms| self.scores(terms)).collect();
-        scored.extend(others?.into_iter().flatten());
+        let Some(others) = others else { return Vec::new() };
+        scored.extend(others.into_iter().flatten());
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         // Of one form at several shapes only the best goes on.
         let mut forms: Vec<(Channel, &[String])> = Vec::new();
@@ -236,9 +245,10 @@ impl<'a> Look<'a> {
             let state = State::search(Arc::new(frame), &x, f64::NEG_INFINITY);
             Some((if term.period_s.is_some() { state.or_with_other_starts() } else { state }, term))
         });
-        let refitted: Vec<(State, &Term)> = refitted.collect();
-        let sound = refitted.into_iter().filter(|(state, _)| state.bic().is_finite() && !loose(state).contains(&name));
-        sound.min_by(|(a, _), (b, _)| a.bic().total_cmp(&b.bic()))
+        let is_sound = |(state, _): &(State, &Term)| state.bic().is_finite() && !loose(state).contains(&name);
+        let mut sound: Vec<(State, &Term)> = refitted.filter(is_sound).collect();
+        sound.sort_by(|(a, _), (b, _)| a.bic().total_cmp(&b.bic()));
+        sound
     }
 
     /// What a linear refit with each of some terms says, those left out that say nothing; none where a term goes into no model.

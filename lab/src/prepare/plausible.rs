@@ -12,6 +12,35 @@ const STEP_C: f64 = 0.1;
 const STEPS_MIN: usize = 5;
 /// Correlation of steps of voltage and current from which on a voltage rises with a discharge.
 const RISES: f64 = 0.5;
+/// How much more the voltage moves in the row after such a step, in squares, where that row is the one that the step belongs to.
+const LATER: f64 = 4.0;
+
+/// Steps of a current, and what the voltage does at them: sums of squares and products.
+#[derive(Default)]
+struct Steps {
+    count: usize,
+    of_current: f64,
+    of_voltage: f64,
+    of_both: f64,
+}
+
+impl Steps {
+    fn add(&mut self, step_a: f64, step_v: Option<f64>) {
+        let Some(step_v) = step_v else { return };
+        self.count += 1;
+        self.of_current += step_a * step_a;
+        self.of_voltage += step_v * step_v;
+        self.of_both += step_a * step_v;
+    }
+
+    /// Nothing where too few tell.
+    fn correlation(&self) -> f64 {
+        if self.count < STEPS_MIN {
+            return 0.0;
+        }
+        self.of_both / (self.of_current * self.of_voltage).sqrt().max(f64::MIN_POSITIVE)
+    }
+}
 
 /// What is odd about a battery log's current, in words; nothing where nothing is, or the log does not fit the model.
 #[must_use]
@@ -21,26 +50,29 @@ pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
     let current_a = prepared.inputs.iter().find(|(channel, _)| *channel == Channel::CurrentA).map(|(_, values)| values)?;
     let voltage_v = prepared.targets.iter().find(|target| target.channel == Channel::VoltageV).map(|target| &target.observed);
     let (mut soc, mut low, mut high) = (prepared.start.soc, f64::INFINITY, f64::NEG_INFINITY);
-    // Sums of squares and products of steps of current and voltage.
-    let (mut steps, mut of_current, mut of_voltage, mut of_both) = (0, 0.0, 0.0, 0.0);
+    let (mut at_once, mut a_row_later) = (Steps::default(), Steps::default());
     for row in 1..prepared.time_s.len() {
         soc -= current_a[row] * prepared.flowed_s(row) / 3600.0 / facts.capacity_ah;
         (low, high) = (low.min(soc), high.max(soc));
         let step_a = current_a[row] - current_a[row - 1];
-        if let Some(step_v) = voltage_v.map(|volts| volts[row] - volts[row - 1]).filter(|step_v| step_v.is_finite())
-            && step_a.abs() > STEP_C * facts.capacity_ah
-        {
-            steps += 1;
-            of_current += step_a * step_a;
-            of_voltage += step_v * step_v;
-            of_both += step_a * step_v;
+        if step_a.abs() > STEP_C * facts.capacity_ah {
+            let step_v =
+                |row: usize| voltage_v.and_then(|volts| Some(volts.get(row)? - volts[row - 1])).filter(|step_v| step_v.is_finite());
+            at_once.add(step_a, step_v(row));
+            a_row_later.add(step_a, step_v(row + 1));
         }
     }
-    let correlation = of_both / (of_current * of_voltage).sqrt().max(f64::MIN_POSITIVE);
-    if steps >= STEPS_MIN && correlation > RISES {
+    if a_row_later.correlation() < -RISES && a_row_later.of_voltage > LATER * at_once.of_voltage {
         return Some(format!(
-            "{}: at {steps} steps of current_a the voltage moves the same way: positive must be discharging, as --column current_a=SOURCE*-1 makes it",
-            log.file
+            "{}: at {} steps of current_a the voltage moves one row later: a row must show the current that has flowed until its time. A mean over an \
+             interval belongs to its end (label=\"right\" in pandas' resample)",
+            log.file, a_row_later.count
+        ));
+    }
+    if at_once.correlation() > RISES {
+        return Some(format!(
+            "{}: at {} steps of current_a the voltage moves the same way: positive must be discharging, as --column current_a=SOURCE*-1 makes it",
+            log.file, at_once.count
         ));
     }
     let odd = if low < -BEYOND { low } else { high };
@@ -187,6 +219,24 @@ mod tests {
         // The other way round: nothing is known before the gap but the start.
         let after: String = (3600..4200).map(|second| format!("{second},{},3.4\n", if second == 3600 { -4 } else { 0 })).collect();
         assert_eq!(told(&format!("0,2,4.0\n{after}")), (None, None));
+    }
+
+    #[test]
+    fn a_current_that_stands_in_the_row_before_its_own_is_told_as_that_and_not_as_of_another_sign() {
+        // Means over 10 s of a current that is switched every minute, a row early; a voltage that relaxes, and a little noise.
+        let told = |early: u32| {
+            let row = |n: u32| {
+                let on = |n: u32| f64::from((n / 6) % 2);
+                let relaxed: f64 = (0..6).map(|back| on(n.saturating_sub(back)) * 0.6_f64.powi(back as i32)).sum();
+                let noise = 1e-4 * f64::from((n * 7919) % 11);
+                format!("{},{},{}\n", 10 * n, 2.0 * on(n + early), 3.9 - 0.07 * 2.0 * on(n) - 0.02 * relaxed + noise)
+            };
+            let text = (0..360).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+            let facts = LogFacts { soc_initial: Some(0.95), ..LogFacts::default() };
+            odd_current(&load_model("enertech-lco-2280mah").unwrap().model, &read_log("log.csv", text.as_bytes(), facts).unwrap())
+        };
+        assert_eq!(told(0), None);
+        assert!(told(1).unwrap().contains("the voltage moves one row later"), "{:?}", told(1));
     }
 
     #[test]

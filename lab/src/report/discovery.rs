@@ -189,13 +189,22 @@ fn signed(one: &LeftOut) -> String {
     if one.shift > 0.0 { format!("+{size}") } else { size }
 }
 
+/// Share by which an error has to change to have moved.
+const HARDLY: f64 = 0.005;
 /// Widest bar of a ladder, characters.
 const BAR: f64 = 30.0;
 
 /// How the error fell, with bars, one table for each channel.
 #[must_use]
 pub fn ladder(rungs: &[Rung]) -> String {
-    let channels: Vec<&'static str> = rungs.first().map_or_else(Vec::new, |rung| rung.train_rms.keys().copied().collect());
+    let mut channels: Vec<&'static str> = rungs.first().map_or_else(Vec::new, |rung| rung.train_rms.keys().copied().collect());
+    // What did not move is told last.
+    let stays = |channel: &&'static str| {
+        let of = |rung: Option<&Rung>| rung.and_then(|rung| rung.train_rms.get(channel).copied()).unwrap_or(0.0);
+        let [first, last] = [of(rungs.first()), of(rungs.last())];
+        (first - last).abs() <= HARDLY * first
+    };
+    channels.sort_by_key(stays);
     let of = |channel: &&'static str| {
         let at = |numbers: &ByChannel| numbers.get(channel).copied();
         let most = rungs.iter().flat_map(|rung| [at(&rung.train_rms), at(&rung.holdout_rms)]).flatten().fold(0.0, f64::max);

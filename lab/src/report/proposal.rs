@@ -219,7 +219,7 @@ impl ProposalReport {
             Status::None if proposal.tried == 0 => vec!["Nothing is proposed: the fitted model explains the logs.".to_owned()],
             Status::None if proposal.switching.is_some() => vec!["No formula is proposed.".to_owned()],
             Status::None => vec![format!(
-                "Nothing is proposed: none of {} terms lowers the error on logs that the fit has not seen by {:.0} % or more.",
+                "Nothing is proposed: of {} terms, none of those that do most for the fit lowers the error on logs that it has not seen by {:.0} % or more.",
                 proposal.tried,
                 100.0 * HOLDOUT_FALL
             )],

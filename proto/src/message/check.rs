@@ -53,6 +53,13 @@ pub(super) fn estimate(field: impl Display, estimate: Estimate) -> Checked {
     not_negative(format_args!("{field}.sigma"), estimate.sigma)
 }
 
+/// An estimate whose value and sigma are no larger than anything that could be meant.
+pub(super) fn estimate_within(field: impl Display, quantity: Estimate, most: f64) -> Checked {
+    estimate(&field, quantity)?;
+    within(format_args!("{field}.value"), quantity.value, -most, most)?;
+    within(format_args!("{field}.sigma"), quantity.sigma, 0.0, most)
+}
+
 /// An estimate of something that cannot be below zero.
 pub(super) fn estimate_not_negative(field: impl Display, quantity: Estimate) -> Checked {
     estimate(&field, quantity)?;

@@ -46,13 +46,16 @@ pub struct Gauge {
     pub source: String,
 }
 
+/// Most energy that a battery may hold, Wh.
+const ENERGY_WH_MAX: f64 = 1e9;
+
 impl Message for Gauge {
     const SCHEMA: &'static str = "tender.gauge/1";
 
     fn validate(&self) -> Result<(), MessageError> {
         check::soc_estimate("soc", self.soc)?;
-        check::estimate("remaining_wh", self.remaining_wh)?;
-        check::estimate("full_wh", self.full_wh)?;
+        check::estimate_within("remaining_wh", self.remaining_wh, ENERGY_WH_MAX)?;
+        check::estimate_within("full_wh", self.full_wh, ENERGY_WH_MAX)?;
         let full_wh = self.full_wh.value;
         check::require(full_wh > 0.0, "full_wh.value", full_wh, "above zero")?;
         if let Some(time_s) = self.time_to_empty_s {

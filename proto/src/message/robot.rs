@@ -97,6 +97,15 @@ pub struct RobotState {
     pub note: Option<String>,
 }
 
+/// Largest drain that a robot may tell, W.
+const POWER_W_MAX: f64 = 1e6;
+/// Longest way, s: eleven days.
+const TIME_S_MAX: f64 = 1e6;
+/// Largest energy of a way, Wh.
+const ENERGY_WH_MAX: f64 = 1e6;
+/// Largest weight of a mission: weights say how robots compare.
+const WEIGHT_MAX: f64 = 1e6;
+
 impl Message for RobotState {
     const SCHEMA: &'static str = "tender.robot-state/1";
 
@@ -104,12 +113,12 @@ impl Message for RobotState {
         if let (None, Some(bay)) = (&self.station, &self.bay) {
             check::require(false, "bay", bay, "a bay only together with `station`")?;
         }
-        check::estimate("drain_w", self.drain_w)?;
+        check::estimate_within("drain_w", self.drain_w, POWER_W_MAX)?;
         for (station, travel) in &self.travel {
-            check::not_negative(format_args!("travel.{station}.time_s"), travel.time_s)?;
+            check::within(format_args!("travel.{station}.time_s"), travel.time_s, 0.0, TIME_S_MAX)?;
             // May be negative: a way downhill gives energy back.
-            check::estimate(format_args!("travel.{station}.energy_wh"), travel.energy_wh)?;
+            check::estimate_within(format_args!("travel.{station}.energy_wh"), travel.energy_wh, ENERGY_WH_MAX)?;
         }
-        check::not_negative("mission.weight", self.mission.weight)
+        check::within("mission.weight", self.mission.weight, 0.0, WEIGHT_MAX)
     }
 }

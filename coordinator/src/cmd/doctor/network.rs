@@ -140,12 +140,12 @@ async fn clocks(link: &Link) -> Option<Finding> {
         }
     })
     .await;
-    let off: Vec<String> =
-        behind_s.iter().filter(|(_, skew_s)| skew_s.abs() > SKEW_S).map(|(id, skew_s)| format!("{id} by {skew_s:.1} s")).collect();
+    let off = |id: &RobotId, skew_s: f64| format!("{id} is {:.1} s {}", skew_s.abs(), if skew_s > 0.0 { "behind" } else { "ahead" });
+    let off: Vec<String> = behind_s.iter().filter(|(_, skew_s)| skew_s.abs() > SKEW_S).map(|(id, skew_s)| off(id, *skew_s)).collect();
     let found = format!("{} robots heard within {} s", behind_s.len(), LISTEN.as_secs());
     Some(match off.is_empty() {
         true => Finding::ok("agents' clocks", found),
-        false => Finding::note("agents' clocks", found, format!("behind this machine's: {}; synchronise them by NTP", off.join(", "))),
+        false => Finding::note("agents' clocks", found, format!("beside this machine's: {}; synchronise them by NTP", off.join(", "))),
     })
 }
 

@@ -35,6 +35,29 @@ fn what_a_pack_said_before_it_was_taken_away_holds_no_longer_once_it_is_back() {
 }
 
 #[test]
+fn a_resting_pack_is_counted_on_with_what_comes_into_it_as_long_as_its_gauge_shows_that_it_is_charged() {
+    let text = "schema = 1\nsite = \"test\"\n[stations.s]\nload = \"mds-station\"\nload_s = 30\nunload_s = 30\nswap_s = 60\n\
+                packs = { p = \"mds-3s4p-7600mah\", q = \"mds-3s4p-7600mah\" }\ncharging = { recharge_w = 30 }\n";
+    let (settings, models) = toml::from_str::<Config>(text).unwrap().load(None).unwrap();
+    let mut core = Core::new(settings, models, Numbering::default());
+    let packs = ["p", "q"].map(|pack| PackState { pack: id(pack), connected: true, depleted: false, back: None }).to_vec();
+    core.handle(at(0.0), Input::StationState(id("s"), StationState { packs, ..ready(0.0) }));
+    let mut comes_wh = |time_s: f64, power_w: [f64; 2]| {
+        for (pack, power_w) in ["p", "q"].into_iter().zip(power_w) {
+            core.handle(at(time_s), Input::PackGauge(id("s"), id(pack), Gauge { power_w, ..gauge(time_s, 0.3, 84.0) }));
+        }
+        let view = core.basis(at(time_s)).view();
+        let of = |pack: &str| view.stations[0].packs.iter().find(|known| known.pack == id(pack)).unwrap().refill().before_wh(4.5 * 3600.0);
+        [of("p"), of("q")]
+    };
+    assert_eq!(comes_wh(1.0, [6.0, 0.1]), [0.0, 0.0], "that is noise");
+    // 70 % of 7.6 Ah at 11.4 to 12 V, as long as it lasts at the station's working power; nothing into the one that feeds the station.
+    let [fed, charged] = comes_wh(2.0, [6.0, -29.0]);
+    assert!(fed == 0.0 && (58.0..64.0).contains(&charged), "{charged}");
+    assert_eq!(comes_wh(3.0, [-20.0, 0.0]), [0.0, 0.0], "the supply is gone");
+}
+
+#[test]
 fn a_pack_whose_gauge_falls_silent_is_told_of_and_counts_for_less_until_it_speaks_again() {
     let mut core = core();
     station_joins(&mut core, 0.0);

@@ -21,6 +21,7 @@ fn waits(n: usize, start_s: f64) -> ServiceRun {
         hands_over: None,
         takes_none_since: None,
         cut_short: None,
+        again: None,
     }
 }
 

@@ -259,7 +259,12 @@ fn a_pack_that_just_carries_two_services_is_enough_for_them_at_even_odds_whateve
                 place: Place::Bay,
                 left: None,
             };
-            let state = PackState { model: model.clone(), soc: Estimate::exact(soc), temperature_degc: 25.0 };
+            let state = PackState {
+                model: model.clone(),
+                soc: Estimate::exact(soc),
+                temperature_degc: 25.0,
+                refill: crate::scheduler::Refill::default(),
+            };
             asked.together = Supply { packs: Some(vec![(0.0, state)]), ..supply(Estimate::new(counted_wh, 1.0)) };
             asked.packs[0].alone = asked.together.clone();
             first(&asked).promises.get(1).map_or(0.0, |second| second.probability)

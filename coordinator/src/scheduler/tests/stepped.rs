@@ -42,7 +42,8 @@ fn how_sure_a_service_is_follows_from_the_packs_own_discharge_however_it_was_cou
         let mut with = station("s", 1, &[usable_wh], &[]);
         with.overhead_per_h.shared_wh = vec![0.0];
         with.packs[0].usable_wh.sigma = 1.0;
-        with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
+        with.packs[0].state =
+            Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0, refill: Refill::default() });
         let robots = vec![RobotView { held, ..robot("r", 0.1, &[(0, 60.0)]) }];
         let plan = planned(robots, with);
         plan.planned.iter().map(|planned| planned.probability).next()
@@ -67,7 +68,8 @@ fn how_sure_a_service_is_follows_from_the_packs_own_discharge_however_it_was_cou
 fn while_nothing_is_drawn_a_station_may_wait_in_the_dark_for_its_next_pack() {
     // Two packs of which the first cannot last until the second comes in three hours; the service is after that.
     let mut with = station("s", 1, &[12.0, 60.0], &[]);
-    let state = |soc: f64| Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0 });
+    let state =
+        |soc: f64| Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0, refill: Refill::default() });
     (with.packs[0].state, with.packs[1].state) = (state(0.15), state(0.8));
     with.packs[1].available_s = 3.0 * HOUR;
     with.overhead_per_h.mean_wh = 3.0;
@@ -76,6 +78,24 @@ fn while_nothing_is_drawn_a_station_may_wait_in_the_dark_for_its_next_pack() {
     assert!(plan(1.0).planned[0].probability > 0.99, "{:?}", plan(1.0).planned);
     // Now it would have to do with 12 Wh.
     assert_eq!(plan(0.15).planned, []);
+}
+
+#[test]
+fn what_comes_into_a_resting_pack_from_outside_pays_for_what_begins_later_and_for_nothing_before() {
+    // 8 and 2 Wh, and 14 W from outside into the second: 24 Wh in an hour, 45 in two and a half.
+    let plan = |soc: f64, is_charged: bool| {
+        let mut with = station("s", 1, &[8.0, 2.0], &[]);
+        let course = crate::forecast::refill(&station_pack(), 14.0, 25.0);
+        let charged = Refill::along(course.clone().into(), 0.076, [600.0, 600.0], |soc| 84.0 * soc - 4.4);
+        let [active, resting] = if is_charged { [Refill::later(course.into()), charged] } else { [Refill::NOTHING; 2] };
+        let state = |soc: f64, refill| Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0, refill });
+        (with.packs[0].state, with.packs[1].state) = (state(0.14, active), state(0.076, resting));
+        planned(vec![robot("r", soc, &[(0, 60.0)])], with)
+    };
+    // A service takes 23.4 Wh in an hour, and the station 6 W: 29 Wh now, 38 in an hour and a half, when this robot wants it.
+    let later = plan(0.55, true);
+    assert!(later.planned[0].probability > 0.95, "{:?}", later.planned);
+    assert_eq!([plan(0.55, false), plan(0.12, true)].map(|plan| plan.planned), [vec![], vec![]]);
 }
 
 /// The least energy at which both robots get a service, beside each other if there is room, and how sure these are.
@@ -102,7 +122,8 @@ fn the_pack_that_an_exchange_leaves_is_charged_over_an_hour_not_while_the_robot_
     let mut with = station("s", 0, &[40.0], &[0.98]);
     with.charges_spares = true;
     with.packs[0].usable_wh.sigma = 4.0;
-    with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(0.5), temperature_degc: 25.0 });
+    with.packs[0].state =
+        Some(PackState { model: station_pack(), soc: Estimate::exact(0.5), temperature_degc: 25.0, refill: Refill::default() });
     let plan = planned(vec![robot("r", 0.1, &[(0, 60.0)])], with);
     let exchange = plan.planned.first().expect("there is a spare");
     assert_eq!(exchange.mode, Mode::SwapAndRecharge);
@@ -117,7 +138,8 @@ fn a_charged_spare_is_handed_out_though_the_packs_do_not_last_for_charging_what_
     // emptied the station's.
     let mut with = station("s", 0, &[5.0], &[0.98, 0.98]);
     with.charges_spares = true;
-    with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(0.08), temperature_degc: 25.0 });
+    with.packs[0].state =
+        Some(PackState { model: station_pack(), soc: Estimate::exact(0.08), temperature_degc: 25.0, refill: Refill::default() });
     let robots = |later: f64| vec![robot("r", 0.1, &[(0, 60.0)]), robot("t", later, &[(0, 60.0)])];
     let told = |plan: &Plan| plan.planned.iter().map(|planned| (planned.robot.to_string(), planned.mode)).collect::<Vec<_>>();
     let plan = planned(robots(0.11), with.clone());
@@ -139,8 +161,12 @@ fn who_was_promised_a_spare_keeps_it_as_long_as_all_goes_as_foreseen() {
             let passed_h = f64::from(minute) / 60.0;
             let mut with = station("s", 1, &[84.0 * soc - 0.1 * 6.0 * passed_h], &[0.98, 0.98]);
             with.charges_spares = true;
-            with.packs[0].state =
-                Some(PackState { model: station_pack(), soc: Estimate::exact(soc - 0.07 * passed_h), temperature_degc: 25.0 });
+            with.packs[0].state = Some(PackState {
+                model: station_pack(),
+                soc: Estimate::exact(soc - 0.07 * passed_h),
+                temperature_degc: 25.0,
+                refill: Refill::default(),
+            });
             let held = |name: &str| before.planned.iter().any(|planned| planned.robot.as_str() == name);
             let there = |(name, full): (&str, f64)| RobotView { held: held(name), ..robot(name, full - 0.3 * passed_h, &[(0, 60.0)]) };
             let mut view = view([("a", 0.4), ("b", 0.5), ("c", 0.6)].map(there).into(), vec![with]);
@@ -167,7 +193,8 @@ fn a_pack_that_is_charged_takes_its_energy_before_the_next_robots_come() {
         let mut with = station("s", 1, &[60.0], &[]);
         let need = Need { mean_wh: 22.0, ..Need::default() };
         with.recharging = vec![Recharging { from_s: 0.0, until_s, need }];
-        with.packs[0].state = Some(PackState { model: station_pack(), soc: Estimate::exact(0.7), temperature_degc: 25.0 });
+        with.packs[0].state =
+            Some(PackState { model: station_pack(), soc: Estimate::exact(0.7), temperature_degc: 25.0, refill: Refill::default() });
         with.committed_until_s = 1800.0;
         let left = packs_after_begun(&with).expect("its pack is known").remove(0).soc.value;
         (with.begun().mean_wh, with.owed().mean_wh, left)

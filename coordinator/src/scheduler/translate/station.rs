@@ -7,7 +7,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{Grid, Offer, UNITS_PER_WH};
 use crate::models::Settings;
-use crate::scheduler::problem::{StationView, View};
+use crate::scheduler::problem::{PackView, StationView, View};
 use crate::scheduler::racks::Racks;
 
 /// How much earlier than they must services of a station that leaves are planned to end, s: a guess, of what a charge takes longer than was
@@ -53,7 +53,6 @@ pub(super) fn station(
     // What an exchange takes is at the power of the lift.
     let handling_s = (station.handling.load_s + station.handling.unload_s).max(1e-9);
     let swap_wh = lift_wh * station.handling.swap_s / handling_s;
-    let usable = |wh: f64| (wh.max(0.0) * UNITS_PER_WH) as i64;
     Station {
         name: station.station.to_string(),
         charger,
@@ -82,19 +81,23 @@ pub(super) fn station(
             Offer::Spares(_) => LeftPacks::AsPlanned,
             _ => LeftPacks::Charged,
         },
-        packs: station
-            .packs
-            .iter()
-            .map(|pack| Pack {
-                name: pack.pack.to_string(),
-                remaining: usable(pack.usable_wh.value),
-                reserve: 0,
-                available_from: if pack.available_s > 0.0 { i64::from(tick(pack.available_s)) } else { 0 },
-            })
-            .collect(),
+        packs: packs(station, tick),
         ongoing: begun.filter(|begun| !out || begun.bay.is_none()).collect(),
         chance: Some(chance(station, settings, grid, offer)),
     }
+}
+
+/// What its packs hold, from when on; then what comes into them from outside, which counts as packs of its own.
+fn packs(station: &StationView, tick: impl Fn(f64) -> Tick) -> Vec<Pack> {
+    let pack = |pack: &PackView, wh: f64, from_s: f64| Pack {
+        name: pack.pack.to_string(),
+        remaining: (wh.max(0.0) * UNITS_PER_WH) as i64,
+        reserve: 0,
+        available_from: if from_s > 0.0 { i64::from(tick(from_s)) } else { 0 },
+    };
+    let held = station.packs.iter().map(|of| pack(of, of.usable_wh.value, of.available_s));
+    let comes = station.packs.iter().flat_map(|of| of.refill().levels().map(move |level| pack(of, level.more_wh, level.at_s)));
+    held.chain(comes).collect()
 }
 
 /// How certain it must be that the packs hold what is promised, in the problem's units.
