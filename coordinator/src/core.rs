@@ -367,7 +367,8 @@ impl Core {
         let gone = self.fleet.robots.values_mut().map(|robot| &mut robot.gone);
         gone.chain(self.fleet.stations.values_mut().map(|station| &mut station.gone)).flatten().for_each(earlier);
         for run in self.running.values_mut() {
-            [&mut run.left, &mut run.start, &mut run.end].into_iter().for_each(earlier);
+            let again = run.again.as_mut().map(|again| &mut again.at);
+            [&mut run.left, &mut run.start, &mut run.end].into_iter().chain(again).chain(&mut run.takes_none_since).for_each(earlier);
         }
         // The deadline in a command stays as it was sent; that of waiting for its answer moves.
         self.asked.values_mut().for_each(|asked| asked.set_back(by_ms));

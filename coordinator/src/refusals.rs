@@ -16,6 +16,8 @@ pub struct Refusal {
     pub at: Timestamp,
     /// Until then it is not tried again.
     pub until: Timestamp,
+    /// Whether the robot was in its place already.
+    pub at_place: bool,
     /// Who refused what, and why.
     pub why: String,
     times: u32,
@@ -27,11 +29,11 @@ pub struct Refusals(BTreeMap<(RobotId, StationId), Refusal>);
 
 impl Refusals {
     /// Notes one more.
-    pub fn note(&mut self, now: Timestamp, robot: &RobotId, station: &StationId, why: String) {
+    pub fn note(&mut self, now: Timestamp, robot: &RobotId, station: &StationId, at_place: bool, why: String) {
         let pair = (robot.clone(), station.clone());
         let times = self.0.get(&pair).map_or(0, |refusal| refusal.times);
         let for_s = (FIRST_S * f64::from(2_u32.saturating_pow(times))).min(LONGEST_S);
-        self.0.insert(pair, Refusal { at: now, until: now.plus_s(for_s), why, times: times + 1 });
+        self.0.insert(pair, Refusal { at: now, until: now.plus_s(for_s), at_place, why, times: times + 1 });
     }
 
     /// The one for which these two are not brought together now.
@@ -43,6 +45,11 @@ impl Refusals {
     /// They have come together.
     pub fn forget(&mut self, robot: &RobotId, station: &StationId) {
         self.0.remove(&(robot.clone(), station.clone()));
+    }
+
+    /// At that station something works again.
+    pub fn forget_all_at(&mut self, station: &StationId) {
+        self.0.retain(|(_, known), _| known != station);
     }
 
     /// The clock was set back.
@@ -64,7 +71,7 @@ mod tests {
         let mut refusals = Refusals::default();
         let (mut now_s, mut held_s) = (0.0, Vec::new());
         for _ in 0..7 {
-            refusals.note(at(now_s), &robot, &station, "busy".to_owned());
+            refusals.note(at(now_s), &robot, &station, false, "busy".to_owned());
             let until = refusals.holds(at(now_s), &robot, &station).unwrap().until;
             held_s.push(until.seconds_since(at(now_s)));
             now_s += held_s[held_s.len() - 1];
@@ -73,7 +80,7 @@ mod tests {
         assert_eq!(held_s, [60.0, 120.0, 240.0, 480.0, 960.0, 1800.0, 1800.0]);
         assert_eq!(refusals.holds(at(0.0), &RobotId::new("q").unwrap(), &station), None);
         refusals.forget(&robot, &station);
-        refusals.note(at(now_s), &robot, &station, "busy".to_owned());
+        refusals.note(at(now_s), &robot, &station, false, "busy".to_owned());
         assert_eq!(refusals.holds(at(now_s), &robot, &station).unwrap().until, at(now_s + 60.0));
     }
 }

@@ -111,6 +111,8 @@ pub struct Again {
     pub times: u32,
     /// Why nothing came of it.
     pub why: String,
+    /// What the robot said that it does: once that is something else, nothing is waited for.
+    pub phase: Option<RobotPhase>,
 }
 
 /// What carries a service on.
@@ -161,6 +163,9 @@ impl ServiceRun {
         if before.0 && self.at_place() {
             self.end = self.end.plus_s(now.seconds_since(self.start));
             self.start = now;
+        }
+        if stage == Stage::Travelling {
+            self.left = now;
         }
         if stage == Stage::Unloading {
             self.end = self.end.max(now);
@@ -229,11 +234,9 @@ impl ServiceRun {
             (How::Recharge { bay, .. }, Stage::Loading, RobotPhase::Waiting) if station.bay_phase(bay) == Some(BayPhase::Failed) => {
                 Step::Fail(format!("bay {bay} is out of order"))
             }
-            (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked | RobotPhase::Charging) => {
+            (How::Recharge { to_soc, .. }, Stage::Loading, RobotPhase::Docked | RobotPhase::Charging | RobotPhase::Charged) => {
                 Step::AskRobot(RobotAction::ChargeTo { soc: *to_soc }, Stage::Charging)
             }
-            // It was full already.
-            (How::Recharge { .. }, Stage::Loading, RobotPhase::Charged) => Step::Enter(Stage::Charging),
             // It drives out by itself too, unless a lift holds it after all.
             (How::Recharge { bay, .. }, Stage::ChargingItself, RobotPhase::Charged) if !self.held(bay, station) => Step::Wait,
             (How::Recharge { bay, .. }, Stage::Charging | Stage::ChargingItself, RobotPhase::Charged) => {
@@ -251,7 +254,9 @@ impl ServiceRun {
                 }
             }
             // Restarted without a memory, or moved by hand.
-            (How::Recharge { .. }, Stage::Charging, RobotPhase::Working) => Step::Fail("the robot has left its bay".to_owned()),
+            (How::Recharge { .. }, Stage::Charging, RobotPhase::Working | RobotPhase::Waiting | RobotPhase::Travelling) => {
+                Step::Fail("the robot has left its bay".to_owned())
+            }
             (How::Swap { spare }, Stage::Waiting, RobotPhase::Waiting) if place.swapping.is_none() => {
                 match place.spares.iter().find(|known| known.spare == *spare) {
                     Some(known) if known.ready => {

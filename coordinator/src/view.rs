@@ -271,7 +271,8 @@ impl Basis<'_> {
     fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
         let bays = if state.bays.is_empty() { 0 } else { self.side_by_side(id) };
         let draw = self.working_draw(models, bays);
-        let (share_w, charged) = packs::charged_from_outside(models, station, state);
+        let is_doubted = |pack: &PackId| self.trust.fault(self.now, &Owner::Pack(id.clone(), pack.clone())).is_some();
+        let charged = packs::charged_from_outside(models, station, state, is_doubted);
         let packs = state.packs.iter().filter_map(|pack| {
             let gauge = station.packs.get(&pack.pack);
             let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
@@ -284,16 +285,15 @@ impl Basis<'_> {
             let gain_wh = self.tables.gain_wh(models, bays, model, temperature_degc, &draw);
             let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
             let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-            let course = (pack.connected && !charged.is_empty()).then(|| self.tables.refills.course(model, share_w, temperature_degc));
-            let refill = course.map_or(Refill::NOTHING, |course| {
-                let usable_wh = |soc: f64| self.tables.usable.wh(model, Estimate::exact(soc), temperature_degc, draw.power_w).value;
-                let is_charged = charged.contains(&pack.pack);
-                if is_charged {
-                    Refill::along(course, soc.value, steps_s(model, share_w, self.now), usable_wh)
-                } else {
-                    Refill::later(course)
+            let course = |power_w: f64| self.tables.refills.course(model, power_w, temperature_degc);
+            let refill = match (charged.get(&pack.pack), charged.values().next()) {
+                (Some(&power_w), _) => {
+                    let usable_wh = |soc: f64| self.tables.usable.wh(model, Estimate::exact(soc), temperature_degc, draw.power_w).value;
+                    Refill::along(course(power_w), soc.value, steps_s(model, power_w, self.now), usable_wh)
                 }
-            });
+                (None, Some(&power_w)) if state.active_pack.as_ref() == Some(&pack.pack) => Refill::later(course(power_w)),
+                _ => Refill::NOTHING,
+            };
             let state = Some(PackState { model: Arc::clone(model), soc: wider(soc, factor), temperature_degc, refill });
             Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, uncounted_wh: 0.0, state, available_s })
         });

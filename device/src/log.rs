@@ -94,11 +94,14 @@ impl Log {
                 Ok(Some(value))
             };
             let time_s = number(time)?.with_context(|| format!("{}:{line}: `time_s` is empty", path.display()))?;
+            let temperature_degc = temperature.map(number).transpose()?.flatten();
+            let (current, voltage_v) = (number(current)?, number(voltage)?);
+            if current.is_none() && voltage_v.is_none() {
+                continue;
+            }
             if let Some(last_s) = last_s.filter(|last_s| time_s <= *last_s) {
                 bail!("{}:{line}: time_s = {time_s} after {last_s}; time must increase", path.display());
             }
-            let temperature_degc = temperature.map(number).transpose()?.flatten();
-            let (current, voltage_v) = (number(current)?, number(voltage)?);
             waits = waits.and(current, time_s, last_s);
             last_s = Some(time_s);
             let (Some(current_a), Some(voltage_v)) = (waits.mean_a(), voltage_v) else { continue };

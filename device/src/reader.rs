@@ -76,6 +76,8 @@ pub struct Reader {
     last: Option<Last>,
     /// For how long the device's clock has shown the same, s.
     stood_s: f64,
+    /// What was counted by our clock for that, s.
+    counted_s: f64,
     /// From when a charge is counted whose current nobody measures.
     anchor: Option<Anchor>,
     /// What reports without a voltage have said, until one shows a voltage.
@@ -124,6 +126,7 @@ impl Reader {
             now_s: 0.0,
             last: None,
             stood_s: 0.0,
+            counted_s: 0.0,
             anchor: None,
             waits: Flowed::default(),
             trouble: None,
@@ -204,8 +207,20 @@ impl Reader {
         let by_us = now.now_s - last.now_s;
         // The device's clock knows better when reports came late and together, unless it was set, or stands.
         let by_device = now.at_s.zip(last.at_s).map(|(now, last)| now - last).filter(|s| (0.0..=HISTORY_LOST_S).contains(s));
-        self.stood_s = if by_device == Some(0.0) { self.stood_s + by_us } else { 0.0 };
-        let since_s = if self.stood_s > STANDS_S { std::mem::take(&mut self.stood_s) } else { by_device.unwrap_or(by_us) };
+        let since_s = match by_device {
+            // It repeats itself, or its clock stands: what is counted for that by ours has passed when it moves on.
+            Some(0.0) => {
+                self.stood_s += by_us;
+                let counts_s = if self.stood_s > STANDS_S { std::mem::take(&mut self.stood_s) } else { 0.0 };
+                self.counted_s += counts_s;
+                counts_s
+            }
+            _ => {
+                self.stood_s = 0.0;
+                let counted_s = std::mem::take(&mut self.counted_s);
+                by_device.map_or(by_us, |passed_s| (passed_s - counted_s).max(0.0))
+            }
+        };
         (by_us <= HISTORY_LOST_S && since_s <= HISTORY_LOST_S).then_some(since_s)
     }
 

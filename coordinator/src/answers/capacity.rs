@@ -215,6 +215,7 @@ fn alone(basis: &Basis<'_>, station: &StationView, planned: Option<usize>, usabl
         parts: left.map(|left| left.part()).collect(),
         overhead_from_s: station.committed_until_s.max(0.0),
         packs: planned.and_then(|index| Some(vec![(0.0, states?[index].clone())])),
+        comes: Vec::new(),
     }
 }
 

@@ -8,6 +8,7 @@ use proto::{
 use super::{Core, Output};
 use crate::answers;
 use crate::clocks::Agent;
+use crate::fleet::Robot;
 use crate::service_run::{Again, Stage};
 use crate::store::Record;
 
@@ -115,12 +116,13 @@ impl Core {
     /// A command of a service was refused. What cannot be done at the moment is asked again; else robot and station are not brought together for a while.
     fn refused(&mut self, now: Timestamp, robot: &RobotId, reason: Rejection, detail: &str, whom: String, id: &CommandId) {
         let Some(run) = self.running.get_mut(robot) else { return };
-        let station = run.station.clone();
+        let (station, at_place) = (run.station.clone(), run.at_place());
         let times = run.again.as_ref().map_or(1, |again| again.times + 1);
         let is_news = run.again.as_ref().is_none_or(|again| again.why != detail);
         if reason == Rejection::Busy {
             let after_s = (self.settings.resend_s * f64::from(2_u32.saturating_pow(times - 1))).min(self.settings.deadline_s);
-            run.again = Some(Again { at: now.plus_s(after_s), times, why: detail.to_owned() });
+            let phase = self.fleet.robots.get(robot).and_then(Robot::phase);
+            run.again = Some(Again { at: now.plus_s(after_s), times, why: detail.to_owned(), phase });
             if is_news {
                 let text = format!("{id}: {reason}: {detail}; it is asked again");
                 self.event(now, EventKind::CommandRejected, Some(robot), Some(&station), None, text);
@@ -129,7 +131,7 @@ impl Core {
         }
         let cause = if reason == Rejection::StaleEpoch { STALE } else { "" };
         self.event(now, EventKind::CommandRejected, Some(robot), Some(&station), None, format!("{id}: {reason}: {detail}{cause}"));
-        self.refusals.note(now, robot, &station, format!("{whom} refused ({reason}: {detail}{cause})"));
+        self.refusals.note(now, robot, &station, at_place, format!("{whom} refused ({reason}: {detail}{cause})"));
         self.fail(now, robot, &format!("{whom} refused: {detail}"));
     }
 

@@ -180,6 +180,9 @@ impl Core {
             let news = self.watch.station_changed(id, &before, &state);
             self.doubted(now, news);
         }
+        if state.powered && !before.powered {
+            self.refusals.forget_all_at(id);
+        }
         if before.powered && !state.powered {
             self.event(now, EventKind::StationDark, None, Some(id), None, format!("{id} has no power left"));
             self.replan(format!("{id} has no power left"));
@@ -228,6 +231,9 @@ impl Core {
                 is.bay,
                 if failed(is.phase) { format!("is out of order{whom}") } else { "works again".to_owned() }
             );
+            if !failed(is.phase) {
+                self.refusals.forget_all_at(id);
+            }
             self.event(now, EventKind::PhaseChanged, is.robot.as_ref(), Some(id), None, text.clone());
             self.replan(text);
         }

@@ -89,7 +89,7 @@ impl Core {
                 continue;
             }
             if let Some(why) = self.does_not_come(now, run, belief) {
-                self.refusals.note(now, &robot, &station, why.clone());
+                self.refusals.note(now, &robot, &station, false, why.clone());
                 self.fail(now, &robot, &why);
                 continue;
             }
@@ -98,10 +98,9 @@ impl Core {
                 continue;
             }
             if let Some(why) = self.charged_in_vain(now, run, belief).or_else(|| self.must_be_out(now, run, belief, place)) {
-                let (stage, again_at) = (run.stage, now.plus_s(self.settings.deadline_s));
+                let (stage, again) = (run.stage, self.again(now, belief, &why));
                 if let Some(run) = self.running.get_mut(&robot) {
-                    run.again = Some(Again { at: again_at, times: 1, why: why.clone() });
-                    run.cut_short = Some(why);
+                    (run.again, run.cut_short) = (Some(again), Some(why));
                 }
                 self.ask_robot(now, &robot, RobotAction::Undock, Some((robot.clone(), stage)));
                 continue;
@@ -115,23 +114,26 @@ impl Core {
                 self.give_up(now, &robot, &format!("it was taken into {bay} of {taker}"));
                 continue;
             }
-            if let Some(bay) = another_bay(run, place) {
+            if let Some(bay) = self.another_bay(run, belief, place) {
                 self.is_in(now, &robot, bay);
                 continue;
             }
-            if run.again.as_ref().is_some_and(|again| now < again.at) {
-                continue;
-            }
-            if let Some(action) = self.asked_again(now, run, belief) {
-                let stage = run.stage;
+            let unchanged = run.again.as_ref().filter(|again| again.phase == belief.phase());
+            let is_early = unchanged.is_some_and(|again| now < again.at);
+            if let Some(action) = self.asked_again(now, run, belief).filter(|_| !is_early) {
+                let (stage, again) = (run.stage, self.again(now, belief, "it takes no charge"));
                 if stage != Stage::Travelling {
-                    let again = Again { at: now.plus_s(self.settings.deadline_s), times: 1, why: "it takes no charge".to_owned() };
                     self.running.entry(robot.clone()).and_modify(|run| run.again = Some(again));
                 }
                 self.ask_robot(now, &robot, action, Some((robot.clone(), stage)));
                 continue;
             }
+            // Who has refused to come for now is where it was.
+            if unchanged.is_some() && run.stage == Stage::Travelling {
+                continue;
+            }
             match run.next(belief, place) {
+                Step::AskRobot(..) | Step::AskStation(..) if is_early => {}
                 Step::Wait => {}
                 Step::Enter(stage) => self.enter(now, &robot, stage),
                 Step::AskRobot(action, stage) => self.ask_robot(now, &robot, action, Some((robot.clone(), stage))),
@@ -151,7 +153,7 @@ impl Core {
     /// Why a robot that has agreed to come is not waited for: when it should be there it is still at work.
     fn does_not_come(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<String> {
         let works_on = run.stage == Stage::Travelling && robot.heard().is_some() && robot.phase() == Some(RobotPhase::Working);
-        let is_due = run.again.is_none() && now.seconds_since(run.start) > self.settings.deadline_s;
+        let is_due = run.again.is_none() && now.seconds_since(run.start.max(run.left)) > self.settings.deadline_s;
         (works_on && is_due).then(|| format!("{} agreed to come and is still at work", run.robot))
     }
 
@@ -159,7 +161,7 @@ impl Core {
     fn does_not_end(&self, now: Timestamp, run: &ServiceRun) -> Option<String> {
         let what = match run.stage {
             Stage::Swapping => "its exchange",
-            Stage::Unloading => "its way out of the bay",
+            Stage::Unloading | Stage::LetOut => "its way out of the bay",
             _ => return None,
         };
         let late_s = now.seconds_since(run.end);
@@ -170,7 +172,7 @@ impl Core {
     /// not.
     fn asked_again(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<RobotAction> {
         match (&run.how, run.stage, robot.heard().map(|(_, state)| state.phase)?) {
-            (_, Stage::Travelling, RobotPhase::Working) if run.again.is_some() => Some(run.first()),
+            (_, Stage::Travelling, phase) if run.again.as_ref().is_some_and(|again| again.phase == Some(phase)) => Some(run.first()),
             (_, Stage::Charging | Stage::ChargingItself, RobotPhase::Docked | RobotPhase::Charging) if run.cut_short.is_some() => {
                 Some(RobotAction::Undock)
             }
@@ -183,13 +185,36 @@ impl Core {
         }
     }
 
-    /// A robot is in another bay of its station than it was told: the station knows.
+    /// When a robot is asked for something once more, if it goes on as it does.
+    fn again(&self, now: Timestamp, robot: &Robot, why: &str) -> Again {
+        Again { at: now.plus_s(self.settings.deadline_s), times: 1, why: why.to_owned(), phase: robot.phase() }
+    }
+
+    /// The bay in which station and robot say that it is, if that is another than it was told, and nobody else's.
+    fn another_bay(&self, run: &ServiceRun, robot: &Robot, station: &Station) -> Option<BayId> {
+        let (How::Recharge { bay: own, .. }, Stage::Loading | Stage::Charging | Stage::ChargingItself) = (&run.how, run.stage) else {
+            return None;
+        };
+        let is_in_a_bay = matches!(robot.phase(), Some(RobotPhase::Docked | RobotPhase::Charging | RobotPhase::Charged));
+        let mut holds =
+            station.heard().filter(|_| is_in_a_bay)?.bays.iter().filter(|bay| bay.robot.as_ref() == Some(&run.robot)).peekable();
+        let found = holds.peek()?.bay.clone();
+        let is_free = !self.running.values().any(|other| other.at_place() && other.is_in(&run.station, &found));
+        (is_free && holds.all(|bay| bay.bay != *own && bay.phase == BayPhase::Occupied)).then_some(found)
+    }
+
+    /// A robot is in another bay of its station than it was told: the station knows. Who was to come into that gets the other one.
     fn is_in(&mut self, now: Timestamp, robot: &RobotId, bay: BayId) {
         let Some(run) = self.running.get_mut(robot) else { return };
+        let station = run.station.clone();
         let How::Recharge { bay: own, .. } = &mut run.how else { return };
         let text = format!("{robot} is in {bay}, not in {own}");
-        *own = bay;
-        let station = run.station.clone();
+        let free = std::mem::replace(own, bay.clone());
+        for other in self.running.values_mut().filter(|other| other.robot != *robot && other.is_in(&station, &bay)) {
+            if let How::Recharge { bay, .. } = &mut other.how {
+                *bay = free.clone();
+            }
+        }
         self.event(now, EventKind::PhaseChanged, Some(robot), Some(&station), None, text.clone());
         self.replan(text);
         self.refresh_schedule(now);
@@ -280,7 +305,7 @@ impl Core {
                 run.hands_over = self.fleet.robots.get(robot).and_then(|robot| robot.gauge.as_ref()).map(|gauge| from_wire(gauge.soc));
             }
             run.enter(stage, now);
-            if !run.under_way() {
+            if matches!(stage, Stage::Charging | Stage::ChargingItself | Stage::Swapping) {
                 self.refusals.forget(robot, &run.station);
             }
             self.refresh_schedule(now);
@@ -344,15 +369,4 @@ fn out_of_order(run: &ServiceRun, station: &Station) -> Option<String> {
     let How::Recharge { bay, .. } = &run.how else { return None };
     let has_failed = run.takes_none_since.is_some() && station.bay_phase(bay) == Some(BayPhase::Failed);
     has_failed.then(|| format!("bay {bay} is out of order"))
-}
-
-/// The bay in which a station says that it holds a robot, if that is another than it was told.
-fn another_bay(run: &ServiceRun, station: &Station) -> Option<BayId> {
-    let (How::Recharge { bay: own, .. }, Stage::Loading | Stage::Charging | Stage::ChargingItself) = (&run.how, run.stage) else {
-        return None;
-    };
-    let state = station.heard()?;
-    let mut holds = state.bays.iter().filter(|bay| bay.robot.as_ref() == Some(&run.robot)).peekable();
-    let found = holds.peek()?.bay.clone();
-    (holds.all(|bay| bay.bay != *own && bay.phase == BayPhase::Occupied)).then_some(found)
 }

@@ -119,8 +119,9 @@ impl Core {
         // A bay belongs to one service; who comes second is planned anew when it stands there. Who is in it is let out,
         // also when somebody is on the way to it: nobody else would.
         let before = |run: &ServiceRun| run.is_in(&station, &bay) && (run.at_place() || (stage == Stage::Travelling && run.under_way()));
-        let is_refused = self.refusals.holds(now, robot, &station).is_some();
-        if is_refused || self.running.values().any(before) || !self.models.stations.contains_key(&station) {
+        // What was refused to who was there is asked again later; who comes all the same is waited for.
+        let is_refused = self.refusals.holds(now, robot, &station).is_some_and(|refusal| refusal.at_place);
+        if is_refused && stage != Stage::Travelling || self.running.values().any(before) || !self.models.stations.contains_key(&station) {
             return;
         }
         // In a bay without power nothing can be carried on before that comes back.

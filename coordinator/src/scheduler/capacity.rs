@@ -139,6 +139,8 @@ pub struct Supply {
     /// Its packs in the order in which they are drained, from when each is there (s from now) and how it stands then; none where
     /// that is not known, or would take too long.
     pub packs: Option<Vec<(f64, PackState)>>,
+    /// What comes into them from outside, and when (s from now, Wh).
+    pub comes: Vec<(f64, f64)>,
 }
 
 impl Supply {
@@ -151,7 +153,8 @@ impl Supply {
             begun: station.begun(),
             parts: station.begun_parts(),
             overhead_from_s: 0.0,
-            packs: station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?.now()))).collect(),
+            packs: station.packs.iter().map(|pack| Some((pack.available_s, pack.state.clone()?))).collect(),
+            comes: station.packs.iter().flat_map(|pack| pack.refill().levels()).map(|level| (level.at_s, level.more_wh)).collect(),
         }
     }
 }
@@ -281,7 +284,8 @@ impl Question {
             let need = recharging.iter().fold(services.plus(&overhead), |sum, pack| sum.plus(&pack.by(ends_s)));
             let (need, all) = (need.estimate(), need.plus(&supply.begun).estimate());
             let sigma_wh = supply.usable_wh.sigma.hypot(all.sigma).max(1e-9);
-            let counted_wh = supply.usable_wh.value - all.value;
+            let comes_wh: f64 = supply.comes.iter().filter(|(at_s, _)| *at_s < ends_s).map(|(_, wh)| wh).sum();
+            let counted_wh = supply.usable_wh.value + comes_wh - all.value;
             // Counted energy errs on the safe side: what it says is certain is certain.
             let is_close = number <= STEPPED_MAX && (-SIGMAS_MAX..CERTAIN_SIGMAS).contains(&(counted_wh / sigma_wh));
             let stepped_wh = is_close.then(|| self.stepped_wh(supply, &parts, ends_s, sigma_wh)).flatten();

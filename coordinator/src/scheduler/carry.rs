@@ -177,6 +177,8 @@ struct Turn<'a> {
     /// Since when it rests, s, and the state of charge that it had then.
     rests: (f64, f64),
     pack: Pack,
+    /// Whether that was its turn already.
+    is_used: bool,
 }
 
 impl<'a> Bank<'a> {
@@ -186,6 +188,7 @@ impl<'a> Bank<'a> {
             state,
             rests: (0.0, state.soc.value),
             pack: pack(state, state.soc.value),
+            is_used: false,
         };
         Self { turns: packs.iter().map(turn).collect(), active: 0, at_s: 0.0, given_wh: 0.0, refills: true }
     }
@@ -193,13 +196,15 @@ impl<'a> Bank<'a> {
     /// Draws this power for so long; whether it was there all the time.
     fn gives(&mut self, power_w: f64, dt_s: f64) -> bool {
         let end_s = self.at_s + dt_s;
-        let mut longest_s = STEP_MAX_S;
+        let (mut longest_s, mut is_there) = (STEP_MAX_S, true);
         while self.at_s < end_s - 1e-9 {
-            let Some(Turn { pack, .. }) = self.turns.get_mut(self.active).filter(|turn| turn.from_s <= self.at_s + 1e-6) else {
-                self.at_s = end_s;
-                return false;
-            };
+            let from_s = self.turns.get(self.active).map_or(f64::INFINITY, |turn| turn.from_s);
+            if from_s > self.at_s + 1e-6 {
+                (self.at_s, is_there) = (from_s.min(end_s), false);
+                continue;
+            }
             let step_s = longest_s.min(end_s - self.at_s);
+            let pack = self.turn_to();
             if pack.step_power(power_w, step_s).is_ok() && !pack.is_empty() {
                 self.at_s += step_s;
                 self.given_wh += power_w * step_s / S_PER_H;
@@ -211,11 +216,10 @@ impl<'a> Bank<'a> {
                 pack.restore();
                 self.is_left();
                 (self.active, longest_s) = (self.active + 1, STEP_MAX_S);
-                self.is_refilled();
                 self.hand_over(power_w);
             }
         }
-        true
+        is_there
     }
 
     /// The active pack has given out: it rests until its turn comes again.
@@ -223,26 +227,37 @@ impl<'a> Bank<'a> {
         let Turn { state, pack: left, .. } = &self.turns[self.active];
         if self.refills && state.refill != Refill::NOTHING {
             let (state, soc) = (*state, left.channels()[Channel::Soc]);
-            self.turns.push(Turn { from_s: self.at_s + RESTS_MIN_S, state, rests: (self.at_s, soc), pack: pack(state, soc) });
+            self.turns.push(Turn {
+                from_s: self.at_s + RESTS_MIN_S,
+                state,
+                rests: (self.at_s, soc),
+                pack: pack(state, soc),
+                is_used: false,
+            });
         }
     }
 
-    /// The pack whose turn it is has been charged as long as it rested.
-    fn is_refilled(&mut self) {
-        let at_s = self.at_s;
-        let Some(turn) = self.turns.get_mut(self.active).filter(|_| self.refills) else { return };
+    /// The pack whose turn it is; it has been charged as long as it rested.
+    fn turn_to(&mut self) -> &mut Pack {
+        let (at_s, refills) = (self.at_s, self.refills);
+        let turn = &mut self.turns[self.active];
         let (since_s, soc) = turn.rests;
-        if let Some(soc) = turn.state.refill.rested(soc, at_s - since_s) {
+        if !std::mem::replace(&mut turn.is_used, true)
+            && refills
+            && let Some(soc) = turn.state.refill.rested(soc, at_s - since_s)
+        {
             turn.pack = pack(turn.state, soc);
         }
+        &mut turn.pack
     }
 
     /// The pack before was left a little earlier than it gave out, where the next one is there: that one has carried the load since then.
     fn hand_over(&mut self, power_w: f64) {
-        let at_s = self.at_s;
-        if let Some(Turn { pack: next, .. }) = self.turns.get_mut(self.active).filter(|turn| turn.from_s <= at_s)
-            && next.step_power(power_w, HANDOVER_S).is_err()
-        {
+        if self.turns.get(self.active).is_none_or(|turn| turn.from_s > self.at_s) {
+            return;
+        }
+        let next = self.turn_to();
+        if next.step_power(power_w, HANDOVER_S).is_err() {
             next.restore();
         }
     }

@@ -6,6 +6,9 @@
 //! the margin is how much more than that they could carry. Whoever is left out for want of energy is asked about once more
 //! with what was not counted (`again.rs`).
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
 use energy::units::S_PER_H;
 use energy::{Estimate, Need};
 use planner::{Mode, Session};
@@ -27,6 +30,8 @@ pub(super) struct Cover<'a> {
     recharging: Vec<Option<Recharging>>,
     /// The same as it is drawn; none in a fleet where that would take too long.
     parts: Option<Vec<Vec<Part>>>,
+    /// What was found so far, by when (bits of s).
+    known: RefCell<BTreeMap<u64, f64>>,
 }
 
 impl<'a> Cover<'a> {
@@ -46,7 +51,7 @@ impl<'a> Cover<'a> {
         let (draws, recharging): (Vec<_>, Vec<_>) = here.iter().map(draw).unzip();
         let is_stepped = task.view.robots.len() <= WHOLE_FLEET_MAX;
         let parts = is_stepped.then(|| here.iter().zip(&draws).map(|(session, (.., need))| parts(task, index, session, need)).collect());
-        Self { station, draws, recharging, parts }
+        Self { station, draws, recharging, parts, known: RefCell::default() }
     }
     /// Probability that the packs last until then: a service that ends with others beside it is as sure as they are,
     /// for when the packs give out, all of them end. A pack that is brought later pays for nothing before; while
@@ -60,7 +65,17 @@ impl<'a> Cover<'a> {
         // What comes all the time pays for nothing before either.
         let is_refilled = self.station.packs.iter().any(|pack| pack.refill().levels().next().is_some());
         let ends = self.draws.iter().map(|(_, end_s, _)| *end_s).filter(|&end_s| is_refilled && end_s < until_s);
-        needed.chain(ends).filter(|&by_s| by_s > 0.0).chain([until_s]).map(|by_s| self.before(by_s)).fold(1.0, f64::min)
+        needed.chain(ends).filter(|&by_s| by_s > 0.0).chain([until_s]).map(|by_s| self.known_before(by_s)).fold(1.0, f64::min)
+    }
+
+    /// Every service asks for the ends of all before it.
+    fn known_before(&self, until_s: f64) -> f64 {
+        let known = self.known.borrow().get(&until_s.to_bits()).copied();
+        known.unwrap_or_else(|| {
+            let found = self.before(until_s);
+            self.known.borrow_mut().insert(until_s.to_bits(), found);
+            found
+        })
     }
 
     fn before(&self, until_s: f64) -> f64 {

@@ -11,6 +11,7 @@ use energy::units::S_PER_H;
 use proto::Timestamp;
 
 use super::charging::step_degc;
+use super::translate::HORIZON_MAX_S;
 use crate::forecast;
 
 /// How a pack is charged while it rests; empty where it is not.
@@ -47,15 +48,13 @@ impl Refill {
     pub fn along(course: Arc<Course>, soc: f64, [first_s, step_s]: [f64; 2], usable_wh: impl Fn(f64) -> f64) -> Self {
         let (Some(&(full_s, _)), begun_s) = (course.last(), time_s(&course, soc)) else { return Self::NOTHING };
         let (mut levels, mut before_wh) = (Vec::new(), usable_wh(soc));
-        for step in 0.. {
+        let last = ((full_s - begun_s - first_s) / step_s).clamp(0.0, HORIZON_MAX_S / step_s).ceil() as u32;
+        for step in 0..=last {
             let at_s = first_s + f64::from(step) * step_s;
             let now_wh = usable_wh(soc_at(&course, begun_s + at_s).max(soc));
             if now_wh > before_wh {
                 levels.push(Level { at_s, more_wh: now_wh - before_wh });
                 before_wh = now_wh;
-            }
-            if begun_s + at_s >= full_s {
-                break;
             }
         }
         Self { levels, course: Some(course) }

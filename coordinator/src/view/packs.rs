@@ -1,26 +1,43 @@
 //! The order in which a station's packs are drained, what each gives in it, and what comes into those that rest.
 
+use std::collections::BTreeMap;
+
 use energy::units::S_PER_H;
-use proto::{PackId, StationState};
+use proto::{Gauge, PackId, StationState};
 
 use crate::fleet::Station;
 use crate::models::StationModels;
 use crate::scheduler::{HANDOVER_S, PackView};
 
 /// A pack that rests is charged from outside where so much of an equal share of the supply goes into it by its gauge: less is noise, or the end
-/// of a charge. A guess; a charger's current falls to a tenth or a twentieth before it ends. One that still shows as much going out has not
-/// spoken since it fed the station.
+/// of a charge. A guess; a charger's current falls to a tenth or a twentieth before it ends.
 const IS_CHARGING: f64 = 0.05;
+/// Power into a pack is counted in such parts of its share, rounded up: a gauge's noise must not move what is promised.
+const PARTS: f64 = 20.0;
 
-/// What an outside supply gives each pack that is charged from it, as far as all ask for as much, W; and whose turn it is not yet to feed the
-/// station, and who is charged by its gauge.
-pub(super) fn charged_from_outside(models: &StationModels, station: &Station, state: &StationState) -> (f64, Vec<PackId>) {
-    let resting = state.packs.iter().filter(|pack| pack.connected && state.active_pack.as_ref() != Some(&pack.pack));
+/// What goes from an outside supply into each pack that rests and is charged, W: an equal share, or less if its gauge shows less. Nothing is known where
+/// no pack is said to feed the station.
+pub(super) fn charged_from_outside(
+    models: &StationModels,
+    station: &Station,
+    state: &StationState,
+    is_doubted: impl Fn(&PackId) -> bool,
+) -> BTreeMap<PackId, f64> {
+    let Some(active) = state.active_pack.as_ref().filter(|_| models.recharge_w > 0.0) else { return BTreeMap::new() };
+    let resting = state.packs.iter().map(|pack| (pack.connected, &pack.pack)).filter(|(here, pack)| *here && *pack != active);
     let left = if models.spare_battery.is_some() { state.spares.iter().filter(|spare| !spare.ready).count() } else { 0 };
     let least_w = IS_CHARGING * models.recharge_w / (resting.clone().count() + left).max(1) as f64;
-    let is_charged = |pack: &PackId| station.packs.get(pack).is_some_and(|gauge| models.recharge_w > 0.0 && gauge.power_w.abs() >= least_w);
-    let charged: Vec<PackId> = resting.map(|pack| pack.pack.clone()).filter(is_charged).collect();
-    (models.recharge_w / (charged.len() + left).max(1) as f64, charged)
+    // One that still shows as much going out has not spoken since it fed the station.
+    let has_just_fed = |gauge: &Gauge| gauge.power_w >= least_w && gauge.at < state.at;
+    let shown_w = |(_, pack): (bool, &PackId)| {
+        let gauge = station.packs.get(pack).filter(|_| !is_doubted(pack))?;
+        let shown_w = if has_just_fed(gauge) { models.recharge_w } else { -gauge.power_w };
+        (shown_w >= least_w).then(|| (pack.clone(), shown_w))
+    };
+    let charged: BTreeMap<PackId, f64> = resting.filter_map(shown_w).collect();
+    let share_w = models.recharge_w / (charged.len() + left).max(1) as f64;
+    let counted_w = |shown_w: f64| share_w * ((shown_w / share_w * PARTS).ceil() / PARTS).min(1.0);
+    charged.into_iter().map(|(pack, shown_w)| (pack, counted_w(shown_w))).collect()
 }
 
 /// Packs in the order in which they are drained at this power: the active one first, the fullest last, those that are still to come

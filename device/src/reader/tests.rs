@@ -50,9 +50,11 @@ fn the_charge_of_a_device_whose_clock_stands_is_counted_by_ours() {
     assert_eq!(counted(&mut reader, 30), (60.0, 30.0));
     // One that says the same twice, and then what is new, is not counted twice.
     let at = |at_s: f64| Report { at_s: Some(at_s), ..report(2.0, 0.6) };
-    let mut reader = read_from((0..31).map(move |second| vec![at(f64::from(second / 2 * 2))]));
-    reader.advance(1.0);
-    assert_eq!(counted(&mut reader, 30), (60.0, 30.0));
+    for every in [2, 10] {
+        let mut reader = read_from((0..31).map(move |second| vec![at(f64::from(second / every * every))]));
+        reader.advance(1.0);
+        assert_eq!(counted(&mut reader, 30), (60.0, 30.0), "a stamp every {every} s");
+    }
 }
 
 #[test]

@@ -55,6 +55,10 @@ fn a_resting_pack_is_counted_on_with_what_comes_into_it_as_long_as_its_gauge_sho
     let [fed, charged] = comes_wh(2.0, [6.0, -29.0]);
     assert!(fed == 0.0 && (58.0..64.0).contains(&charged), "{charged}");
     assert_eq!(comes_wh(3.0, [-20.0, 0.0]), [0.0, 0.0], "the supply is gone");
+    assert_eq!(comes_wh(4.0, [6.0, 20.0]), [0.0, 0.0], "something else draws from it");
+    // A fifth of what was stated takes five times as long.
+    let [_, weak] = comes_wh(5.0, [6.0, -5.8]);
+    assert!((20.0..30.0).contains(&weak), "{weak}");
 }
 
 #[test]

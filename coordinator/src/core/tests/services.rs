@@ -3,6 +3,7 @@
 use super::*;
 
 mod leaving;
+mod refusing;
 
 /// The service of robot `n`, which stands before its bay.
 fn waits(n: usize, start_s: f64) -> ServiceRun {

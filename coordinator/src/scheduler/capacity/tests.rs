@@ -28,7 +28,7 @@ fn question(usable_wh: &[f64], bays: usize) -> Question {
 }
 
 fn supply(usable_wh: Estimate) -> Supply {
-    Supply { usable_wh, begun: Need::default(), parts: Vec::new(), overhead_from_s: 0.0, packs: None }
+    Supply { usable_wh, begun: Need::default(), parts: Vec::new(), overhead_from_s: 0.0, packs: None, comes: Vec::new() }
 }
 
 fn wanted(wh: f64) -> Wanted {
