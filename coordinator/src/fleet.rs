@@ -79,6 +79,8 @@ pub struct Station {
     pub surroundings_degc: Option<f64>,
     /// That average, °C.
     average_degc: Option<f64>,
+    /// The pack that fed it before the present one, and until when.
+    pub relieved: Option<(PackId, Timestamp)>,
     /// Packs that robots left and that are not charged yet, by the spare whose place they took.
     pub left: BTreeMap<SpareId, LeftPack>,
     /// Since when it is not there to be heard, after it had spoken.

@@ -13,17 +13,17 @@ use std::sync::Arc;
 
 use energy::units::S_PER_H;
 use energy::{Channel, Estimate, Model, Need};
-use proto::{Absence, BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, StationState, Timestamp, Travel};
+use proto::{Absence, BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, Timestamp, Travel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::crowd::InReach;
 use self::fit::SpareKind;
 use crate::fleet::{Fleet, Station};
 use crate::forecast::{self, Draw};
-use crate::models::{Models, Settings, StationModels, from_wire};
+use crate::models::{Models, Settings, StationModels};
 use crate::refusals::Refusals;
 use crate::scheduler::charging::{Table, step_degc, uncritical_degc};
-use crate::scheduler::{PackState, PackView, Planned, Refill, RobotView, StationView, Tables, View, steps_s};
+use crate::scheduler::{Planned, RobotView, StationView, Tables, View};
 use crate::service_run::{ServiceRun, Stage};
 use crate::trust::{Owner, Trust};
 use crate::watch::{Subject, Watch};
@@ -264,40 +264,6 @@ impl Basis<'_> {
     fn usable(&self, bay: &proto::BayId, phase: BayPhase, here: &[&ServiceRun]) -> bool {
         let held = here.iter().any(|run| run.is_in(&run.station, bay));
         phase != BayPhase::Failed && (held || phase == BayPhase::Free)
-    }
-
-    /// Packs that hold something, in the order in which they are drained: the active one, then
-    /// the fullest last, so that full packs stay full. Those that are still to come, last.
-    fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
-        let bays = if state.bays.is_empty() { 0 } else { self.side_by_side(id) };
-        let draw = self.working_draw(models, bays);
-        let is_doubted = |pack: &PackId| self.trust.fault(self.now, &Owner::Pack(id.clone(), pack.clone())).is_some();
-        let charged = packs::charged_from_outside(models, station, state, is_doubted);
-        let packs = state.packs.iter().filter_map(|pack| {
-            let gauge = station.packs.get(&pack.pack);
-            let temperature_degc = gauge.map_or(energy::units::REFERENCE_DEGC, |gauge| gauge.temperature_degc);
-            let model = models.packs.get(&pack.pack)?;
-            let (soc, available_s) = match pack.back {
-                _ if pack.connected => (self.believed(id, &pack.pack, gauge.filter(|_| !pack.depleted)?, model), 0.0),
-                back => (from_wire(back?.soc), self.comes_s(back?.at)),
-            };
-            let usable_wh = self.tables.usable.wh(model, soc, temperature_degc, draw.power_w);
-            let gain_wh = self.tables.gain_wh(models, bays, model, temperature_degc, &draw);
-            let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
-            let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
-            let course = |power_w: f64| self.tables.refills.course(model, power_w, temperature_degc);
-            let refill = match (charged.get(&pack.pack), charged.values().next()) {
-                (Some(&power_w), _) => {
-                    let usable_wh = |soc: f64| self.tables.usable.wh(model, Estimate::exact(soc), temperature_degc, draw.power_w).value;
-                    Refill::along(course(power_w), soc.value, steps_s(model, power_w, self.now), usable_wh)
-                }
-                (None, Some(&power_w)) if state.active_pack.as_ref() == Some(&pack.pack) => Refill::later(course(power_w)),
-                _ => Refill::NOTHING,
-            };
-            let state = Some(PackState { model: Arc::clone(model), soc: wider(soc, factor), temperature_degc, refill });
-            Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, uncounted_wh: 0.0, state, available_s })
-        });
-        packs::in_order(packs.collect(), state.active_pack.as_ref(), draw.power_w)
     }
 
     /// State of charge that a pack in its place is believed to have.

@@ -137,6 +137,8 @@ impl Core {
         let station = self.fleet.stations.entry(id.clone()).or_default();
         if let Some(before) = &before {
             station.is_brought(before, &state);
+            let relieved = before.active_pack.clone().filter(|_| before.active_pack != state.active_pack);
+            station.relieved = relieved.map(|pack| (pack, now)).or(station.relieved.take());
         }
         let here = self.running.values().filter(|run| run.station == *id);
         let taken: BTreeMap<&SpareId, &ServiceRun> = here.filter_map(|run| Some((run.how.spare()?, run))).collect();

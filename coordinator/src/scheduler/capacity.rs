@@ -291,7 +291,7 @@ impl Question {
             let stepped_wh = is_close.then(|| self.stepped_wh(supply, &parts, ends_s, sigma_wh)).flatten();
             let spare_wh = stepped_wh.unwrap_or(counted_wh);
             // What is told is what decides: how much the packs give to the services that they are just or just not enough for.
-            if stepped_wh.is_some() && is_enough {
+            if (stepped_wh.is_some() || comes_wh > 0.0) && is_enough {
                 count.usable_wh.value = (need.value + spare_wh).max(0.0);
             }
             let (mut probability, short_wh) = margin(Estimate::new(spare_wh, sigma_wh), confidence);

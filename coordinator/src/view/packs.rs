@@ -1,17 +1,28 @@
 //! The order in which a station's packs are drained, what each gives in it, and what comes into those that rest.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use energy::units::S_PER_H;
-use proto::{Gauge, PackId, StationState};
+use energy::Estimate;
+use energy::units::{REFERENCE_DEGC, S_PER_H};
+use proto::{PackId, StationId, StationState, Timestamp};
 
+use super::{Basis, wider};
 use crate::fleet::Station;
-use crate::models::StationModels;
-use crate::scheduler::{HANDOVER_S, PackView};
+use crate::forecast;
+use crate::models::{StationModels, from_wire};
+use crate::scheduler::{HANDOVER_S, PackState, PackView, Refill, steps_s};
+use crate::trust::Owner;
+use crate::watch::Subject;
 
 /// A pack that rests is charged from outside where so much of an equal share of the supply goes into it by its gauge: less is noise, or the end
 /// of a charge. A guess; a charger's current falls to a tenth or a twentieth before it ends.
 const IS_CHARGING: f64 = 0.05;
+/// State of charge at which a pack that gave out feeds the station again, where it is charged: a guess, that of the simulated station.
+pub(super) const RELEASED_SOC: f64 = 0.1;
+/// A pack that was relieved so lately counts as charged before its gauge shows it, s: what is counted on beyond the turn of the one that is charged now
+/// is what goes into it.
+const JUST_FED_S: f64 = 60.0;
 /// Power into a pack is counted in such parts of its share, rounded up: a gauge's noise must not move what is promised.
 const PARTS: f64 = 20.0;
 
@@ -21,23 +32,73 @@ pub(super) fn charged_from_outside(
     models: &StationModels,
     station: &Station,
     state: &StationState,
+    now: Timestamp,
     is_doubted: impl Fn(&PackId) -> bool,
 ) -> BTreeMap<PackId, f64> {
     let Some(active) = state.active_pack.as_ref().filter(|_| models.recharge_w > 0.0) else { return BTreeMap::new() };
     let resting = state.packs.iter().map(|pack| (pack.connected, &pack.pack)).filter(|(here, pack)| *here && *pack != active);
     let left = if models.spare_battery.is_some() { state.spares.iter().filter(|spare| !spare.ready).count() } else { 0 };
     let least_w = IS_CHARGING * models.recharge_w / (resting.clone().count() + left).max(1) as f64;
-    // One that still shows as much going out has not spoken since it fed the station.
-    let has_just_fed = |gauge: &Gauge| gauge.power_w >= least_w && gauge.at < state.at;
+    let has_just_fed = |pack: &PackId| {
+        station.relieved.as_ref().is_some_and(|(relieved, at)| relieved == pack && (0.0..JUST_FED_S).contains(&now.seconds_since(*at)))
+    };
+    // The current of now: what a gauge calls its power may be a mean over the last minutes.
     let shown_w = |(_, pack): (bool, &PackId)| {
         let gauge = station.packs.get(pack).filter(|_| !is_doubted(pack))?;
-        let shown_w = if has_just_fed(gauge) { models.recharge_w } else { -gauge.power_w };
+        let shown_w = if has_just_fed(pack) { models.recharge_w } else { -gauge.current_a * gauge.voltage_v };
         (shown_w >= least_w).then(|| (pack.clone(), shown_w))
     };
     let charged: BTreeMap<PackId, f64> = resting.filter_map(shown_w).collect();
     let share_w = models.recharge_w / (charged.len() + left).max(1) as f64;
     let counted_w = |shown_w: f64| share_w * ((shown_w / share_w * PARTS).ceil() / PARTS).min(1.0);
     charged.into_iter().map(|(pack, shown_w)| (pack, counted_w(shown_w))).collect()
+}
+
+impl Basis<'_> {
+    /// Packs that hold something, in the order in which they are drained: the active one, then
+    /// the fullest last, so that full packs stay full. Those that are still to come, last.
+    pub(super) fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
+        let bays = if state.bays.is_empty() { 0 } else { self.side_by_side(id) };
+        let draw = self.working_draw(models, bays);
+        let is_doubted = |pack: &PackId| self.trust.fault(self.now, &Owner::Pack(id.clone(), pack.clone())).is_some();
+        let charged = charged_from_outside(models, station, state, self.now, is_doubted);
+        let packs = state.packs.iter().filter_map(|pack| {
+            let gauge = station.packs.get(&pack.pack);
+            let temperature_degc = gauge.map_or(REFERENCE_DEGC, |gauge| gauge.temperature_degc);
+            let model = models.packs.get(&pack.pack)?;
+            let (soc, available_s) = match pack.back {
+                _ if pack.connected && (!pack.depleted || charged.contains_key(&pack.pack)) => {
+                    (self.believed(id, &pack.pack, gauge?, model), 0.0)
+                }
+                _ if pack.connected => return None,
+                back => (from_wire(back?.soc), self.comes_s(back?.at)),
+            };
+            // What gave out gives nothing before its charger has brought it back.
+            let gives = |soc: Estimate| {
+                if pack.depleted && soc.value < RELEASED_SOC {
+                    Estimate::exact(0.0)
+                } else {
+                    self.tables.usable.wh(model, soc, temperature_degc, draw.power_w)
+                }
+            };
+            let usable_wh = gives(soc);
+            let gain_wh = self.tables.gain_wh(models, bays, model, temperature_degc, &draw);
+            let gain_wh = forecast::ending_gain_wh(usable_wh.value, &draw, gain_wh);
+            let factor = self.watch.wider(&Subject::Pack(id.clone(), pack.pack.clone()));
+            let course = |power_w: f64| self.tables.refills.course(model, power_w, temperature_degc);
+            let refill = match (charged.get(&pack.pack), charged.values().next()) {
+                (Some(&power_w), _) => {
+                    let steps_s = steps_s(model, power_w, self.now);
+                    Refill::along(course(power_w), soc.value, steps_s, |soc| gives(Estimate::exact(soc)).value)
+                }
+                (None, Some(&power_w)) if state.active_pack.as_ref() == Some(&pack.pack) => Refill::later(course(power_w)),
+                _ => Refill::NOTHING,
+            };
+            let state = Some(PackState { model: Arc::clone(model), soc: wider(soc, factor), temperature_degc, refill });
+            Some(PackView { pack: pack.pack.clone(), usable_wh: wider(usable_wh, factor), gain_wh, uncounted_wh: 0.0, state, available_s })
+        });
+        in_order(packs.collect(), state.active_pack.as_ref(), draw.power_w)
+    }
 }
 
 /// Packs in the order in which they are drained at this power: the active one first, the fullest last, those that are still to come

@@ -44,7 +44,7 @@ fn a_resting_pack_is_counted_on_with_what_comes_into_it_as_long_as_its_gauge_sho
     core.handle(at(0.0), Input::StationState(id("s"), StationState { packs, ..ready(0.0) }));
     let mut comes_wh = |time_s: f64, power_w: [f64; 2]| {
         for (pack, power_w) in ["p", "q"].into_iter().zip(power_w) {
-            core.handle(at(time_s), Input::PackGauge(id("s"), id(pack), Gauge { power_w, ..gauge(time_s, 0.3, 84.0) }));
+            core.handle(at(time_s), Input::PackGauge(id("s"), id(pack), Gauge { current_a: power_w / 11.1, ..gauge(time_s, 0.3, 84.0) }));
         }
         let view = core.basis(at(time_s)).view();
         let of = |pack: &str| view.stations[0].packs.iter().find(|known| known.pack == id(pack)).unwrap().refill().before_wh(4.5 * 3600.0);
