@@ -342,6 +342,19 @@ mod tests {
     }
 
     #[test]
+    fn what_flowed_in_a_gap_is_the_charge_of_the_row_after_it_whose_reading_is_not_judged() {
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let text = "time_s,current_a,voltage_v\n0,1,4.1\n10,1,4.0\n20,1,4.0\n120,1,3.9\n130,1,3.9\n";
+        let mut prepared = prepare_to_judge(&model, &log(text, full()), &[]).unwrap();
+        // The last 10 s of 100 are that row's own: 2 A more for 90 s are 180 As.
+        prepared.flows(&Unmeasured { from_s: 20.0, to_s: 110.0, gap: 0, current_sigma_a: 1.0 }, 2.0);
+        let more_as: Vec<f64> =
+            prepared.inputs[0].1.iter().zip([0.0, 10.0, 10.0, 100.0, 10.0]).map(|(value, dt_s)| (value - 1.0) * dt_s).collect();
+        assert!(more_as.iter().zip([0.0, 0.0, 0.0, 180.0, 0.0]).all(|(more, told): (&f64, f64)| (more - told).abs() < 1e-9), "{more_as:?}");
+        assert_eq!(prepared.targets[0].used, [false, true, true, false, true]);
+    }
+
+    #[test]
     fn a_reading_that_is_stated_to_be_late_is_compared_with_what_was_true_before_it() {
         let mut model = Model::clone(&load_model("enertech-lco-2280mah").unwrap().model);
         let mut sensor = |channel, lag_s| {

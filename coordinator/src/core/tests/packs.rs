@@ -42,7 +42,7 @@ fn a_resting_pack_is_counted_on_with_what_comes_into_it_as_long_as_its_gauge_sho
     let mut core = Core::new(settings, models, Numbering::default());
     let packs = ["p", "q"].map(|pack| PackState { pack: id(pack), connected: true, depleted: false, back: None }).to_vec();
     core.handle(at(0.0), Input::StationState(id("s"), StationState { packs, ..ready(0.0) }));
-    let mut comes_wh = |time_s: f64, power_w: [f64; 2]| {
+    let comes_wh = |core: &mut Core, time_s: f64, power_w: [f64; 2]| {
         for (pack, power_w) in ["p", "q"].into_iter().zip(power_w) {
             core.handle(at(time_s), Input::PackGauge(id("s"), id(pack), Gauge { current_a: power_w / 11.1, ..gauge(time_s, 0.3, 84.0) }));
         }
@@ -50,15 +50,36 @@ fn a_resting_pack_is_counted_on_with_what_comes_into_it_as_long_as_its_gauge_sho
         let of = |pack: &str| view.stations[0].packs.iter().find(|known| known.pack == id(pack)).unwrap().refill().before_wh(4.5 * 3600.0);
         [of("p"), of("q")]
     };
-    assert_eq!(comes_wh(1.0, [6.0, 0.1]), [0.0, 0.0], "that is noise");
+    assert_eq!(comes_wh(&mut core, 1.0, [6.0, 0.1]), [0.0, 0.0], "that is noise");
     // 70 % of 7.6 Ah at 11.4 to 12 V, as long as it lasts at the station's working power; nothing into the one that feeds the station.
-    let [fed, charged] = comes_wh(2.0, [6.0, -29.0]);
+    let [fed, charged] = comes_wh(&mut core, 2.0, [6.0, -29.0]);
     assert!(fed == 0.0 && (58.0..64.0).contains(&charged), "{charged}");
-    assert_eq!(comes_wh(3.0, [-20.0, 0.0]), [0.0, 0.0], "the supply is gone");
-    assert_eq!(comes_wh(4.0, [6.0, 20.0]), [0.0, 0.0], "something else draws from it");
+    assert_eq!(comes_wh(&mut core, 3.0, [-20.0, 0.0]), [0.0, 0.0], "the supply is gone");
+    assert_eq!(comes_wh(&mut core, 4.0, [6.0, 20.0]), [0.0, 0.0], "something else draws from it");
     // A fifth of what was stated takes five times as long.
-    let [_, weak] = comes_wh(5.0, [6.0, -5.8]);
+    let [_, weak] = comes_wh(&mut core, 5.0, [6.0, -5.8]);
     assert!((20.0..30.0).contains(&weak), "{weak}");
+    // Relieved, it is what is charged next, before its gauge shows that, and not for ever.
+    let relieved = |time_s: f64, depleted: bool| {
+        let packs = ["p", "q"].map(|pack| PackState { pack: id(pack), connected: true, depleted: depleted && pack == "p", back: None });
+        let seq = (time_s * 1e3) as u64 + 2;
+        Input::StationState(
+            id("s"),
+            StationState { at: at(time_s), seq, packs: packs.to_vec(), active_pack: Some(id("q")), ..ready(time_s) },
+        )
+    };
+    core.handle(at(6.0), relieved(6.0, false));
+    assert!(comes_wh(&mut core, 7.0, [6.0, 6.0])[0] > 50.0);
+    assert_eq!(comes_wh(&mut core, 70.0, [0.0, 6.0]), [0.0, 0.0]);
+    // Where it gave out, it gives nothing until it has a tenth of its charge again.
+    core.handle(at(4_000.0), relieved(4_000.0, true));
+    let low = Gauge { current_a: -2.7, ..gauge(4_001.0, 0.05, 84.0) };
+    core.handle(at(4_001.0), Input::PackGauge(id("s"), id("p"), low));
+    let view = core.basis(at(4_001.0)).view();
+    let of_p = view.stations[0].packs.iter().find(|known| known.pack == id("p")).unwrap();
+    // 5 % of 84 Wh take 8.4 min at 30 W.
+    assert_eq!([of_p.usable_wh.value, of_p.refill().before_wh(450.0)], [0.0, 0.0]);
+    assert!(of_p.refill().before_wh(1200.0) > 3.0, "{:?}", of_p.refill());
 }
 
 #[test]
