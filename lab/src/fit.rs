@@ -9,6 +9,7 @@
 mod bounded;
 mod certainty;
 mod choice;
+mod count;
 mod dilution;
 mod step;
 
@@ -89,7 +90,9 @@ pub fn fit(model: &Arc<Model>, logs: &[Prepared], free: &[usize], progress: &mut
         return Err(FitError::NotFinite);
     }
     let (solution, is_noise) = problem.undiluted(minimise(&problem, &start, &bounds, progress), &bounds);
-    let certainty = certainty(&solution.jacobian, &solution.residual, &problem.segments(), &bounds, is_noise);
+    let segments = problem.segments();
+    let walks = problem.walks(&segments, &solution.at);
+    let certainty = certainty(&solution.jacobian, &solution.residual, &segments, &bounds, is_noise, &walks);
     let values = problem.values(&solution.at);
     Ok(Fit { free: free.to_vec(), values, solution, certainty, rows })
 }
@@ -133,10 +136,13 @@ impl Problem<'_> {
         values
     }
 
+    fn weight(&self, channel: Channel) -> f64 {
+        self.weights.iter().find(|(known, _)| *known == channel).map_or(1.0, |(_, sigma)| *sigma)
+    }
+
     fn targets(&self) -> impl Iterator<Item = (usize, &Target, f64)> {
-        let sigma = |channel| self.weights.iter().find(|(known, _)| *known == channel).map_or(1.0, |(_, sigma)| *sigma);
         let logs = self.logs.iter().enumerate();
-        logs.flat_map(move |(index, log)| log.targets.iter().map(move |target| (index, target, sigma(target.channel))))
+        logs.flat_map(move |(index, log)| log.targets.iter().map(move |target| (index, target, self.weight(target.channel))))
     }
 
     /// Which rows of the problem belong to which log and channel.

@@ -3,6 +3,7 @@
 mod error;
 mod late;
 mod plausible;
+mod still;
 mod zeros;
 
 pub use error::PrepareError;
@@ -129,11 +130,13 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
         let values = &*when_true(model, log, channel, read, late::intervals);
         let needed_by = needed.iter().find(|(needed, _)| *needed == channel).map(|(_, by)| by);
         match (held(values), needed_by) {
-            (Some(held), Some(_)) => {
-                known.iter_mut().zip(values).for_each(|(known, value)| *known &= value.is_finite());
+            (Some(mut held), _) => {
+                still::steadied(model.sensor(channel), &log.readings, &mut held);
                 inputs.push((channel, held));
+                if needed_by.is_some() {
+                    known.iter_mut().zip(values).for_each(|(known, value)| *known &= value.is_finite());
+                }
             }
-            (Some(held), None) => inputs.push((channel, held)),
             (None, Some(by)) => {
                 return Err(PrepareError::EmptyChannel { file: log.file.clone(), channel: channel.name(), needed_by: by.clone() });
             }

@@ -10,6 +10,8 @@
 //! Where noise is all that is left, but rows do not all err alike, and a parameter hangs on those that err more, its deviation is as much larger as
 //! those rows bear out (see [`wider`]). What a wrong model leaves of some rows is not what they err by.
 //!
+//! What the noise of a current adds up to is beside that ([`super::count`]).
+//!
 //! This holds while residuals are small against the curvature of the model and is too hopeful
 //! where the model is wrong in a way that one lag does not show. Parameters at a bound count as
 //! free here, which makes the others' sigmas cautious.
@@ -19,6 +21,7 @@ use std::ops::Range;
 use energy::Channel;
 use nalgebra::{DMatrix, DVector};
 
+use super::count::{self, Walk};
 use crate::residual::lag1;
 
 /// The rows of a fit that come from one channel of one log.
@@ -62,7 +65,7 @@ pub struct Certainty {
 /// Eigenvalue of the scaled normal matrix below which a direction is not determined.
 const SINGULAR: f64 = 1e-12;
 
-/// Judges a fit from its Jacobian and residuals; `is_noise` says that these are noise.
+/// Judges a fit from its Jacobian and residuals; `is_noise` says that these are noise, `walks` what the counts of charge err by.
 #[must_use]
 pub fn certainty(
     jacobian: &DMatrix<f64>,
@@ -70,6 +73,7 @@ pub fn certainty(
     segments: &[Segment],
     bounds: &[(f64, f64)],
     is_noise: bool,
+    walks: &[Walk],
 ) -> Certainty {
     let n = residual.len() as f64;
     let p = jacobian.ncols();
@@ -91,12 +95,14 @@ pub fn certainty(
     }
     let silent: Vec<bool> = (0..p).map(|index| normal[(index, index)] == 0.0).collect();
     let (inverse, tangled) = inverse(&normal);
-    let covariance = &inverse * middle * &inverse;
-    let covariance = if is_noise {
-        covariance_by_rows(covariance, &(&inverse * jacobian.transpose()), &off(residual, segments, &worth, freedom))
-    } else {
-        covariance
-    };
+    let mut covariance = &inverse * middle * &inverse;
+    if is_noise || !walks.is_empty() {
+        let influence = &inverse * jacobian.transpose();
+        if is_noise {
+            covariance = covariance_by_rows(covariance, &influence, &off(residual, segments, &worth, freedom));
+        }
+        covariance += count::covariance(walks, segments, &influence);
+    }
     let sigma: Vec<Option<f64>> = (0..p)
         .map(|index| {
             let sigma = covariance[(index, index)].max(0.0).sqrt();
@@ -203,7 +209,7 @@ mod tests {
         // Residuals +1, +1, -1, -1, ...: lag 1 is about 0, variance 1, so sigma = 1 / sqrt(n).
         let n = 400;
         let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
-        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE], true);
+        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE], true, &[]);
         assert!((certainty.sigma[0].unwrap() - 0.05).abs() < 2e-3, "{certainty:?}");
     }
 
@@ -212,7 +218,7 @@ mod tests {
         // Blocks of 20 equal residuals: lag 1 = 0.9, so 400 rows are worth about 20.
         let n = 400;
         let residual = DVector::from_fn(n, |row, _| if (row / 20) % 2 == 0 { 1.0 } else { -1.0 });
-        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE], true);
+        let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE], true, &[]);
         assert!((certainty.segments[0].effective_rows - 20.0).abs() < 3.0, "{certainty:?}");
         assert!((certainty.sigma[0].unwrap() - 20f64.powf(-0.5)).abs() < 0.03, "{certainty:?}");
     }
@@ -226,7 +232,7 @@ mod tests {
         let sign = |row: usize| if row.is_multiple_of(2) { 1.0 } else { -1.0 };
         let residual = DVector::from_fn(n, |row, _| sign(row) * x(row));
         let jacobian = DMatrix::from_fn(n, 1, |row, _| -x(row));
-        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE], true);
+        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE], true, &[]);
         let sum = |power: i32| (0..n).map(|row| x(row).powi(power)).sum::<f64>();
         let (expected, plain) = (sum(4).sqrt() / sum(2), (sum(2) / n as f64 / sum(2)).sqrt());
         assert!(
@@ -251,7 +257,7 @@ mod tests {
             _ => 1.0,
         });
         let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
-        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE; 4], true);
+        let certainty = certainty(&jacobian, &residual, &one_log(n), &[WIDE; 4], true, &[]);
         assert_eq!(certainty.sigma.iter().map(Option::is_some).collect::<Vec<_>>(), [false, false, false, true]);
         assert_eq!(certainty.silent, [false, false, true, false]);
         assert_eq!(certainty.tangled, [[0, 1]]);

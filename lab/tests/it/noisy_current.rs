@@ -75,9 +75,10 @@ fn a_right_model_explains_them_and_its_deviations_hold() {
     for seed in 0..seeds {
         let found = discover(&model, seed);
         assert_eq!((found.verdict, &found.selected[..]), (Verdict::Complete, &[][..]), "seed {seed}: {:?}", found.residual);
-        // sqrt(0.5² + (40 mohm x 20 mA)²), of which the fit knows the resistance.
+        // sqrt(0.5² + 3/4 (40 mohm x 20 mA)²), of which the fit knows the resistance: in a quarter of the rows the cell rests, and the noise of its
+        // current is known for noise.
         let floor_v = found.residual["voltage_v"].floor;
-        assert!((floor_v / 9.434e-4 - 1.0).abs() < 0.03, "seed {seed}: {floor_v}");
+        assert!((floor_v / 8.544e-4 - 1.0).abs() < 0.03, "seed {seed}: {floor_v}");
         let values =
             [&found.parameters["ohmic"]["resistance_ohm"], &found.parameters["rc1"]["resistance_ohm"], &found.parameters["rc1"]["tau_s"]];
         for (value, truth) in values.into_iter().zip(TRUTH) {
