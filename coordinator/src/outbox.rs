@@ -16,6 +16,9 @@ use crate::store::{Heard, Record};
 /// Records that wait while the store cannot be written; beyond this telemetry is dropped.
 const RECORDS_MAX: usize = 100_000;
 
+/// Plans, and what is told with them, that wait likewise; beyond this the oldest are dropped: each is as large as the fleet.
+const PLANS_MAX: usize = 300;
+
 /// Records to be kept, and commands that wait for them.
 #[derive(Debug)]
 pub struct Outbox {
@@ -73,13 +76,19 @@ impl Outbox {
         self.records.clear();
     }
 
-    /// Nothing could be kept for now: it waits. Beyond a bound telemetry makes room; says how many
+    /// Nothing could be kept for now: it waits. Beyond a bound telemetry and old plans make room; says how many
     /// records did.
     pub fn failed(&mut self) -> usize {
         let before = self.records.len();
         if before > RECORDS_MAX {
             self.records.retain(|record| !record.is_telemetry());
         }
+        let mut too_many = self.records.iter().filter(|record| record.tells_of_fleet()).count().saturating_sub(PLANS_MAX);
+        self.records.retain(|record| {
+            let is_dropped = too_many > 0 && record.tells_of_fleet();
+            too_many -= usize::from(is_dropped);
+            !is_dropped
+        });
         before - self.records.len()
     }
 
@@ -102,5 +111,24 @@ impl Outbox {
     /// The commands that may leave now.
     pub fn take_commands(&mut self) -> Vec<Output> {
         std::mem::take(&mut self.commands)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::tests::{event, schedule};
+
+    #[test]
+    fn of_plans_that_wait_the_newest_do_and_events_all() {
+        let mut outbox = Outbox::new(1);
+        for plan in 0..PLANS_MAX as u64 + 20 {
+            outbox.records.extend([Record::Event(event(plan, "r1 joined")), Record::Plan(Arc::new(schedule(plan)))]);
+        }
+        assert_eq!([outbox.failed(), outbox.failed()], [20, 0]);
+        let plans: Vec<u64> =
+            outbox.records().iter().filter_map(|record| if let Record::Plan(plan) = record { Some(plan.plan) } else { None }).collect();
+        assert_eq!((plans.len(), plans[0], plans[PLANS_MAX - 1]), (PLANS_MAX, 20, PLANS_MAX as u64 + 19));
+        assert_eq!(outbox.records().iter().filter(|record| record.is_event()).count(), PLANS_MAX + 20);
     }
 }

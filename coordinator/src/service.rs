@@ -14,7 +14,7 @@ mod lead;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, anyhow, ensure};
 use node::access::Members;
@@ -28,7 +28,7 @@ use zenoh::query::Query;
 
 use hear::{Gate, subscribe};
 use keep::Keeping;
-use lead::monotonic;
+use lead::{Leading, monotonic};
 
 use crate::config::Config;
 use crate::core::{Core, Input, Numbering, Output};
@@ -58,10 +58,7 @@ struct Service {
     store: Arc<Store>,
     outbox: Outbox,
     keeping: Keeping,
-    /// Until when it leads for sure; none where nobody can replace it.
-    leads_until: Option<Instant>,
-    /// Another leads.
-    replaced: bool,
+    leading: Leading,
     answers: mpsc::UnboundedSender<Input>,
     patience_s: f64,
     past: Past,
@@ -112,16 +109,15 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
 
     let core = Core::new(settings, models, numbering);
     let patience_s = settings.deadline_s;
-    let leads_until = store.lease().map(|lease| monotonic() + lease);
+    let store = Arc::new(store);
     let mut service = Service {
         link,
         clock,
         core,
         outbox: Outbox::new(numbering.epoch),
-        store: Arc::new(store),
+        leading: Leading::begin(&store),
+        store,
         keeping: Keeping::default(),
-        leads_until,
-        replaced: false,
         answers: news_in.clone(),
         patience_s,
         past: Past::default(),
@@ -131,7 +127,6 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
-    let mut renewals = tokio::time::interval(service.store.renewal().unwrap_or(FLUSH));
     let mut sweeps = tokio::time::interval(SWEEP);
     sweeps.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
@@ -141,18 +136,19 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             _ = ticks.tick() => service.take(Input::Tick).await,
             _ = flushes.tick() => service.write(),
             done = service.keeping.done() => service.kept(done).await,
-            _ = renewals.tick() => service.renew().await,
             _ = sweeps.tick() => service.keeping.may_sweep(),
             Some(query) = questions.recv() => service.tell(&query).await,
             Some(asked) = asked.recv() => service.show(asked, config, path).await,
             () = &mut stop => break,
         }
         service.sweep(config);
-        if service.deposed() {
+        service.leading.is_at_work();
+        if service.leading.is_over() {
             return Err(StoreError::Deposed { path: shown(&place) }.into());
         }
     }
     ensure!(service.flush().await, "the store {} cannot be written: what waited for it is not kept", shown(&place).display());
+    service.leading.end().await;
     if let Some(store) = Arc::into_inner(service.store) {
         store.close().await;
     }
@@ -248,7 +244,8 @@ impl Service {
         for record in &self.outbox.records()[before..] {
             match record {
                 Record::Event(event) => {
-                    info!("{}: {}", event.kind, event.text);
+                    let (kind, text) = (event.kind, &event.text);
+                    if kind.is_warning() { warn!("{kind}: {text}") } else { info!("{kind}: {text}") }
                     self.past.event(event);
                 }
                 // Whoever follows the schedule hears of each new plan without asking.

@@ -24,7 +24,7 @@ mod rows;
 mod server;
 mod standing;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod write;
 
 use std::ops::Deref;

@@ -107,7 +107,7 @@ impl Service {
     }
 
     fn send_all(&self, commands: Vec<Output>) {
-        if !self.deposed() {
+        if !self.leading.is_over() {
             commands.into_iter().for_each(|command| self.command(command));
         }
     }
@@ -140,7 +140,7 @@ impl Service {
                     info!("the store can be written again");
                 }
             }
-            Done::Written(_, Err(StoreError::Deposed { .. })) => self.replaced = true,
+            Done::Written(_, Err(StoreError::Deposed { .. })) => self.leading.replaced(),
             Done::Written(records, Err(failure)) => {
                 self.fails(|| {
                     let cause = std::error::Error::source(&failure).map_or_else(String::new, |source| format!(": {source}"));
@@ -177,7 +177,7 @@ impl Service {
     fn make_room(&mut self) {
         let dropped = self.outbox.failed();
         if dropped > 0 {
-            warn!("{dropped} rows of telemetry were dropped: the store cannot be written");
+            warn!("{dropped} records (telemetry, old plans) were dropped: the store cannot be written");
             self.keeping.dropped += dropped as u64;
         }
     }

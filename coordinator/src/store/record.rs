@@ -89,6 +89,12 @@ impl Record {
         matches!(self, Record::Plan(_))
     }
 
+    /// Whether it is a plan or something that is told with one, and as large as the fleet.
+    #[must_use]
+    pub fn tells_of_fleet(&self) -> bool {
+        matches!(self, Record::Plan(_) | Record::Capacity(_) | Record::Explanations(_))
+    }
+
     /// Whether it is one of many of its kind, and may be dropped where there is no room.
     #[must_use]
     pub fn is_telemetry(&self) -> bool {

@@ -101,7 +101,7 @@ fn station_state(seq: u64) -> Record {
     Record::StationState { station: id("north"), state }
 }
 
-fn event(seq: u64, text: &str) -> Event {
+pub(crate) fn event(seq: u64, text: &str) -> Event {
     Event {
         at: at(seq.cast_signed()),
         seq,
@@ -117,7 +117,7 @@ fn events(seqs: std::ops::RangeInclusive<u64>) -> Vec<Record> {
     seqs.map(|seq| Record::Event(event(seq, "r1 joined"))).collect()
 }
 
-fn schedule(plan: u64) -> Schedule {
+pub(crate) fn schedule(plan: u64) -> Schedule {
     let unserved = vec![Unserved { robot: id("r3"), runs_empty: true, reasons: vec!["north: out of reach by 0.4 Wh".to_owned()] }];
     Schedule {
         at: at(6),

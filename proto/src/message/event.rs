@@ -54,6 +54,29 @@ pub enum EventKind {
 }
 display_as_on_the_wire!(EventKind);
 
+impl EventKind {
+    /// Whether somebody should look: something has failed, fallen silent or run out, or is not believed.
+    #[must_use]
+    pub fn is_warning(self) -> bool {
+        use EventKind::{
+            CommandRejected, CommandUnanswered, GaugeDoubted, InputRefused, Lost, ModelDoubted, PackDepleted, PromiseBroken, ServiceFailed,
+            StationDark,
+        };
+        matches!(
+            self,
+            Lost | CommandRejected
+                | CommandUnanswered
+                | ServiceFailed
+                | PackDepleted
+                | StationDark
+                | PromiseBroken
+                | InputRefused
+                | ModelDoubted
+                | GaugeDoubted
+        )
+    }
+}
+
 /// One thing that happened.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
