@@ -15,6 +15,7 @@ use crate::models::from_wire;
 use crate::scheduler::HANDOVER_S;
 use crate::scheduler::{Plan, Planned};
 use crate::service_run::{How, ServiceRun};
+use crate::trust::Owner;
 use crate::view::Basis;
 use crate::when;
 
@@ -143,7 +144,8 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     let models = basis.models.stations.get(id)?;
     let usable_wh = |pack: &PackId| {
         let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
-        Some(forecast::usable_wh(model, from_wire(gauge.soc), gauge.temperature_degc, state.pack_power_w.max(0.0)).value)
+        let model = basis.worn(&Owner::Pack(id.clone(), pack.clone()), model, gauge);
+        Some(forecast::usable_wh(&model, from_wire(gauge.soc), gauge.temperature_degc, state.pack_power_w.max(0.0)).value)
     };
     let enough_wh = state.pack_power_w * 2.0 * HANDOVER_S / S_PER_H;
     let others = state.packs.iter().filter(|pack| pack.pack != *active && pack.connected && !pack.depleted);

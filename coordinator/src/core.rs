@@ -11,6 +11,7 @@
 
 mod ask;
 mod hear;
+mod leave;
 mod plan;
 mod serve;
 mod strays;

@@ -7,6 +7,8 @@
 //!   charging.rs   what charging takes and how long, from the energy models, once per kind
 //!   usable.rs     what packs give, likewise
 //!   refill.rs     what an outside supply puts into those that rest
+//!   worn.rs       models of batteries as their gauges have found them
+//!   tables.rs     all of these that were asked for so far
 //!      |
 //!   translate.rs  that view as a `planner::Problem`, on a grid of ticks
 //!      |
@@ -37,12 +39,13 @@ mod racks;
 mod recharging;
 mod refill;
 mod solve;
+pub mod tables;
 pub(crate) mod translate;
 pub mod usable;
 mod words;
+pub mod worn;
 
 pub use carry::packs_after_begun;
-pub use charging::Tables;
 pub use crowd::{Fed, crowds, solve_side_by_side};
 pub use effort::{Effort, WHOLE_FLEET_MAX};
 pub use plan::{Plan, Planned, Rejected};
@@ -51,6 +54,7 @@ pub use racks::Racks;
 pub use recharging::Recharging;
 pub use refill::{Refill, steps_s};
 pub use solve::{Solved, solve};
+pub use tables::Tables;
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts};
 pub(crate) use words::{apart, short_of};

@@ -1,5 +1,6 @@
 //! Makes the planning view from beliefs, models and services that have begun.
 
+mod batteries;
 mod begun;
 mod crowd;
 mod fit;
@@ -96,8 +97,8 @@ impl Basis<'_> {
         let robots = self.fleet.robots.iter().filter_map(|(id, robot)| {
             let (gauge, state) = robot.known()?;
             let plannable = !self.running.contains_key(id) && matches!(state.phase, RobotPhase::Working | RobotPhase::Waiting);
-            let battery = self.models.battery(id, &state.battery)?;
-            plannable.then(|| self.robot(id, gauge, state, battery, &mut around))
+            let battery = self.battery(id, gauge, state)?;
+            plannable.then(|| self.robot(id, gauge, state, &battery, &mut around))
         });
         let robots = robots.collect();
         View { now: self.now, robots, stations, crowd: self.crowd }

@@ -39,15 +39,9 @@ impl Estimate {
 /// Evaluates `f` at the inputs' values and carries their (independent) deviations to first order,
 /// by one central difference per uncertain input.
 pub fn propagate(inputs: &[Estimate], mut f: impl FnMut(&[f64]) -> f64) -> Estimate {
-    let [estimate] = propagate_all(inputs, |x| [f(x)]);
-    estimate
-}
-
-/// [`propagate`] for several results of the same evaluation.
-pub fn propagate_all<const N: usize>(inputs: &[Estimate], mut f: impl FnMut(&[f64]) -> [f64; N]) -> [Estimate; N] {
     let mut at: Vec<f64> = inputs.iter().map(|input| input.value).collect();
-    let values = f(&at);
-    let mut variances = [0.0; N];
+    let value = f(&at);
+    let mut variance = 0.0;
     for (index, input) in inputs.iter().enumerate() {
         if input.sigma == 0.0 {
             continue;
@@ -57,11 +51,9 @@ pub fn propagate_all<const N: usize>(inputs: &[Estimate], mut f: impl FnMut(&[f6
         at[index] = input.value - input.sigma;
         let below = f(&at);
         at[index] = input.value;
-        for ((variance, above), below) in variances.iter_mut().zip(above).zip(below) {
-            *variance += ((above - below) / 2.0).powi(2);
-        }
+        variance += ((above - below) / 2.0).powi(2);
     }
-    std::array::from_fn(|result| Estimate::new(values[result], variances[result].sqrt()))
+    Estimate::new(value, variance.sqrt())
 }
 
 #[cfg(test)]

@@ -53,7 +53,7 @@ pub use batch::Batch;
 pub use channel::{Channel, Channels};
 pub use document::DocumentError;
 pub use effect::{Effect, EffectSpec, Own, ParameterSpec, Phase, catalogue, find};
-pub use estimate::{Estimate, propagate, propagate_all};
+pub use estimate::{Estimate, propagate};
 pub use model::{Model, Parameter, Sensor, Uncertainty};
 pub use need::Need;
 pub use ocv::OcvTable;

@@ -247,7 +247,8 @@ pub(crate) fn begin<S: Lane>(model: &Model, parameters: &[S], states: &mut [S], 
     for channel in [Channel::TemperatureDegc, Channel::AmbientDegc, Channel::CellDegc] {
         channels[channel] = S::from(start.temperature_degc);
     }
-    channels[Channel::CycleCount] = S::from(start.cycle_count);
+    let before = if let Facts::Battery(facts) = &model.facts { facts.cycle_count } else { 0.0 };
+    channels[Channel::CycleCount] = S::from(start.cycle_count + before);
     channels[Channel::AgeDays] = S::from(start.age_days);
     channels[Channel::History] = S::from(start.history.clamp(-1.0, 1.0));
     if let Facts::Battery(facts) = &model.facts {

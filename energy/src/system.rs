@@ -217,6 +217,9 @@ pub struct BatteryFacts {
     pub balancing: Option<Balancing>,
     /// When the pack's own electronics stop charge and discharge.
     pub protection: Limits,
+    /// Full cycles that the pack has seen beside those that the start of a run says; 0 unless the model is that of a pack that was used
+    /// ([`crate::Model::worn`]).
+    pub cycle_count: f64,
 }
 
 impl BatteryFacts {

@@ -1,10 +1,14 @@
 //! Why robots are serviced as they are, and what has changed for them.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use proto::{Alternative, Doubt, Explanation, Mode, RobotId, Schedule, Service, ServiceStatus, Unserved};
+use energy::Model;
+use proto::{Alternative, Doubt, Explanation, Gauge, Mode, RobotId, Schedule, Service, ServiceStatus, Timestamp, Unserved};
 
+use crate::models::from_wire;
 use crate::scheduler::Accounts;
+use crate::service_run::{ServiceRun, Stage};
 use crate::trust::Owner;
 use crate::view::Basis;
 use crate::when;
@@ -61,6 +65,12 @@ impl<'a, 'w> Explainer<'a, 'w> {
         } else {
             reasons.push("it has not been heard, or was lost".to_owned());
         }
+        if let Some((gauge, state)) = belief.known()
+            && let Some(model) = basis.models.battery(robot, &state.battery)
+        {
+            reasons.extend(learned(basis, &Owner::Robot(robot.clone()), model, gauge));
+        }
+        reasons.extend(basis.running.get(robot).map(|run| stands(basis.now, run)));
         let fault = basis.trust.fault(basis.now, &Owner::Robot(robot.clone()));
         reasons.extend(fault.map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
         match (service, self.unserved.get(robot)) {
@@ -69,12 +79,14 @@ impl<'a, 'w> Explainer<'a, 'w> {
             (None, None) => reasons.push("no service is planned".to_owned()),
         }
         let at = service.map(|service| &service.station);
-        let packs =
-            service.into_iter().flat_map(|service| service.packs.iter().map(|pack| Owner::Pack(service.station.clone(), pack.clone())));
-        let faults = packs.filter_map(|owner| Some((basis.trust.fault(basis.now, &owner)?, owner)));
-        reasons.extend(
-            faults.map(|(fault, owner)| format!("the gauge of {owner} {fault}: the plan counts on less of it, and less certainly")),
-        );
+        for (station, pack) in service.into_iter().flat_map(|service| service.packs.iter().map(move |pack| (&service.station, pack))) {
+            let owner = Owner::Pack(station.clone(), pack.clone());
+            let fault = basis.trust.fault(basis.now, &owner);
+            reasons.extend(fault.map(|fault| format!("the gauge of {owner} {fault}: the plan counts on less of it, and less certainly")));
+            let gauge = basis.fleet.stations.get(station).and_then(|station| station.packs.get(pack));
+            let model = basis.models.stations.get(station).and_then(|models| models.packs.get(pack));
+            reasons.extend(gauge.zip(model).and_then(|(gauge, model)| learned(basis, &owner, model, gauge)));
+        }
         // What a service rests on: the robot's own models, and those of its station.
         let concerns = |doubt: &&Doubt| doubt.robot.as_ref() == Some(robot) || doubt.station.is_some() && doubt.station.as_ref() == at;
         let doubts = self.doubts.iter().filter(concerns).cloned().collect();
@@ -99,6 +111,34 @@ impl<'a, 'w> Explainer<'a, 'w> {
             changed: changed.to_vec(),
         })
     }
+}
+
+/// What a gauge has learned of its battery's capacity, where that is planned with.
+fn learned(basis: &Basis<'_>, owner: &Owner, model: &Arc<Model>, gauge: &Gauge) -> Option<String> {
+    basis.tables.worn.origin(&basis.worn(owner, model, gauge))?;
+    let soh = from_wire(gauge.soh);
+    let text = format!("{:.1} ± {:.1} % of the rated capacity", 100.0 * soh.value, 100.0 * soh.sigma);
+    Some(format!("the gauge of {owner} finds {text}, which is planned with"))
+}
+
+/// Where a service that has begun stands, and what it waits for.
+fn stands(now: Timestamp, run: &ServiceRun) -> String {
+    let at = match run.stage {
+        Stage::Travelling => "it was told to come",
+        Stage::Waiting => "it waits at the station",
+        Stage::Loading => "it is brought into its bay",
+        Stage::Charging | Stage::ChargingItself => "it is in its bay to be charged",
+        Stage::Handing => "its pack is about to be exchanged",
+        Stage::Swapping => "its pack is being exchanged",
+        Stage::Unloading => "it is let out",
+        Stage::LetOut => "it was let out, and has not said so yet",
+    };
+    let waits = match (&run.asked, &run.again) {
+        (Some(command), _) => format!("; {command} has not been answered yet"),
+        (None, Some(again)) => format!("; it is asked again at {}: {}", when::second_from(now, again.at), again.why),
+        (None, None) => String::new(),
+    };
+    format!("its service has begun: {at}{waits}")
 }
 
 fn services(schedule: &Schedule) -> BTreeMap<&RobotId, &Service> {

@@ -8,7 +8,6 @@ use crate::fleet::{Robot, Station};
 use crate::models::from_wire;
 use crate::scheduler::Planned;
 use crate::service_run::{Again, How, ServiceRun, Stage, Step};
-use crate::when::minute_from;
 
 impl Core {
     /// Begins the services whose robots must leave now.
@@ -233,41 +232,6 @@ impl Core {
         let since = Some(since).filter(|&since| now.seconds_since(since.max(run.end)) > self.settings.late_s)?;
         let why = robot.known().and_then(|(_, state)| state.note.as_deref()).unwrap_or("its charger gives nothing");
         Some(format!("it has taken none for {:.0} min ({why})", now.seconds_since(since) / 60.0))
-    }
-
-    /// Why a robot is let go before it is charged: its station leaves, and all who charge there have to be let out before.
-    fn must_be_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> Option<String> {
-        let charges = |stage: Stage| matches!(stage, Stage::Charging | Stage::ChargingItself);
-        robot.heard().filter(|_| charges(run.stage) && run.cut_short.is_none())?;
-        // Who is aboard once it has left goes along.
-        let leaves = station.heard()?.away.iter().map(|away| away.leaves).find(|leaves| *leaves > now)?;
-        let left_s = leaves.seconds_since(now) - self.settings.deadline_s;
-        let lift_s = self.models.stations.get(&run.station)?.handling.unload_s;
-        let inside = |other: &&ServiceRun| other.station == run.station && (charges(other.stage) || other.stage == Stage::Unloading);
-        if left_s > lift_s * self.running.values().filter(inside).count() as f64 {
-            return None;
-        }
-        // Who would be ready last goes last.
-        let basis = self.basis(now);
-        let own_s = basis.ends_s(run);
-        let goes_later = |other: &&ServiceRun| basis.ends_s(other).total_cmp(&own_s).then(other.robot.cmp(&run.robot)).is_ge();
-        let after = self.running.values().filter(inside).filter(goes_later).count();
-        (left_s <= lift_s * after as f64).then(|| format!("{} leaves at {}", run.station, minute_from(now, leaves)))
-    }
-
-    /// Why a robot that is on its way, or waits, is not taken in any more: its station leaves before that would be done.
-    pub(super) fn comes_too_late(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<String> {
-        let comes_s = match run.stage {
-            Stage::Travelling => run.start.seconds_since(now).max(0.0),
-            Stage::Waiting => 0.0,
-            _ => return None,
-        };
-        let handling = &self.models.stations.get(&run.station)?.handling;
-        let takes_s = if matches!(run.how, How::Swap { .. }) { handling.swap_s } else { handling.load_s + handling.unload_s };
-        // Who comes while it is away waits until it is back, if it comes back.
-        let (begins, ends) = (now.plus_s(comes_s), now.plus_s(comes_s + takes_s));
-        let away = station.heard()?.away.iter().find(|away| away.leaves < ends && (begins < away.leaves || away.returns.is_none()))?;
-        Some(format!("{} leaves at {}, before it would be let out again", run.station, minute_from(now, away.leaves)))
     }
 
     /// Whether a robot that is lost on its way keeps a free bay from those who come after it. Nobody can let

@@ -2,21 +2,18 @@
 //! battery behind a station's converters, tabulated over the state of charge.
 //!
 //! A table is made once for a kind of battery at a kind of station, a number of robots side by side and a
-//! temperature; plans look it up. A battery that gets too hot rests until it has cooled down, as its protection wants it; one that
+//! temperature ([`super::tables`]); plans look it up. A battery that gets too hot rests until it has cooled down, as its protection wants it; one that
 //! stays too hot or too cold is charged as far as it goes.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use energy::protection::Trip;
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
 
-use super::crowd::Fed;
-use super::refill::Refills;
-use super::usable::Usable;
-use crate::forecast::{self, Draw, Recharge};
-use crate::models::{Alike, StationModels};
+use crate::forecast::{self, Recharge};
+use crate::models::StationModels;
 
 /// Steps of a table.
 const STEPS: u32 = 20;
@@ -66,7 +63,7 @@ pub struct Table {
 }
 
 impl Table {
-    fn new(
+    pub(super) fn new(
         station: &StationModels,
         [at_once, alone]: [usize; 2],
         battery: &Arc<Model>,
@@ -108,6 +105,28 @@ impl Table {
             breakdown_wh: reference.breakdown_wh,
             reaches_soc: reference.stopped.map_or(0.0, |(_, soc)| if soc > from_soc { soc } else { 0.0 }),
         }
+    }
+
+    /// The same for a battery with that share of the capacity, behind the same charger: every stretch of a charge takes that much less time and energy. The
+    /// capacities' deviations, relative to them, are those given: of this table's battery, and of the other.
+    #[must_use]
+    pub(super) fn scaled(&self, share: f64, [sigma, other_sigma]: [f64; 2]) -> Self {
+        let point = |point: &Point| {
+            let charged_wh = point.need_wh - self.lift_wh;
+            let variance = point.own_variance + charged_wh.powi(2) * (other_sigma.powi(2) - sigma.powi(2));
+            Point {
+                charge_s: share * point.charge_s,
+                need_wh: self.lift_wh + share * charged_wh,
+                own_variance: share * share * variance.max(0.0),
+                bare_wh: share * point.bare_wh,
+                bare_s: share * point.bare_s,
+                ..*point
+            }
+        };
+        let whole_wh: f64 = self.breakdown_wh.values().sum();
+        let of_whole = (self.lift_wh + share * (whole_wh - self.lift_wh)) / whole_wh.max(f64::MIN_POSITIVE);
+        let breakdown_wh = self.breakdown_wh.iter().map(|(cause, wh)| (cause.clone(), of_whole * wh)).collect();
+        Self { points: self.points.iter().map(point).collect(), breakdown_wh, ..self.clone() }
     }
 
     /// Level at which a charge is done.
@@ -266,85 +285,6 @@ impl Course {
     }
 }
 
-/// Station, battery, robots and packs alone side by side, temperature of a robot's battery and of one that is charged alone.
-type Kind = (Alike, usize, [usize; 2], [i32; 2]);
-/// Station, kind of pack, packs side by side, temperature, hundredths of charge.
-type Beside = (Alike, usize, usize, i32, i32);
-/// Station and its bays, kind of pack, power (bits), temperature.
-type Ending = (Alike, usize, usize, u64, i32);
-
-/// All tables that were asked for so far. They follow from models that never change, so keeping them
-/// saves time and changes nothing.
-#[derive(Debug, Default)]
-pub struct Tables {
-    known: Mutex<BTreeMap<Kind, Arc<Table>>>,
-    /// What gentle endings gain, Wh.
-    gains: Mutex<BTreeMap<Ending, f64>>,
-    /// How long packs are charged side by side, s.
-    beside: Mutex<BTreeMap<Beside, Option<f64>>>,
-    /// How many robots with a kind of battery are charged side by side.
-    fed: Mutex<BTreeMap<(Alike, usize, usize), Fed>>,
-    /// What packs give.
-    pub usable: Usable,
-    /// How packs are charged from outside.
-    pub refills: Refills,
-}
-
-impl Tables {
-    /// The table of a battery at a station, made when it is first asked for; `at_once` is how many robots, and how many packs that robots left, are
-    /// charged side by side, `degc` is how warm it is in its robot, and how warm where a robot
-    /// left it, and `levels` at which charge a service is wanted and done.
-    #[must_use]
-    pub fn of(&self, station: &StationModels, at_once: [usize; 2], battery: &Arc<Model>, degc: [f64; 2], levels: [f64; 2]) -> Arc<Table> {
-        let degc = degc.map(|degc| step_degc(battery, degc));
-        let kind = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc.map(|degc| degc as i32));
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || Arc::new(Table::new(station, at_once, battery, degc, levels));
-        Arc::clone(known.entry(kind).or_insert_with(made))
-    }
-
-    /// How long it takes to charge a pack of this kind that a robot left beside others of it, s, where they share what the station's
-    /// converters give; none where they do not.
-    #[must_use]
-    pub fn charged_beside(
-        &self,
-        station: &StationModels,
-        battery: &Arc<Model>,
-        at_once: usize,
-        temperature_degc: f64,
-        soc: f64,
-    ) -> Option<f64> {
-        if at_once < 2 || station.converter_w_max.is_infinite() {
-            return None;
-        }
-        let (percent, degc) = ((soc * 100.0).round(), step_degc(battery, temperature_degc));
-        let mut known = self.beside.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || forecast::spare_again(station, battery, at_once, degc, percent / 100.0).map(|(_, charge_s)| charge_s);
-        let key = (station.alike(), Arc::as_ptr(battery).addr(), at_once, degc as i32, percent as i32);
-        *known.entry(key).or_insert_with(made)
-    }
-
-    /// How many of `most` robots with this battery a station's converters charge side by side.
-    #[must_use]
-    pub fn fed(&self, station: &StationModels, most: usize, battery: &Arc<Model>, [from_soc, to_soc]: [f64; 2]) -> Fed {
-        let charge_s = |at_once: usize| {
-            let circumstances = (energy::units::REFERENCE_DEGC, true);
-            forecast::recharge(station, at_once, battery, circumstances, Estimate::exact(from_soc), to_soc).charge_s
-        };
-        let mut known = self.fed.lock().unwrap_or_else(PoisonError::into_inner);
-        *known.entry((station.alike(), most, Arc::as_ptr(battery).addr())).or_insert_with(|| Fed::of(most, charge_s))
-    }
-
-    /// How much more a pack of this kind gives because the load of the station's bays ends gently, Wh.
-    #[must_use]
-    pub fn gain_wh(&self, station: &StationModels, bays: usize, pack: &Arc<Model>, temperature_degc: f64, draw: &Draw) -> f64 {
-        let degc = step_degc(pack, temperature_degc);
-        let kind = (station.alike(), bays, Arc::as_ptr(pack).addr(), draw.power_w.to_bits(), degc as i32);
-        let mut gains = self.gains.lock().unwrap_or_else(PoisonError::into_inner);
-        *gains.entry(kind).or_insert_with(|| energy::forecast::ending::gain_wh(pack, degc, draw))
-    }
-}
-
 /// The temperature that a table for this one stands for, whole °C: the nearest step, a finer one where heat may keep the battery from being
 /// charged, and the next colder one where cold may: at its limit that does so at once.
 pub(crate) fn step_degc(battery: &Model, temperature_degc: f64) -> f64 {
@@ -375,6 +315,34 @@ mod tests {
         {
             assert_eq!(step_degc(&battery, is_degc), counts_as_degc, "{is_degc}");
         }
+    }
+
+    #[test]
+    fn less_capacity_behind_the_same_charger_takes_as_much_less_time_and_energy() {
+        let load = |name: &str| Arc::new(energy::load_model(name, &|_| unreachable!("built in")).unwrap());
+        let (new, pack) = (load("explorer-3s1p-1320mah"), load("mds-3s4p-7600mah"));
+        let station = StationModels {
+            load: load("mds-station"),
+            handling: forecast::Handling { load_s: 30.0, unload_s: 30.0, swap_s: 60.0 },
+            packs: [(proto::PackId::new("p").unwrap(), pack)].into(),
+            converter_w_max: f64::INFINITY,
+            recharge_w: 0.0,
+            spare_battery: Some(Arc::clone(&new)),
+            spare_ready_soc: None,
+        };
+        let table = |battery: &Arc<Model>| Table::new(&station, [3, 1], battery, [25.0; 2], [0.1, 0.98]);
+        let (sigma, worn_sigma) = (new.uncertainty.capacity_relative_sigma, 0.03);
+        let worn = Arc::new(new.worn(Estimate::new(0.75, 0.75 * worn_sigma), 0.0));
+        let (scaled, own) = (table(&new).scaled(0.75, [sigma, worn_sigma]), table(&worn));
+        for (scaled, own) in scaled.points.iter().zip(&own.points).filter(|(point, _)| point.soc < 0.9) {
+            let near = |of: fn(&Point) -> f64, by: f64| (of(scaled) / of(own) - 1.0).abs() < by;
+            assert!(near(|point| point.charge_s, 0.03) && near(|point| point.need_wh, 0.01), "{scaled:?} {own:?}");
+            assert!(near(|point| point.bare_s, 0.03) && near(|point| point.bare_wh, 0.01), "{scaled:?} {own:?}");
+            assert!(near(|point| point.own_variance, 0.15), "{scaled:?} {own:?}");
+        }
+        assert_eq!(scaled.lift_wh, own.lift_wh);
+        let whole_wh = [&scaled, &own].map(|table| table.breakdown_wh.values().sum::<f64>());
+        assert!((whole_wh[0] / whole_wh[1] - 1.0).abs() < 0.01, "{whole_wh:?}");
     }
 
     #[test]

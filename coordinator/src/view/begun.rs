@@ -81,7 +81,7 @@ impl Basis<'_> {
             return None;
         }
         let (gauge, state) = self.fleet.robots.get(&run.robot).and_then(Robot::known)?;
-        let battery = self.models.battery(&run.robot, &state.battery)?;
+        let battery = &self.battery(&run.robot, gauge, state)?;
         let begun = self.begun(run, 0.0);
         let drained = state.drain_w.value.max(0.0) * (begun.from_s + begun.load_s) / S_PER_H / battery.battery().stored_wh();
         let table =
@@ -104,7 +104,7 @@ impl Basis<'_> {
             return self.exchange(&run.station, models).scaled(left(handling.swap_s));
         };
         let Some((gauge, state)) = self.fleet.robots.get(&run.robot).and_then(Robot::known) else { return run.need.clone() };
-        let Some(battery) = self.models.battery(&run.robot, &state.battery) else { return run.need.clone() };
+        let Some(battery) = &self.battery(&run.robot, gauge, state) else { return run.need.clone() };
         let factor = self.watch.wider(&Subject::Station(run.station.clone()));
         let table =
             self.table_beside(self.sharing(&run.station), &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));

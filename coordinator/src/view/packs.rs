@@ -57,7 +57,7 @@ pub(super) fn charged_from_outside(
 impl Basis<'_> {
     /// Packs that hold something, in the order in which they are drained: the active one, then
     /// the fullest last, so that full packs stay full. Those that are still to come, last.
-    pub(super) fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
+    pub(crate) fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
         let bays = if state.bays.is_empty() { 0 } else { self.side_by_side(id) };
         let draw = self.working_draw(models, bays);
         let is_doubted = |pack: &PackId| self.trust.fault(self.now, &Owner::Pack(id.clone(), pack.clone())).is_some();
@@ -66,6 +66,8 @@ impl Basis<'_> {
             let gauge = station.packs.get(&pack.pack);
             let temperature_degc = gauge.map_or(REFERENCE_DEGC, |gauge| gauge.temperature_degc);
             let model = models.packs.get(&pack.pack)?;
+            let owner = Owner::Pack(id.clone(), pack.pack.clone());
+            let model = &gauge.map_or_else(|| Arc::clone(model), |gauge| self.worn(&owner, model, gauge));
             let (soc, available_s) = match pack.back {
                 _ if pack.connected && (!pack.depleted || charged.contains_key(&pack.pack)) => {
                     (self.believed(id, &pack.pack, gauge?, model), 0.0)

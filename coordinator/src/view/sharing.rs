@@ -50,9 +50,9 @@ impl Basis<'_> {
         let to_soc = run.how.to_soc()?;
         let (gauge, state) = self.fleet.robots.get(&run.robot).and_then(Robot::known)?;
         let charges = matches!(run.stage, Stage::Charging | Stage::ChargingItself) && state.phase == RobotPhase::Charging;
-        let battery = self.models.battery(&run.robot, &state.battery).filter(|_| charges)?;
-        let (robot, temperature_degc) = (run.robot.clone(), warmed_degc(battery, gauge.temperature_degc));
-        Some(Going { robot, battery: Arc::clone(battery), temperature_degc, soc: gauge.soc.value, to_soc })
+        let battery = self.battery(&run.robot, gauge, state).filter(|_| charges)?;
+        let (robot, temperature_degc) = (run.robot.clone(), warmed_degc(&battery, gauge.temperature_degc));
+        Some(Going { robot, battery, temperature_degc, soc: gauge.soc.value, to_soc })
     }
 
     /// Among how many a charge at a station is counted to share what its converters give: those that are in its bays or on their way into them, and

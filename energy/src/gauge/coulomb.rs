@@ -119,8 +119,7 @@ impl Gauge for CoulombCounter {
     fn reading(&mut self) -> Reading {
         let (soc, Counter { model, ledger, watch, .. }) = (self.0.soc(), &mut self.0);
         let pack = Pack { model, ledger, temperature_degc: watch.temperature_degc };
-        let soh = Estimate::new(1.0, ledger.state(CAPACITY).sigma);
-        watch.reading(model, &pack, soc, soh)
+        watch.reading(model, &pack, soc, Estimate::new(1.0, ledger.state(CAPACITY).sigma))
     }
 }
 

@@ -297,8 +297,7 @@ impl Gauge for ImpedanceTrack {
         let (temperature_degc, cycles) = (watch.temperature_degc, watch.cycles.full());
         let pack = Pack { model, ledger, temperature_degc, cycles, factor: self.factor.1 };
         let learned = ledger.state(CAPACITY);
-        let soh = Estimate::new(1.0 + learned.value, learned.sigma);
-        let mut reading = watch.reading(model, &pack, soc, soh);
+        let mut reading = watch.reading(model, &pack, soc, Estimate::new(1.0 + learned.value, learned.sigma));
         if let Some(cell_v) = self.load.cell_v() {
             let above_v = cell_v - model.battery().eod_v_per_cell;
             let left = (above_v / SMOOTHING_V).clamp(0.0, 1.0);

@@ -5,6 +5,8 @@
 //! moved, the slopes, which change less, for longer. In between, the line through the last
 //! prediction serves: `E = E_0 + g (x - x_0)`, `sigma² = g P g` with the covariance P of today.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::cycles::CycleCounter;
@@ -12,7 +14,7 @@ use super::power::MeanPower;
 use super::rest::CURRENT_SHARE;
 use super::{Reading, Sample};
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model};
+use crate::{Channel, Estimate, Model, forecast};
 
 /// A prediction is made anew when the state of charge has moved this far.
 const FRESH_SOC: f64 = 0.005;
@@ -165,8 +167,9 @@ impl Watch {
         Self { power: self.power, ..Self::new(self.temperature_degc) }
     }
 
-    /// Everything that a gauge tells.
-    pub(crate) fn reading(&mut self, model: &Model, believed: &impl Believed, soc: Estimate, soh: Estimate) -> Reading {
+    /// Everything that a gauge tells; `capacity` is what it has learned of it, as a share of the model's.
+    pub(crate) fn reading(&mut self, model: &Arc<Model>, believed: &impl Believed, soc: Estimate, capacity: Estimate) -> Reading {
+        let health = forecast::health(model, self.cycles.full());
         let (x, p) = believed.inputs();
         let errors = believed.current_errors();
         let facts = model.battery();
@@ -208,7 +211,7 @@ impl Watch {
             full_wh,
             time_to_empty_s,
             time_to_full_s,
-            soh,
+            soh: Estimate::new(health * capacity.value, health * capacity.sigma),
             power_w,
             cycles: self.cycles.full(),
             pseudo_cycles: self.cycles.pseudo(),

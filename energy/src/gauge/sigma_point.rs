@@ -358,10 +358,10 @@ impl Gauge for SigmaPoint {
 
     fn reading(&mut self) -> Reading {
         let capacity = self.layout.capacity;
-        let soh = Estimate::new(1.0 + self.x[capacity], self.p[(capacity, capacity)].max(0.0).sqrt());
+        let learned = Estimate::new(1.0 + self.x[capacity], self.p[(capacity, capacity)].max(0.0).sqrt());
         let mut watch = std::mem::take(&mut self.watch);
         let pack = Pack { gauge: self, temperature_degc: watch.temperature_degc, cycles: watch.cycles.full() };
-        let reading = watch.reading(&self.model, &pack, self.soc(), soh);
+        let reading = watch.reading(&self.model, &pack, self.soc(), learned);
         self.watch = watch;
         reading
     }

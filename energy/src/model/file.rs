@@ -206,6 +206,7 @@ fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>)
         unlike: Vec::new(),
         balancing: None,
         protection: Limits::of(raw.full_v_per_cell, eod_v_per_cell, raw.charge_current_a, raw.capacity_ah),
+        cycle_count: 0.0,
     })
 }
 

@@ -1,6 +1,7 @@
 //! Models made from models: with an effect more or less, on other facts, at other values.
 
 use super::{Model, Parameter, file};
+use crate::Estimate;
 use crate::effect::expression::{Definition, Expression};
 use crate::effect::{Effect, EffectSpec, find};
 use crate::system::Facts;
@@ -54,6 +55,21 @@ impl Model {
         assert_eq!(values.len(), self.parameters.len(), "one value per parameter of {}", self.name);
         self.parameters.iter_mut().zip(values).for_each(|(parameter, &value)| parameter.value = value);
         self
+    }
+
+    /// The battery of this model as one of its kind is after use: with that share of the charge that the model gives it (above 0), as
+    /// certain as that is, and after so many full cycles more.
+    ///
+    /// # Panics
+    /// When the model is not of a battery.
+    #[must_use]
+    pub fn worn(&self, capacity: Estimate, cycle_count: f64) -> Model {
+        let mut model = self.clone();
+        let Facts::Battery(facts) = &mut model.facts else { panic!("`{}` is not the model of a battery", self.name) };
+        facts.capacity_ah *= capacity.value;
+        facts.cycle_count += cycle_count;
+        model.uncertainty.capacity_relative_sigma = capacity.sigma / capacity.value;
+        model
     }
 
     /// The same model with nothing to be fitted.

@@ -83,6 +83,33 @@ fn a_resting_pack_is_counted_on_with_what_comes_into_it_as_long_as_its_gauge_sho
 }
 
 #[test]
+fn what_gauges_have_learned_of_their_batteries_is_what_is_planned_with() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    let believed = |core: &mut Core, time_s: f64, of_pack: Estimate, of_robot: Estimate| {
+        core.handle(at(time_s), Input::PackGauge(id("s"), id("p"), Gauge { soh: of_pack, ..gauge(time_s, 1.0, 84.0) }));
+        core.handle(at(time_s), Input::RobotGauge(id("r0"), Gauge { soh: of_robot, ..gauge(time_s, 0.3, 14.6) }));
+        let view = core.basis(at(time_s)).view();
+        let charge = view.robots[0].travel[0].2.at(0.3);
+        (view.stations[0].packs[0].usable_wh, charge.need_wh, charge.charge_s)
+    };
+    let new = believed(&mut core, 1.0, Estimate::new(1.0, 0.01), Estimate::new(1.0, 0.01));
+    let worn = believed(&mut core, 2.0, Estimate::new(0.7, 0.02), Estimate::new(0.8, 0.01));
+    // By hand: 70 % of what a new pack gives, a little less by the greater current, 3 % of that uncertain.
+    let (pack, of_new) = (worn.0, worn.0.value / new.0.value);
+    assert!((0.675..0.702).contains(&of_new) && (0.027..0.045).contains(&(pack.sigma / pack.value)), "{:?}, {pack:?}", new.0);
+    // Four fifths of a robot's charge take four fifths of the time and, beside the lift, of the energy.
+    assert!((worn.2 / new.2 - 0.8).abs() < 1e-9 && (0.8..0.83).contains(&(worn.1 / new.1)), "{worn:?} {new:?}");
+    let why = core.explain(at(2.0), &id("r0")).unwrap().reasons;
+    let told = "the gauge of r0 finds 80.0 ± 1.0 % of the rated capacity, which is planned with";
+    assert!(why.iter().any(|reason| reason == told), "{why:?}");
+    // One that says that it knows nothing takes nothing back of the model.
+    let unsure = believed(&mut core, 3.0, Estimate::new(0.97, 0.05), Estimate::new(1.0, 0.3));
+    assert_eq!((unsure.0.value, unsure.1), (new.0.value, new.1));
+}
+
+#[test]
 fn a_pack_whose_gauge_falls_silent_is_told_of_and_counts_for_less_until_it_speaks_again() {
     let mut core = core();
     station_joins(&mut core, 0.0);

@@ -77,3 +77,28 @@ fn of_several_the_last_to_be_charged_is_let_out_last() {
     assert_eq!(cut(&mut core, 600.0 - deadline_s - 2.0 * lift_s + 1.0), [false, true]);
     assert_eq!(cut(&mut core, 600.0 - deadline_s - lift_s + 1.0), [true, true]);
 }
+
+#[test]
+fn whoever_charges_is_let_out_before_the_packs_give_out_unless_something_comes() {
+    // At 60 W, by hand: half a minute for the lift and one for what nobody knows, of which 30 s are 0.5 Wh. A pack of 84 Wh at 80 % lasts for an hour,
+    // one at 1 % for less than a minute at this power.
+    let let_go = |soc: f64, remaining_wh: f64, back: Option<f64>| {
+        let mut core = begun(How::Recharge { bay: id("bay-1"), to_soc: 0.98 }, Stage::Charging);
+        says(&mut core, 110.0, "r0", RobotPhase::Charging);
+        holds(&mut core, 110.0, BayPhase::Occupied, Some("r0"));
+        let left = Gauge { remaining_wh: Estimate::new(remaining_wh, 0.1), ..gauge(111.0, soc, 84.0) };
+        core.handle(at(111.0), Input::PackGauge(id("s"), id("p"), left));
+        let mut state =
+            StationState { at: at(112.0), seq: 112_002, pack_power_w: 60.0, ..core.fleet.stations[&id("s")].state.clone().unwrap() };
+        let back = back.map(|at_s| proto::PackReturn { at: at(at_s), soc: Estimate::new(1.0, 0.01) });
+        state.packs.extend(back.map(|back| PackState { pack: id("q"), connected: false, depleted: false, back: Some(back) }));
+        core.handle(at(112.0), Input::StationState(id("s"), state));
+        core.running[&id::<RobotId>("r0")].cut_short.clone()
+    };
+    let why = Some("the packs of s hold no more than lets everybody out".to_owned());
+    assert_eq!(let_go(0.8, 60.0, None), None);
+    assert_eq!(let_go(0.8, 1.2, None), why, "its gauge is nearer to it");
+    assert_eq!(let_go(0.012, 3.0, None), why, "what it says lasts for no service");
+    assert_eq!(let_go(0.1, 7.0, None), None);
+    assert_eq!(let_go(0.012, 1.0, Some(500.0)), None, "another one comes");
+}

@@ -54,6 +54,22 @@ fn who_is_busy_is_asked_again_later_and_later_and_no_promise_is_broken() {
 }
 
 #[test]
+fn a_robot_is_told_where_its_service_stands_and_what_it_waits_for() {
+    let mut core = begun(recharge(), Stage::Waiting);
+    goes_on(&mut core, 110.0, RobotPhase::Waiting, FREE);
+    let stands = |core: &Core| core.explain(at(110.6), &id("r0")).unwrap().reasons[1].clone();
+    let (commands, _) = heard(&mut core);
+    assert_eq!(stands(&core), format!("its service has begun: it waits at the station; {} has not been answered yet", commands[0].0));
+    refuses(&mut core, 110.5, &commands[0].0, Rejection::Busy);
+    let said = stands(&core);
+    assert!(
+        said.starts_with("its service has begun: it waits at the station; it is asked again at 00:01:")
+            && said.ends_with(": the lift is at work"),
+        "{said}"
+    );
+}
+
+#[test]
 fn after_any_other_refusal_robot_and_station_are_not_brought_together_for_a_while() {
     let mut core = begun(recharge(), Stage::Waiting);
     goes_on(&mut core, 110.0, RobotPhase::Waiting, FREE);

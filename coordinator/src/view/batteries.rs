@@ -1,0 +1,21 @@
+//! Batteries as their gauges have found them, where these are not doubted.
+
+use std::sync::Arc;
+
+use energy::Model;
+use proto::{Gauge, RobotId, RobotState};
+
+use super::Basis;
+use crate::trust::Owner;
+
+impl Basis<'_> {
+    /// The battery of this model whose gauge that is.
+    pub(crate) fn worn(&self, owner: &Owner, model: &Arc<Model>, gauge: &Gauge) -> Arc<Model> {
+        if self.trust.fault(self.now, owner).is_some() { Arc::clone(model) } else { self.tables.worn.of(model, gauge) }
+    }
+
+    /// A robot's battery; none where nobody knows what it is.
+    pub(super) fn battery(&self, id: &RobotId, gauge: &Gauge, state: &RobotState) -> Option<Arc<Model>> {
+        Some(self.worn(&Owner::Robot(id.clone()), self.models.battery(id, &state.battery)?, gauge))
+    }
+}
