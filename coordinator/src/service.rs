@@ -245,7 +245,11 @@ impl Service {
             match record {
                 Record::Event(event) => {
                     let (kind, text) = (event.kind, &event.text);
-                    if kind.is_warning() { warn!("{kind}: {text}") } else { info!("{kind}: {text}") }
+                    if kind.is_warning() {
+                        warn!("{kind}: {text}")
+                    } else {
+                        info!("{kind}: {text}")
+                    }
                     self.past.event(event);
                 }
                 // Whoever follows the schedule hears of each new plan without asking.
