@@ -147,6 +147,8 @@ impl Station {
                 let (soc, full_wh) = (back.soc, gauge.full_wh.value);
                 (gauge.soc, gauge.remaining_wh) = (soc, proto::Estimate::new(soc.value * full_wh, soc.sigma * full_wh));
                 (gauge.time_to_empty_s, gauge.time_to_full_s) = (None, None);
+                // It may be another one.
+                (gauge.soh, gauge.cycles) = (proto::Estimate::new(1.0, 0.0), None);
             }
         }
     }

@@ -1,25 +1,42 @@
 //! Who has to be out of a station before it leaves, or before its packs give out.
 
-use proto::Timestamp;
+use energy::units::S_PER_H;
+use proto::{PackId, Timestamp};
 
 use super::Core;
 use crate::fleet::{Robot, Station};
 use crate::scheduler::HANDOVER_S;
 use crate::service_run::{How, ServiceRun, Stage};
+use crate::trust::Owner;
 use crate::when::minute_from;
 
 /// Packs that last so many times as long as it takes to let everybody out are not looked at more closely.
 const PLENTY: f64 = 5.0;
 
+/// A pack that should have been back by so long ago is not waited for, s.
+const OVERDUE_S: f64 = 60.0;
+
+/// Why somebody has to be out.
+pub(super) enum Leave {
+    /// The station leaves.
+    Station(String),
+    /// It will have no power.
+    Power(String),
+}
+
 impl Core {
     /// Why a robot is let go before it is charged: its station leaves or will have no power, and all who charge there have to be let out before.
-    pub(super) fn must_be_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> Option<String> {
+    pub(super) fn must_be_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> Option<Leave> {
         let charges = |stage: Stage| matches!(stage, Stage::Charging | Stage::ChargingItself);
         robot.heard().filter(|_| charges(run.stage) && run.cut_short.is_none())?;
         let lift_s = self.models.stations.get(&run.station)?.handling.unload_s;
-        let inside = |other: &&ServiceRun| other.station == run.station && (charges(other.stage) || other.stage == Stage::Unloading);
+        // Who is brought in now has to get out too.
+        let lifted = |stage: Stage| matches!(stage, Stage::Loading | Stage::Unloading);
+        let inside = |other: &&ServiceRun| other.station == run.station && (charges(other.stage) || lifted(other.stage));
         let all_s = lift_s * self.running.values().filter(inside).count() as f64;
-        let (left_s, why) = self.leaves(now, run, station, all_s).or_else(|| self.gives_out(now, run, station, all_s))?;
+        let leaves = || self.leaves(now, run, station, all_s).map(|(left_s, why)| (left_s, Leave::Station(why)));
+        let (left_s, why) =
+            leaves().or_else(|| self.gives_out(now, run, station, all_s).map(|(left_s, why)| (left_s, Leave::Power(why))))?;
         // Who would be ready last goes last.
         let basis = self.basis(now);
         let own_s = basis.ends_s(run);
@@ -39,22 +56,30 @@ impl Core {
     /// The same until its packs have given out: in a station without power nobody gets out of a bay.
     fn gives_out(&self, now: Timestamp, run: &ServiceRun, station: &Station, all_s: f64) -> Option<(f64, String)> {
         let (state, models) = (station.heard()?, self.models.stations.get(&run.station)?);
-        // Where something comes it waits for that.
-        let comes = models.recharge_w > 0.0 || state.packs.iter().any(|pack| !pack.connected && pack.back.is_some());
-        if comes || !state.powered || state.pack_power_w <= 0.0 {
+        if !state.powered || state.pack_power_w <= 0.0 {
             return None;
         }
-        let lasts_s = |wh: f64| wh * energy::units::S_PER_H / state.pack_power_w - HANDOVER_S;
+        let basis = self.basis(now);
+        let lasts_s = |wh: f64| wh * S_PER_H / state.pack_power_w - HANDOVER_S;
+        let gauged_wh = |pack: &PackId| {
+            let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
+            let owner = Owner::Pack(run.station.clone(), pack.clone());
+            Some(self.trust.belief(now, &owner, gauge, model.battery().stored_wh()).1.value)
+        };
         let here = state.packs.iter().filter(|pack| pack.connected && !pack.depleted);
-        let gauged_wh: f64 = here.filter_map(|pack| station.packs.get(&pack.pack)).map(|gauge| gauge.remaining_wh.value).sum();
+        let gauged_wh: f64 = here.filter_map(|pack| gauged_wh(&pack.pack)).sum();
         // Mostly there is plenty, by any account.
         if lasts_s(gauged_wh) > PLENTY * (all_s + HANDOVER_S) {
             return None;
         }
-        let packs = self.basis(now).packs(&run.station, models, station, state);
-        let held_wh = packs.iter().map(|pack| pack.usable_wh.value.max(0.0)).sum::<f64>();
+        let packs = basis.packs(&run.station, models, station, state);
+        let held_wh: f64 = packs.iter().filter(|pack| pack.available_s <= 0.0).map(|pack| pack.usable_wh.value.max(0.0)).sum();
         let left_s = lasts_s(held_wh.min(gauged_wh));
-        (left_s <= all_s).then(|| (left_s, format!("the packs of {} hold no more than lets everybody out", run.station)))
+        // What is there in time is waited for, and so is what comes into packs that rest.
+        let in_time = |at: Timestamp| (-OVERDUE_S..left_s.max(0.0)).contains(&at.seconds_since(now));
+        let comes = state.packs.iter().any(|pack| !pack.connected && pack.back.is_some_and(|back| in_time(back.at)));
+        let waits = comes || basis.is_charged_from_outside(&run.station, models, station, state);
+        (left_s <= all_s && !waits).then(|| (left_s, format!("the packs of {} hold no more than lets everybody out", run.station)))
     }
 
     /// Why a robot that is on its way, or waits, is not taken in any more: its station leaves before that would be done.

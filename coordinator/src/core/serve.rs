@@ -2,6 +2,7 @@
 
 use proto::{BayId, BayPhase, BayState, EventKind, RobotAction, RobotId, RobotPhase, StationAction, StationId, Timestamp};
 
+use super::leave::Leave;
 use super::{Concerned, Core};
 use crate::answers;
 use crate::fleet::{Robot, Station};
@@ -96,7 +97,16 @@ impl Core {
                 self.give_up(now, &robot, &why);
                 continue;
             }
-            if let Some(why) = self.charged_in_vain(now, run, belief).or_else(|| self.must_be_out(now, run, belief, place)) {
+            let in_vain = self.charged_in_vain(now, run, belief).map(Leave::Station);
+            if let Some(leave) = in_vain.or_else(|| self.must_be_out(now, run, belief, place)) {
+                // Where there is nothing left nobody is sent again at once.
+                let why = match leave {
+                    Leave::Station(why) => why,
+                    Leave::Power(why) => {
+                        self.refusals.note(now, &robot, &station, false, why.clone());
+                        why
+                    }
+                };
                 let (stage, again) = (run.stage, self.again(now, belief, &why));
                 if let Some(run) = self.running.get_mut(&robot) {
                     (run.again, run.cut_short) = (Some(again), Some(why));

@@ -1,6 +1,7 @@
 //! Models of batteries as their gauges have found them: with the capacity that is left, after the cycles that were counted.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use energy::{Channel, Estimate, Model, forecast};
@@ -18,6 +19,11 @@ const SIGMA_LEAST: f64 = 1e-4;
 const CYCLES_STEP: f64 = 10.0;
 /// A gauge that is so much surer of the capacity than the model has learned it.
 const SURER: f64 = 0.5;
+
+/// A capacity that is known no better than this, as a share of the rated one, is not known.
+const SIGMA_MOST: f64 = 0.15;
+/// Capacities beyond these are no batteries' that are in use: a gauge that tells one is wrong. A guess.
+const PLAUSIBLE: RangeInclusive<f64> = 0.3..=1.2;
 
 /// Model that another was made from (address); its capacity, the deviation of that where a gauge knows it, and cycles, in steps.
 type Kind = (usize, i32, Option<i32>, i32);
@@ -74,7 +80,8 @@ impl Worn {
 /// model says whose capacity deviates by `sigma`. What states no deviation has that one.
 fn learned(soh: Estimate, sigma: f64) -> Option<Estimate> {
     let moved = (soh.value - 1.0).abs();
-    let is_learned = soh.value > 0.0 && moved > 0.0 && (moved > soh.sigma || soh.sigma < SURER * sigma);
+    let is_known = PLAUSIBLE.contains(&soh.value) && soh.sigma <= SIGMA_MOST;
+    let is_learned = is_known && moved > 0.0 && (moved > soh.sigma || soh.sigma < SURER * sigma);
     is_learned.then(|| Estimate::new(soh.value, if soh.sigma > 0.0 { soh.sigma } else { sigma }))
 }
 
@@ -94,6 +101,9 @@ mod tests {
             ((0.96, 0.05), None),
             ((0.93, 0.0), Some((0.93, 0.01))),
             ((0.0, 0.0), None),
+            ((0.2, 0.01), None),
+            ((1.4, 0.01), None),
+            ((0.6, 0.2), None),
         ] {
             let told = learned(Estimate::new(soh.0, soh.1), 0.01).map(|soh| (soh.value, soh.sigma));
             assert_eq!(told, learned_as, "{soh:?}");

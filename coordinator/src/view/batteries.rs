@@ -1,4 +1,4 @@
-//! Batteries as their gauges have found them, where these are not doubted.
+//! Batteries as their gauges have found them.
 
 use std::sync::Arc;
 
@@ -11,7 +11,10 @@ use crate::trust::Owner;
 impl Basis<'_> {
     /// The battery of this model whose gauge that is.
     pub(crate) fn worn(&self, owner: &Owner, model: &Arc<Model>, gauge: &Gauge) -> Arc<Model> {
-        if self.trust.fault(self.now, owner).is_some() { Arc::clone(model) } else { self.tables.worn.of(model, gauge) }
+        let worn = self.tables.worn.of(model, gauge);
+        // A doubt makes nothing more of what is there.
+        let is_more = || self.tables.worn.origin(&worn).is_some_and(|(_, share)| share > 1.0);
+        if self.trust.fault(self.now, owner).is_some() && is_more() { Arc::clone(model) } else { worn }
     }
 
     /// A robot's battery; none where nobody knows what it is.

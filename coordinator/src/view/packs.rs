@@ -55,6 +55,12 @@ pub(super) fn charged_from_outside(
 }
 
 impl Basis<'_> {
+    /// Whether an outside supply charges some pack that rests.
+    pub(crate) fn is_charged_from_outside(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> bool {
+        let is_doubted = |pack: &PackId| self.trust.fault(self.now, &Owner::Pack(id.clone(), pack.clone())).is_some();
+        !charged_from_outside(models, station, state, self.now, is_doubted).is_empty()
+    }
+
     /// Packs that hold something, in the order in which they are drained: the active one, then
     /// the fullest last, so that full packs stay full. Those that are still to come, last.
     pub(crate) fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
@@ -67,7 +73,7 @@ impl Basis<'_> {
             let temperature_degc = gauge.map_or(REFERENCE_DEGC, |gauge| gauge.temperature_degc);
             let model = models.packs.get(&pack.pack)?;
             let owner = Owner::Pack(id.clone(), pack.pack.clone());
-            let model = &gauge.map_or_else(|| Arc::clone(model), |gauge| self.worn(&owner, model, gauge));
+            let model = &gauge.filter(|_| pack.connected).map_or_else(|| Arc::clone(model), |gauge| self.worn(&owner, model, gauge));
             let (soc, available_s) = match pack.back {
                 _ if pack.connected && (!pack.depleted || charged.contains_key(&pack.pack)) => {
                     (self.believed(id, &pack.pack, gauge?, model), 0.0)

@@ -100,5 +100,7 @@ fn whoever_charges_is_let_out_before_the_packs_give_out_unless_something_comes()
     assert_eq!(let_go(0.8, 1.2, None), why, "its gauge is nearer to it");
     assert_eq!(let_go(0.012, 3.0, None), why, "what it says lasts for no service");
     assert_eq!(let_go(0.1, 7.0, None), None);
-    assert_eq!(let_go(0.012, 1.0, Some(500.0)), None, "another one comes");
+    // 1.4 Wh are 84 s, of which 60 are for what nobody knows.
+    assert_eq!(let_go(0.1, 1.4, Some(130.0)), None, "another one comes in time");
+    assert_eq!([let_go(0.012, 1.0, Some(500.0)), let_go(0.012, 1.0, Some(30.0))], [why.clone(), why], "too late, or overdue");
 }
