@@ -18,9 +18,9 @@ const OVERDUE_S: f64 = 60.0;
 
 /// Why somebody has to be out.
 pub(super) enum Leave {
-    /// The station leaves.
-    Station(String),
-    /// It will have no power.
+    /// The station leaves, or the robot is charged in vain.
+    Otherwise(String),
+    /// The station will have no power.
     Power(String),
 }
 
@@ -34,7 +34,7 @@ impl Core {
         let lifted = |stage: Stage| matches!(stage, Stage::Loading | Stage::Unloading);
         let inside = |other: &&ServiceRun| other.station == run.station && (charges(other.stage) || lifted(other.stage));
         let all_s = lift_s * self.running.values().filter(inside).count() as f64;
-        let leaves = || self.leaves(now, run, station, all_s).map(|(left_s, why)| (left_s, Leave::Station(why)));
+        let leaves = || self.leaves(now, run, station, all_s).map(|(left_s, why)| (left_s, Leave::Otherwise(why)));
         let (left_s, why) =
             leaves().or_else(|| self.gives_out(now, run, station, all_s).map(|(left_s, why)| (left_s, Leave::Power(why))))?;
         // Who would be ready last goes last.

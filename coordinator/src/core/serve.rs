@@ -97,11 +97,11 @@ impl Core {
                 self.give_up(now, &robot, &why);
                 continue;
             }
-            let in_vain = self.charged_in_vain(now, run, belief).map(Leave::Station);
+            let in_vain = self.charged_in_vain(now, run, belief).map(Leave::Otherwise);
             if let Some(leave) = in_vain.or_else(|| self.must_be_out(now, run, belief, place)) {
                 // Where there is nothing left nobody is sent again at once.
                 let why = match leave {
-                    Leave::Station(why) => why,
+                    Leave::Otherwise(why) => why,
                     Leave::Power(why) => {
                         self.refusals.note(now, &robot, &station, false, why.clone());
                         why
