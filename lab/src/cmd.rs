@@ -8,6 +8,7 @@ mod discover;
 mod effects;
 mod fit;
 mod inputs;
+mod ocv;
 mod predict;
 mod propose;
 mod report;
@@ -47,6 +48,8 @@ enum Format {
 enum Verb {
     /// Print the catalogue of physical effects, or all about one of them.
     Effects(effects::Args),
+    /// Make a first model of a battery of its own logs: capacity, open-circuit voltage, resistance.
+    Ocv(ocv::Args),
     /// Predict the measured channels of a log, row by row.
     Predict(predict::Args),
     /// Compare a model with logs: error against the sensor floor, and where it lies.
@@ -87,6 +90,7 @@ enum Answer {
 pub(crate) fn main(cli: Cli) -> ExitCode {
     let result = match cli.verb {
         Verb::Effects(args) => effects::run(&args, cli.format),
+        Verb::Ocv(args) => ocv::run(&args, cli.format),
         Verb::Predict(args) => predict::run(&args, cli.format),
         Verb::Compare(args) => compare::run(&args, cli.format),
         Verb::Fit(args) => fit::run(&args, cli.format),

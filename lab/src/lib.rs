@@ -4,6 +4,7 @@
 //!   measurement/   one file per source format -> columns -> Log (canonical channels, missing = NaN)
 //!        |                         model_source   built-in name or path -> Model
 //!        v                              v
+//!        |            ocv/   a battery's first model, of its logs alone
 //!   prepare        a log seen by a model: inputs, start, targets with their sensor floors
 //!        |
 //!   predict        the same walk for plain numbers and for exact derivatives
@@ -38,6 +39,7 @@ pub mod learned;
 pub mod measurement;
 pub mod model_edit;
 pub mod model_source;
+pub mod ocv;
 pub mod output;
 pub mod plot;
 pub mod predict;

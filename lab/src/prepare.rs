@@ -258,7 +258,7 @@ fn needed_inputs(model: &Model, computed: impl Fn(Channel) -> bool) -> Vec<(Chan
 }
 
 /// The values with every hole filled by the next known value, at the end by the last one.
-fn held(values: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn held(values: &[f64]) -> Option<Vec<f64>> {
     let mut next = *values.iter().rev().find(|value| value.is_finite())?;
     let mut filled = values.to_vec();
     for value in filled.iter_mut().rev() {

@@ -4,6 +4,7 @@ pub mod addition;
 pub mod comparison;
 pub mod discovery;
 pub mod effects;
+pub mod first;
 pub mod fitted;
 pub mod html;
 pub mod prediction;

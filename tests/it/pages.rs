@@ -16,7 +16,8 @@ struct Shown {
 fn shown(page: &str) -> Vec<Shown> {
     let mut all: Vec<Shown> = Vec::new();
     let (mut in_block, mut goes_on, mut below) = (false, false, false);
-    for line in page.lines() {
+    // Blocks of a list stand in its depth.
+    for line in page.lines().map(str::trim_start) {
         if line.starts_with("```") {
             (in_block, goes_on, below) = (!in_block, false, false);
         } else if let Some(command) = line.strip_prefix("$ ").filter(|_| in_block) {
@@ -121,4 +122,10 @@ fn the_readme_shows_what_is_printed() {
 fn the_readme_of_the_lab_shows_what_is_printed() {
     let own = ["cell.toml", "base.toml", "long.csv"];
     check("lab/README.md", folder("scenarios/measured/enertech-lco-2280mah").path(), &own, 5);
+}
+
+/// `my-cell.toml` comes of the first command; `M`, `M2` and what stands for logs are the reader's own.
+#[test]
+fn the_way_to_a_battery_shows_what_is_printed() {
+    check("docs/how-to/calibrate-a-battery.md", folder("scenarios/measured/enertech-lco-2280mah").path(), &["lab fit --model M"], 2);
 }

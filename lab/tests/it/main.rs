@@ -6,6 +6,7 @@ mod calibration;
 mod cli;
 mod commands;
 mod discovery;
+mod first_model;
 mod gaps;
 mod inputs;
 mod known_together;

@@ -1,0 +1,210 @@
+//! The table of the open-circuit voltage, by least squares.
+//!
+//! A row shows `v = OCV(soc) - R(soc) I`: I is 0 at rest, R is what a slow current costs in all its time, as a straight
+//! line between a few states of charge. Where a battery was both charged and discharged slowly, R is what lies between,
+//! half of a hysteresis included, and the table is the middle. Where it was not, R is as roughly known as what is stated for
+//! it before, and so is the table.
+
+use energy::{Estimate, OcvTable};
+use nalgebra::{DMatrix, DVector};
+
+use super::shown::{Kind, Shown, place};
+
+/// Points that a table takes.
+pub(super) const LEAST: usize = 4;
+/// Where what a slow current costs may turn, as a state of charge: near the end it rises.
+const TURNS: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
+/// What a slow current costs in all its time, in resistances of its first seconds, and how well that is known: diffusion and
+/// charge transfer come to about as much again. A guess.
+const OF_STEP: (f64, f64) = (2.0, 0.7);
+/// The same where no step was seen, V per cell at the capacity an hour. A guess: lithium cells lose some 50 to 200 mV at that.
+const UNSEEN_V: (f64, f64) = (0.1, 0.07);
+/// A table is known no better than this, V per cell: a hysteresis of layered oxides that nothing need have shown. A guess.
+const KNOWN_V: f64 = 2e-3;
+/// How well a state of charge is known that was counted from full or empty. A guess.
+const COUNTED: f64 = 2e-3;
+/// Places at which the deviation of a table is taken.
+const GRID: u32 = 200;
+/// Below this state of charge a table is as steep as it is uncertain.
+const STEEP: f64 = 0.05;
+
+/// Which way a battery went where its voltage was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Branch {
+    /// Only while, or after, it was discharged.
+    Discharge,
+    /// Only while, or after, it was charged.
+    Charge,
+    /// Both.
+    Both,
+}
+
+/// The open-circuit voltage of one cell, as logs show it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// The points.
+    pub ocv: OcvTable,
+    /// Standard deviation of each, V, as far as it is known from what was stated and from how the rows agree.
+    pub sigma_v: Vec<f64>,
+    /// Standard deviation of the table above a twentieth of the charge, V, RMS: of its points, and of the straight lines between.
+    pub rms_sigma_v: f64,
+    /// What was shown lies so far from the table, V, RMS; none where each point rests on one place.
+    pub left_v: Option<f64>,
+    /// What a slow current costs at half the charge, ohm per cell in series; none where there was none.
+    pub slow_ohm: Option<Estimate>,
+    /// Which way the battery went.
+    pub branch: Branch,
+}
+
+/// Shares of the straight lines between `knots` at `at`; the outer ones go on.
+fn shares(knots: &[f64], at: f64, go_on: bool) -> [(usize, f64); 2] {
+    let high = knots.partition_point(|knot| *knot <= at).clamp(1, knots.len() - 1);
+    let share = (at - knots[high - 1]) / (knots[high] - knots[high - 1]);
+    let share = if go_on { share } else { share.clamp(0.0, 1.0) };
+    [(high - 1, 1.0 - share), (high, share)]
+}
+
+/// One point of the table at each place where something was shown.
+fn knots(shown: &[Shown]) -> Vec<f64> {
+    let mut sorted: Vec<f64> = shown.iter().map(|shown| shown.soc).collect();
+    sorted.sort_by(f64::total_cmp);
+    let together = sorted.chunk_by(|a, b| place(*a) == place(*b));
+    together.map(|socs| socs.iter().sum::<f64>() / socs.len() as f64).collect()
+}
+
+/// The table; nothing where too little was shown.
+pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, capacity_ah: f64) -> Option<Table> {
+    let knots = knots(shown);
+    if knots.len() < LEAST {
+        return None;
+    }
+    let (times, of) = step_ohm.map_or((UNSEEN_V, 1.0 / capacity_ah), |ohm| (OF_STEP, ohm.value));
+    let equations = Equations::of(shown, &knots, Estimate::new(times.0 * of, times.1 * of));
+    // How steep the table is tells what the state of charge, which is not exact, does to a voltage.
+    let rough = equations.solved(&shown.iter().map(|shown| shown.sigma_v).collect::<Vec<_>>())?;
+    let steep_v = |soc: f64| {
+        let [(low, _), (high, _)] = shares(&knots, soc, true);
+        COUNTED * ((rough.answer[high] - rough.answer[low]) / (knots[high] - knots[low])).abs()
+    };
+    let solved = equations.solved(&shown.iter().map(|shown| shown.sigma_v.hypot(steep_v(shown.soc))).collect::<Vec<_>>())?;
+    let sigma_v: Vec<f64> = (0..knots.len()).map(|knot| solved.covariance[(knot, knot)].sqrt()).collect();
+    let volts = never_falling(solved.answer.as_slice()[..knots.len()].to_vec(), &sigma_v);
+    let went = |discharged: bool| shown.iter().any(|shown| shown.discharged == discharged);
+    let branch = match (went(true), went(false)) {
+        (true, false) => Branch::Discharge,
+        (false, _) => Branch::Charge,
+        (true, true) => Branch::Both,
+    };
+    let slow = shown.iter().any(|shown| shown.kind == Kind::Slow);
+    Some(Table {
+        rms_sigma_v: deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V),
+        left_v: (shown.len() > volts.len()).then(|| (solved.off.iter().map(|off| off * off).sum::<f64>() / solved.off.len() as f64).sqrt()),
+        slow_ohm: slow.then(|| equations.cost(&solved, 0.5)),
+        branch,
+        sigma_v,
+        ocv: OcvTable::new(knots, volts).ok()?,
+    })
+}
+
+/// What was shown, as linear equations in the points of the table and in what a slow current costs at its turns.
+struct Equations {
+    /// Coefficients, one list for each thing shown.
+    rows: Vec<Vec<(usize, f64)>>,
+    volts: Vec<f64>,
+    points: usize,
+    before: Estimate,
+}
+
+struct Solved {
+    answer: DVector<f64>,
+    covariance: DMatrix<f64>,
+    /// What was shown less what the answer says, V.
+    off: Vec<f64>,
+}
+
+impl Equations {
+    fn of(shown: &[Shown], knots: &[f64], before: Estimate) -> Equations {
+        let row = |shown: &Shown| {
+            let volts = shares(knots, shown.soc, true);
+            let costs = shares(&TURNS, shown.soc, false).map(|(turn, share)| (knots.len() + turn, -shown.current_a * share));
+            volts.into_iter().chain(costs).collect()
+        };
+        Equations {
+            rows: shown.iter().map(row).collect(),
+            volts: shown.iter().map(|shown| shown.cell_v).collect(),
+            points: knots.len(),
+            before,
+        }
+    }
+
+    fn solved(&self, sigma_v: &[f64]) -> Option<Solved> {
+        let unknowns = self.points + TURNS.len();
+        let mut normal = DMatrix::<f64>::zeros(unknowns, unknowns);
+        let mut right = DVector::<f64>::zeros(unknowns);
+        for ((row, volts), sigma_v) in self.rows.iter().zip(&self.volts).zip(sigma_v) {
+            let weight = sigma_v.powi(-2);
+            for &(i, of_i) in row {
+                right[i] += weight * of_i * volts;
+                row.iter().for_each(|&(j, of_j)| normal[(i, j)] += weight * of_i * of_j);
+            }
+        }
+        for turn in self.points..unknowns {
+            normal[(turn, turn)] += self.before.sigma.powi(-2);
+            right[turn] += self.before.sigma.powi(-2) * self.before.value;
+        }
+        // What a slow current costs does not differ from one turn to the next by more than it is itself.
+        let alike = self.before.value.powi(-2);
+        for turn in self.points + 1..unknowns {
+            for (i, j, sign) in [(turn, turn, 1.0), (turn - 1, turn - 1, 1.0), (turn, turn - 1, -1.0), (turn - 1, turn, -1.0)] {
+                normal[(i, j)] += sign * alike;
+            }
+        }
+        let factor = normal.cholesky()?;
+        let (answer, mut covariance) = (factor.solve(&right), factor.inverse());
+        let says = |row: &Vec<(usize, f64)>| row.iter().map(|&(i, of_i)| of_i * answer[i]).sum::<f64>();
+        let off: Vec<f64> = self.rows.iter().zip(&self.volts).map(|(row, volts)| volts - says(row)).collect();
+        let squared: f64 = off.iter().zip(sigma_v).map(|(off, sigma_v)| (off / sigma_v).powi(2)).sum();
+        // Where rows agree worse than they say, nothing is known as well as they say.
+        covariance *= (squared / (self.rows.len() as f64 - self.points as f64).max(1.0)).max(1.0);
+        Some(Solved { answer, covariance, off })
+    }
+
+    /// What a slow current costs at a state of charge, ohm.
+    fn cost(&self, solved: &Solved, soc: f64) -> Estimate {
+        let at = shares(&TURNS, soc, false).map(|(turn, share)| (self.points + turn, share));
+        let variance: f64 = at.iter().map(|&(i, a)| at.iter().map(|&(j, b)| a * b * solved.covariance[(i, j)]).sum::<f64>()).sum();
+        Estimate::new(at.iter().map(|&(i, share)| share * solved.answer[i]).sum(), variance.sqrt())
+    }
+}
+
+/// Deviation of a table where it is not steep, V, RMS: that of its points, and how far the curve may be from the straight lines between
+/// them, by how it bends at the points next to each.
+fn deviation_v(knots: &[f64], volts: &[f64], sigma_v: &[f64]) -> f64 {
+    let slope = |at: usize| (volts[at + 1] - volts[at]) / (knots[at + 1] - knots[at]);
+    let bend = |at: usize| ((slope(at) - slope(at - 1)) / (knots[at + 1] - knots[at - 1]) * 2.0).abs();
+    let bend = |at: usize| bend(at.clamp(1, knots.len() - 2));
+    let square = |step: u32| {
+        let soc = STEEP + (1.0 - STEEP) * f64::from(step) / f64::from(GRID);
+        let [(low, _), (high, _)] = shares(knots, soc, true);
+        let of_points: f64 = shares(knots, soc, false).map(|(knot, share)| share * sigma_v[knot].powi(2)).iter().sum();
+        // A parabola through both ends; beyond the table, how far it goes off after that.
+        let of_line = bend(low).max(bend(high)) * (soc - knots[low]) * (knots[high] - soc) / 2.0;
+        of_points + of_line.powi(2)
+    };
+    ((0..=GRID).map(square).sum::<f64>() / f64::from(GRID + 1)).sqrt()
+}
+
+/// The nearest voltages that never fall with the charge: neighbours that do are taken together, by how well each is known.
+fn never_falling(volts: Vec<f64>, sigma_v: &[f64]) -> Vec<f64> {
+    let mut levels: Vec<(f64, f64, usize)> = Vec::new();
+    for (volts, sigma_v) in volts.into_iter().zip(sigma_v) {
+        levels.push((volts, sigma_v.powi(-2), 1));
+        while let [.., (low_v, low, below), (high_v, high, above)] = levels[..]
+            && low_v > high_v
+        {
+            levels.truncate(levels.len() - 2);
+            levels.push(((low * low_v + high * high_v) / (low + high), low + high, below + above));
+        }
+    }
+    levels.into_iter().flat_map(|(volts, _, count)| std::iter::repeat_n(volts, count)).collect()
+}

@@ -1,0 +1,239 @@
+//! A first model for people and for JSON.
+
+use serde::Serialize;
+
+use crate::ocv::{Beginning, Branch, FirstModel};
+
+use super::quantity::{quantity, with_sigma};
+use super::table::{numbers_from, table, text};
+
+/// A way between full and empty that says what the battery holds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PassageReport {
+    /// Name of the log.
+    pub log: String,
+    /// `charge` or `discharge`.
+    pub direction: &'static str,
+    /// Charge that passed, Ah.
+    pub charge_ah: f64,
+    /// Mean current as a share of that charge an hour.
+    pub c_rate: f64,
+}
+
+/// What a log gave.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct UsedLog {
+    /// Its name.
+    pub log: String,
+    /// State of charge at its first row.
+    pub soc_initial: f64,
+    /// What says so: `stated`, `full` or `counted`.
+    pub beginning: &'static str,
+    /// Least state of charge.
+    pub soc_min: f64,
+    /// Greatest state of charge.
+    pub soc_max: f64,
+    /// Rests that show the open-circuit voltage.
+    pub rests: usize,
+    /// Places at which a slow current shows it.
+    pub slow: usize,
+}
+
+/// Everything that `lab ocv` says.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FirstReport {
+    /// Version of this structure.
+    pub schema: u32,
+    /// Name of the model.
+    pub model: String,
+    /// Version of the program.
+    pub version: &'static str,
+    /// Capacity of the pack, Ah.
+    pub capacity_ah: f64,
+    /// Its deviation, Ah.
+    pub capacity_sigma_ah: f64,
+    /// What says so; empty where it was stated.
+    pub passages: Vec<PassageReport>,
+    /// States of charge of the table.
+    pub soc: Vec<f64>,
+    /// Open-circuit voltage of one cell there, V.
+    pub voltage_v: Vec<f64>,
+    /// Deviation of each, V.
+    pub sigma_v: Vec<f64>,
+    /// Deviation of the table above 5 % of the charge, V, RMS.
+    pub ocv_sigma_v: f64,
+    /// What was shown lies so far from it, V, RMS; null where each point rests on one place.
+    pub left_v: Option<f64>,
+    /// Resistance of the pack in steps of the current, ohm; null where there was none.
+    pub step_ohm: Option<f64>,
+    /// Its deviation, ohm.
+    pub step_sigma_ohm: Option<f64>,
+    /// Steps that show it.
+    pub steps: usize,
+    /// What a slow current costs a pack at half its charge, ohm; null where there was none.
+    pub slow_ohm: Option<f64>,
+    /// Its deviation, ohm.
+    pub slow_sigma_ohm: Option<f64>,
+    /// By log.
+    pub logs: Vec<UsedLog>,
+    /// What to know about it, one sentence each.
+    pub words: Vec<String>,
+    /// The file written; null when none was asked for.
+    pub output: Option<String>,
+}
+
+impl FirstReport {
+    /// Puts a report together.
+    #[must_use]
+    pub fn of(found: &FirstModel, output: Option<String>) -> FirstReport {
+        let (soc, voltage_v) = found.table.ocv.points();
+        let series = f64::from(found.sheet.series);
+        let (step, slow) = (found.step_ohm, found.table.slow_ohm);
+        FirstReport {
+            schema: 1,
+            model: found.sheet.name.clone(),
+            version: env!("CARGO_PKG_VERSION"),
+            capacity_ah: found.capacity_ah.value,
+            capacity_sigma_ah: found.capacity_ah.sigma,
+            passages: found
+                .passages
+                .iter()
+                .map(|passage| PassageReport {
+                    log: passage.log.clone(),
+                    direction: if passage.discharge { "discharge" } else { "charge" },
+                    charge_ah: passage.charge_ah,
+                    c_rate: passage.per_hour,
+                })
+                .collect(),
+            soc: soc.to_vec(),
+            voltage_v: voltage_v.to_vec(),
+            sigma_v: found.table.sigma_v.clone(),
+            ocv_sigma_v: found.table.rms_sigma_v,
+            left_v: found.table.left_v,
+            step_ohm: step.map(|(ohm, _)| series * ohm.value),
+            step_sigma_ohm: step.map(|(ohm, _)| series * ohm.sigma),
+            steps: step.map_or(0, |(_, steps)| steps),
+            slow_ohm: slow.map(|ohm| series * ohm.value),
+            slow_sigma_ohm: slow.map(|ohm| series * ohm.sigma),
+            logs: found
+                .used
+                .iter()
+                .map(|used| UsedLog {
+                    log: used.log.clone(),
+                    soc_initial: used.soc_initial,
+                    beginning: match used.beginning {
+                        Beginning::Stated => "stated",
+                        Beginning::Full => "full",
+                        Beginning::Counted => "counted",
+                    },
+                    soc_min: used.range.0,
+                    soc_max: used.range.1,
+                    rests: used.rests,
+                    slow: used.slow,
+                })
+                .collect(),
+            words: words(found),
+            output,
+        }
+    }
+
+    /// The report for people.
+    #[must_use]
+    pub fn human(&self) -> String {
+        let mut said = format!("{}: {}", self.model, with_sigma(self.capacity_ah, Some(self.capacity_sigma_ah), "Ah"));
+        match self.passages.len() {
+            0 => said.push_str(", as stated\n"),
+            1 => said.push_str(", by one way between full and empty\n"),
+            many => said.push_str(&format!(", by {many} ways between full and empty\n")),
+        }
+        for passage in &self.passages {
+            let (direction, log) = (passage.direction, &passage.log);
+            said.push_str(&format!("  {direction} of {log}: {:.4} Ah at {:.2} of it an hour\n", passage.charge_ah, passage.c_rate));
+        }
+        let mut logs = table(&["log", "begins at", "by", "least", "most", "rests", "slow places"]);
+        numbers_from(&mut logs, 3);
+        let per_cent = |soc: f64| format!("{:.1} %", 100.0 * soc + 0.0);
+        for log in &self.logs {
+            logs.add_row([
+                log.log.clone(),
+                per_cent(log.soc_initial),
+                log.beginning.to_owned(),
+                per_cent(log.soc_min),
+                per_cent(log.soc_max),
+                log.rests.to_string(),
+                log.slow.to_string(),
+            ]);
+        }
+        said.push_str(&text(&logs));
+        said.push('\n');
+        let (first, last) = (self.soc[0], self.soc[self.soc.len() - 1]);
+        let (points, known) = (self.soc.len(), quantity(self.ocv_sigma_v, "V"));
+        said.push_str(&format!(
+            "open-circuit voltage: {points} points from {} to {}, known to {known} per cell",
+            per_cent(first),
+            per_cent(last)
+        ));
+        match self.left_v {
+            Some(left_v) => said.push_str(&format!("; what was shown lies {} from it (RMS)\n", quantity(left_v, "V"))),
+            None => said.push_str("; nothing was shown twice, to check it by\n"),
+        }
+        if let Some(ohm) = self.step_ohm {
+            let steps = if self.steps == 1 { "step" } else { "steps" };
+            said.push_str(&format!(
+                "resistance at once: {} by {} {steps} of the current\n",
+                with_sigma(ohm, self.step_sigma_ohm, "ohm"),
+                self.steps
+            ));
+        }
+        if let Some(ohm) = self.slow_ohm {
+            said.push_str(&format!("what a slow current costs at half the charge: {}\n", with_sigma(ohm, self.slow_sigma_ohm, "ohm")));
+        }
+        for words in &self.words {
+            said.push_str(&format!("{words}\n"));
+        }
+        said
+    }
+}
+
+/// Ways between full and empty that differ by more than this share are told.
+const UNLIKE: f64 = 0.03;
+
+/// What is not known, and what comes next.
+fn words(found: &FirstModel) -> Vec<String> {
+    let mut words = Vec::new();
+    match found.table.branch {
+        Branch::Both => {}
+        Branch::Discharge => {
+            words.push("only discharges show it: half of a hysteresis would be in the table. A slow charge would tell".to_owned())
+        }
+        Branch::Charge => {
+            words.push("only charges show it: half of a hysteresis would be in the table. A slow discharge would tell".to_owned())
+        }
+    }
+    let charges = found.passages.iter().map(|passage| passage.charge_ah);
+    let (least, most) = charges.fold((f64::INFINITY, 0.0_f64), |(least, most), ah| (least.min(ah), most.max(ah)));
+    if most > (1.0 + UNLIKE) * least {
+        let differ = 100.0 * (most / least - 1.0);
+        words.push(format!(
+            "the ways between full and empty differ by {differ:.0} %: an ammeter that is off one way, or a charge that had not ended"
+        ));
+    }
+    if found.step_ohm.is_none() {
+        words.push("no step of the current within ten seconds stands out of the noise: the model has no resistance".to_owned());
+    }
+    let (soc, _) = found.table.ocv.points();
+    let widest = soc.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
+    if let Some([from, to]) = widest.filter(|pair| pair[1] - pair[0] > 0.15) {
+        words.push(format!("nothing shows it between {:.0} and {:.0} %: the table is a straight line there", 100.0 * from, 100.0 * to));
+    }
+    for (end, missing) in [(soc[0], soc[0] > 0.1), (soc[soc.len() - 1], soc[soc.len() - 1] < 0.9)] {
+        if missing {
+            words.push(format!(
+                "nothing shows it {} {:.0} %: the table goes straight on",
+                if end < 0.5 { "below" } else { "above" },
+                100.0 * end
+            ));
+        }
+    }
+    words
+}
