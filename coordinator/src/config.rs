@@ -82,8 +82,8 @@ pub struct PolicyConfig {
     pub min_gain_soc: f64,
     /// A promised service is moved only if that saves this much work, s.
     pub loyalty_s: f64,
-    /// Moves of the search per robot, for each plan; 400 to 10,000 in all, and at most 300 where a plan is only
-    /// mended.
+    /// Moves of the search per robot, for each plan; 400 to 10,000 in all. Where a plan is only mended there are
+    /// 300, whatever is said here.
     pub moves_per_robot: u64,
     /// A plan is made anew after this time even if nothing has happened, s.
     pub replan_period_s: f64,

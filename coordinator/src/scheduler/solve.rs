@@ -16,7 +16,7 @@ use crate::models::{Settings, ShortEnergy};
 /// Fewest moves of a search, and most: whoever waits for a plan of a large fleet waits for all of them.
 const MOVES_MIN: u64 = 400;
 const MOVES_MAX: u64 = 10_000;
-/// Most moves of a search that mends a plan, some 10 us each: somebody waits for it.
+/// Moves of a search that mends a plan, fewer than the fewest of any other, some 10 us each: somebody waits for it.
 const MENDING_MOVES_MAX: u64 = 300;
 /// How often less is counted on, where what the packs were counted to hold is less sure once they are stepped.
 const TIMES_LESS: usize = 16;
