@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use node::session::decoded;
-use node::{Link, NetworkConfig};
+use node::{ClockConfig, Link, NetworkConfig, Tls};
 use proto::{EventKind, Key, Schedule};
 use tests::{Fleet, ask, free_port, workspace};
 
@@ -77,21 +77,27 @@ fn a_coordinator_that_waits_for_its_router_can_be_stopped() -> anyhow::Result<()
 fn the_example_configurations_are_good_and_belong_together() -> anyhow::Result<()> {
     let live = |name: &str| workspace().join("scenarios/live").join(name);
     let path = live("coordinator.toml");
-    let coordinator = coordinator::Config::read(&path)?;
+    let mut coordinator = coordinator::Config::read(&path)?;
     let (_, models) = coordinator.load(Some(&path))?;
     let path = live("station-mds-1.toml");
-    let station = station_agent::Config::read(&path)?;
+    let mut station = station_agent::Config::read(&path)?;
     station.build_simulated(Some(&path))?;
     // Its devices are not here, but what is said of them is good.
     assert_eq!(station_agent::Config::read(&live("station-measured.toml"))?.id, station.id);
     let path = live("robot-explorer-1.toml");
-    let robot = robot_agent::Config::read(&path)?;
+    let mut robot = robot_agent::Config::read(&path)?;
     robot.build(Some(&path))?;
     assert!(models.robots.contains_key(&robot.id) && models.stations.contains_key(&station.id));
     assert!(station.packs.iter().all(|pack| models.stations[&station.id].packs.contains_key(&pack.id)));
     assert!(robot.travel_s.contains_key(&station.id));
     assert!(robot.site == coordinator.site && station.site == coordinator.site);
     assert_eq!(robot.network.connect, coordinator.network.listen);
+    // Tables that stand there as comments are no part of what was read.
+    let tls = || Some(Tls { ca: "ca.pem".into(), certificate: "own.pem".into(), key: "own.key".into() });
+    let clock = Some(ClockConfig { speed: 1.0, origin_unix_ms: 0 });
+    (coordinator.clock, coordinator.network.tls) = (clock, tls());
+    (station.clock, station.network.tls) = (clock, tls());
+    (robot.clock, robot.network.tls) = (clock, tls());
     names_every_key(&live("coordinator.toml"), &serde_json::to_value(&coordinator)?);
     names_every_key(&live("station-mds-1.toml"), &serde_json::to_value(&station)?);
     names_every_key(&live("robot-explorer-1.toml"), &serde_json::to_value(&robot)?);
