@@ -9,6 +9,7 @@
 //!             refusals.rs     who has refused a service, and until when it is not tried again
 //!             models.rs       the coordinator's own models and settings
 //!             forecast.rs     what a service takes
+//!             watch/          whether models still explain what is measured
 //!             view.rs         beliefs and models as one planning problem
 //!             scheduler/      beliefs -> planner's problem -> services, capacity, words
 //!             service_run.rs  a service that has begun, and the commands that carry it on
@@ -20,7 +21,7 @@
 //!           rmf/            fleets of Open-RMF as scenarios
 //!           scenario/       scenario file -> configurations of coordinator, agents and worlds
 //!   shells  service.rs      the core on tokio and Zenoh
-//!           store/          what happened, in SQLite
+//!           store/          what happened, in SQLite or PostgreSQL
 //!           sim/            the same core and the same agents on simulated time
 //!           web/            dashboard, JSON and metrics over HTTP
 //!           cmd/            one file per command
