@@ -11,9 +11,11 @@
 //!   travel.rs       energy per metre, most economical speed, energy of a way home
 //! ```
 //!
-//! These are functions without state. The robot's effects call them, so that there is one text
-//! of the physics. SI units throughout; a torque or current that drives the robot forward is
-//! positive. Kottas, section 4.2, chapter 5 and appendix A.1.
+//! These are functions without state. The robot's effects call `traction.rs` and, of `caster.rs`,
+//! `relative_hold`; `travel.rs` steps a robot's whole model. The others say what follows from a motor's
+//! data sheet and a robot's measures, and tests hold the effects to it. SI units throughout; a torque
+//! or current that drives the robot forward is positive. Kottas, section 4.2, chapter 5 and
+//! appendix A.1.
 
 pub mod bridge;
 pub mod caster;

@@ -3,7 +3,7 @@
 //! ```text
 //!   effect/      one file per physical effect, and the catalogue that orders them
 //!     |          (an effect adds its share to a channel)
-//!   system/      battery, robot, station: which channels go in and out, and the order of a step
+//!   system.rs    battery, robot, station: which channels go in and out, and the order of a step
 //!     |
 //!   model.rs     facts + effects + parameters, read from a TOML text
 //!   run.rs       a model in motion: channels, state, step(dt_s); batch.rs: many at once
