@@ -18,9 +18,9 @@
 //! charger is off, the robot lives on its battery until the recharge threshold. *Path selection*:
 //! the robot's rail hangs on the bay, the charger serves the battery alone.
 
+use crate::Channel;
 use crate::load::Terminals;
 use crate::system::BatteryFacts;
-use crate::{Channel, Real};
 
 /// Limits of a charger. Currents are positive into the battery.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -240,14 +240,6 @@ pub fn fair_level(limit: f64, asked: &[f64]) -> f64 {
         level = (limit.max(0.0) - sum) / (asked.len() - count) as f64;
     }
     level
-}
-
-/// Energy from the station's pack that path selection would save in one service, Wh:
-/// `P_own t (1/eta_charger - 1) / eta_converter`. The robot's own load (W) over the time docked (h)
-/// is then spared the charger, and nothing else changes.
-#[must_use]
-pub fn saving_wh<S: Real>(own_load_w: S, docked_h: S, charger_efficiency: S, converter_efficiency: S) -> S {
-    own_load_w * docked_h * (charger_efficiency.recip() - 1.0) / converter_efficiency
 }
 
 #[cfg(test)]

@@ -23,17 +23,6 @@ impl Estimate {
     pub const fn exact(value: f64) -> Self {
         Self { value, sigma: 0.0 }
     }
-
-    /// Fuses two independent estimates of the same quantity by inverse variance.
-    #[must_use]
-    pub fn fused_with(self, other: Estimate) -> Estimate {
-        let (own, their) = (self.sigma.powi(2), other.sigma.powi(2));
-        if own == 0.0 {
-            return self;
-        }
-        let gain = own / (own + their);
-        Estimate::new(self.value + gain * (other.value - self.value), ((1.0 - gain) * own).sqrt())
-    }
 }
 
 /// Evaluates `f` at the inputs' values and carries their (independent) deviations to first order,
@@ -66,12 +55,5 @@ mod tests {
         assert!((area.value - 12.0).abs() < 1e-12);
         // sqrt(1 %² + 2 %²) of 12, by hand.
         assert!((area.sigma - 12.0 * 0.0005_f64.sqrt()).abs() < 1e-9);
-    }
-
-    #[test]
-    fn fusing_equal_sigmas_gives_the_middle_and_halves_the_variance() {
-        let both = Estimate::new(1.0, 0.2).fused_with(Estimate::new(2.0, 0.2));
-        assert!((both.value - 1.5).abs() < 1e-12);
-        assert!((both.sigma - 0.2 / 2f64.sqrt()).abs() < 1e-12);
     }
 }

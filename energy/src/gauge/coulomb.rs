@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 use super::counter::Counter;
 use super::ledger::{CAPACITY, Ledger, SOC, Seen};
 use super::prediction::{Believed, CurrentErrors};
-use super::{Gauge, Reading, Sample, soc_at_rest};
+use super::{Gauge, Reading, Sample};
 use crate::{Estimate, Model, Run, Start, forecast};
 
 /// Counts charge; see the module's text.
@@ -24,13 +24,6 @@ impl CoulombCounter {
     #[must_use]
     pub fn new(model: Arc<Model>, soc: Estimate, temperature_degc: f64) -> Self {
         Self(Counter::new(model, soc, temperature_degc, None))
-    }
-
-    /// Starts from the voltage of a rested pack, by the OCV table.
-    #[must_use]
-    pub fn at_rest(model: Arc<Model>, voltage_v: f64, temperature_degc: f64) -> Self {
-        let soc = soc_at_rest(&model, voltage_v);
-        Self::new(model, soc, temperature_degc)
     }
 }
 

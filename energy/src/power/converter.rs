@@ -52,12 +52,6 @@ impl EfficiencyTable {
         Ok(Self { input_v, output_a, efficiency: efficiency.concat() })
     }
 
-    /// Axes of the table: input voltages, V, and output currents, A.
-    #[must_use]
-    pub fn axes(&self) -> (&[f64], &[f64]) {
-        (&self.input_v, &self.output_a)
-    }
-
     /// Efficiency at an input voltage (V) and an output current (A, >= 0); 0..1.
     #[must_use]
     pub fn efficiency<S: Real>(&self, input_v: S, output_a: S) -> S {

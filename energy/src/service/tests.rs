@@ -96,6 +96,12 @@ fn the_forecast_is_what_a_simulated_service_takes() {
     }
 }
 
+/// What path selection spares the station's pack while a robot is docked, Wh, in closed form:
+/// `P_own t (1 / eta_charger - 1) / eta_converter`.
+fn saving_wh(docked_s: f64) -> f64 {
+    4.19 * docked_s / S_PER_H * (1.0 / 0.88 - 1.0) / 0.84
+}
+
 #[test]
 fn three_explorers_empty_one_full_pack_and_path_selection_saves_a_fortieth() {
     // Kottas, chapter 6: loading, charging from 10 % and unloading three Explorers empties one
@@ -107,7 +113,7 @@ fn three_explorers_empty_one_full_pack_and_path_selection_saves_a_fortieth() {
     let whole_wh = 3.0 * direct.need.mean_wh + 5.7 * (direct.charge_s + 180.0) / S_PER_H;
     assert!((78.0..92.0).contains(&whole_wh), "{whole_wh}");
     let saved_wh = direct.need.mean_wh - selected.need.mean_wh;
-    let by_hand_wh = crate::charger::saving_wh(4.19, (direct.charge_s + 30.0) / S_PER_H, 0.88, 0.84);
+    let by_hand_wh = saving_wh(direct.charge_s + 30.0);
     assert!((saved_wh / by_hand_wh - 1.0).abs() < 0.02, "{saved_wh} and {by_hand_wh}: the charge's end is inside a step");
 }
 
@@ -158,8 +164,7 @@ fn the_other_power_path_differs_by_what_the_charger_loses_on_the_own_load() {
         service_energy(station, handling, &model("explorer-3s1p-1320mah"), Estimate::exact(0.1), 0.98, &around)
     };
     let saved_wh = service(&direct).need.mean_wh - service(&selected).need.mean_wh;
-    // The closed form: P_own t (1 / eta_charger - 1) / eta_converter.
-    let by_hand_wh = crate::charger::saving_wh(4.19, service(&direct).charge_s / S_PER_H, 0.88, 0.84);
+    let by_hand_wh = saving_wh(service(&direct).charge_s);
     assert!((saved_wh - by_hand_wh).abs() < 1e-6, "{saved_wh} {by_hand_wh}");
     assert!(with_other_path(&direct.without(|id| id == "robot_own_load")).is_none());
 }
