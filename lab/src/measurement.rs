@@ -47,12 +47,6 @@ pub struct Format {
 /// Every known format.
 static FORMATS: &[Format] = &[csv::FORMAT, mcap::FORMAT];
 
-/// Every known format.
-#[must_use]
-pub fn formats() -> &'static [Format] {
-    FORMATS
-}
-
 /// What is wrong with a log.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {

@@ -47,12 +47,6 @@ impl Ledger {
         reply
     }
 
-    /// The newest epoch obeyed.
-    #[must_use]
-    pub fn epoch(&self) -> u64 {
-        self.epoch
-    }
-
     /// Forgets what cannot come again, and under a flood the earliest deadline.
     fn forget(&mut self, now: Timestamp) {
         self.answers.retain(|_, answer| now.seconds_since(answer.deadline) <= REMEMBERED_S);

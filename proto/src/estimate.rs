@@ -28,11 +28,6 @@ impl Estimate {
     pub fn scaled(self, k: f64) -> Self {
         Self::new(self.value * k, self.sigma * k.abs())
     }
-
-    /// The value `z` standard deviations below the expected one: what can be relied upon.
-    pub fn lower(self, z: f64) -> f64 {
-        self.value - z * self.sigma
-    }
 }
 
 /// Sum of two *independent* estimates: the variances add.
@@ -57,7 +52,5 @@ mod tests {
     #[test]
     fn scaling_keeps_sigma_positive() {
         assert_eq!(Estimate::new(2.0, 0.5).scaled(-2.0), Estimate::new(-4.0, 1.0));
-        assert_eq!(Estimate::new(2.0, 0.5).lower(2.0), 1.0);
-        assert_eq!(Estimate::exact(2.0).lower(9.0), 2.0);
     }
 }

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, Channels, Facts, Model, Start, System};
+use energy::{Channel, Channels, Facts, Model, Start};
 
 use super::course::Course;
 use super::evidence::Evidence;
@@ -162,26 +162,6 @@ impl Frame {
             (squares / a.len().max(1) as f64).sqrt()
         };
         (0..self.evidence.logs.len()).map(of_log).fold(0.0, f64::max)
-    }
-
-    /// State of charge at every row of a log; empty for systems without one.
-    #[must_use]
-    pub fn soc(&self, x: &[f64], log: usize) -> Vec<f64> {
-        let mut soc = Vec::new();
-        if self.model.system == System::Battery {
-            self.walk_log(
-                log,
-                Steps::Rows,
-                x,
-                self.values(x),
-                &self.model_at(x),
-                |_, value| value,
-                |_, now: &Channels<f64>| {
-                    soc.push(now[Channel::Soc]);
-                },
-            );
-        }
-        soc
     }
 
     fn what(&self, unknown: usize) -> Option<Rough> {
