@@ -18,9 +18,6 @@ pub trait Policy: Sync + std::fmt::Debug {
     /// Name in files and on the command line.
     fn name(&self) -> &'static str;
 
-    /// What it does, in a sentence.
-    fn about(&self) -> &'static str;
-
     /// Whether it looks among many plans for the best, and so depends on what it is offered and for how long; a rule does the one thing
     /// that it says.
     fn searches(&self) -> bool {

@@ -14,10 +14,6 @@ impl Policy for EarliestDeadline {
         "earliest_deadline"
     }
 
-    fn about(&self) -> &'static str {
-        "who is empty first goes first"
-    }
-
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
         in_order(ways, budget, |robot| problem.endurance(robot))

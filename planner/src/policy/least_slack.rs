@@ -14,10 +14,6 @@ impl Policy for LeastSlack {
         "least_slack"
     }
 
-    fn about(&self) -> &'static str {
-        "who has the least time left to set off goes first"
-    }
-
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
         in_order(ways, budget, |robot| {

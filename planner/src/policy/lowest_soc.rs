@@ -15,10 +15,6 @@ impl Policy for LowestSoc {
         "lowest_soc"
     }
 
-    fn about(&self) -> &'static str {
-        "the emptiest robot first"
-    }
-
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
         in_order(ways, budget, |robot| soc(problem, robot))

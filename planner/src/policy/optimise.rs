@@ -14,10 +14,6 @@ impl Policy for Optimise {
         "optimise"
     }
 
-    fn about(&self) -> &'static str {
-        "the best plan that the budget allows"
-    }
-
     fn searches(&self) -> bool {
         true
     }

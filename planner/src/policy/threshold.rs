@@ -22,10 +22,6 @@ impl Policy for Threshold {
         "threshold"
     }
 
-    fn about(&self) -> &'static str {
-        "below 30 % to the nearest station, charge to 90 %, first come, first served"
-    }
-
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
         let mut order: Vec<(i64, usize)> = (0..problem.robots.len()).map(|robot| (due(problem, robot), robot)).collect();
