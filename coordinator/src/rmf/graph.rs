@@ -23,17 +23,6 @@ struct Waypoint {
     at_m: [f64; 2],
 }
 
-/// How far it is to a waypoint, over all waypoints from which there is a way.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Distance {
-    /// Mean of the shortest ways, m.
-    pub mean_m: f64,
-    /// The longest of them, m.
-    pub most_m: f64,
-    /// From how many waypoints there is a way.
-    pub from: usize,
-}
-
 impl Graph {
     /// Reads a navigation graph (`levels` with `vertices` and `lanes`).
     ///
@@ -98,11 +87,11 @@ impl Graph {
         self.waypoints.iter().filter(|waypoint| waypoint.charger).map(|waypoint| waypoint.name.as_str())
     }
 
-    /// How far it is to a waypoint.
+    /// How far it is to a waypoint, m: the mean of the shortest ways from all waypoints from which there is one.
     ///
     /// # Errors
     /// When there is no such waypoint, or no way to it.
-    pub fn distance(&self, name: &str) -> anyhow::Result<Distance> {
+    pub fn distance_m(&self, name: &str) -> anyhow::Result<f64> {
         let Some(goal) = self.waypoints.iter().position(|waypoint| waypoint.name == name) else {
             let named: Vec<&str> = self.waypoints.iter().map(|waypoint| waypoint.name.as_str()).filter(|name| !name.is_empty()).collect();
             let near = hint(name, named.iter().copied());
@@ -125,8 +114,7 @@ impl Graph {
         }
         let ways: Vec<f64> = shortest.into_iter().enumerate().filter(|(at, m)| *at != goal && m.is_finite()).map(|(_, m)| m).collect();
         ensure!(!ways.is_empty(), "the navigation graph has no lane that leads to `{name}`");
-        let mean_m = ways.iter().sum::<f64>() / ways.len() as f64;
-        Ok(Distance { mean_m, most_m: ways.iter().copied().fold(0.0, f64::max), from: ways.len() })
+        Ok(ways.iter().sum::<f64>() / ways.len() as f64)
     }
 }
 

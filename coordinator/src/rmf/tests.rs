@@ -90,13 +90,13 @@ fn ways_are_the_shortest_along_the_lanes() {
     let graph = Graph::parse("graph.yaml", GRAPH).unwrap();
     assert_eq!(graph.chargers().collect::<Vec<_>>(), ["tinyRobot1_charger", "tinyRobot2_charger"]);
     // By hand: 3 m and 7 m; 4 m and 7 m.
-    assert_eq!(graph.distance("tinyRobot1_charger").unwrap(), graph::Distance { mean_m: 5.0, most_m: 7.0, from: 2 });
-    assert_eq!(graph.distance("tinyRobot2_charger").unwrap().mean_m, 5.5);
+    assert_eq!(graph.distance_m("tinyRobot1_charger").unwrap(), 5.0);
+    assert_eq!(graph.distance_m("tinyRobot2_charger").unwrap(), 5.5);
     let scenario = imported(Some(GRAPH));
     assert!(file(&scenario, "tinyRobot.toml").contains("to.tinyRobot1_charger = [{ length_m = 5.00, speed_mps = 0.5 }]"));
     // One way only: nobody comes to the first.
     let one_way = GRAPH.replace("      - [1, 0, {}]\n", "");
-    let error = Graph::parse("graph.yaml", &one_way).unwrap().distance("tinyRobot1_charger").unwrap_err();
+    let error = Graph::parse("graph.yaml", &one_way).unwrap().distance_m("tinyRobot1_charger").unwrap_err();
     assert_eq!(error.to_string(), "the navigation graph has no lane that leads to `tinyRobot1_charger`");
 }
 
@@ -111,8 +111,9 @@ levels:
     vertices: [[5, 0, {lift: lift1}], [5, 7, {name: far}]]
     lanes: [[1, 0, {}]]
 ";
-    let distance = Graph::parse("graph.yaml", two).unwrap().distance("a_charger").unwrap();
-    assert_eq!((distance.most_m, distance.from), (12.0, 3));
+    // By hand: 5 m from the lift on either level, 12 m from the far end.
+    let distance_m = Graph::parse("graph.yaml", two).unwrap().distance_m("a_charger").unwrap();
+    assert!((distance_m - 22.0 / 3.0).abs() < 1e-9, "{distance_m}");
 }
 
 #[test]
@@ -151,7 +152,7 @@ fn a_wrong_configuration_is_refused_with_the_place_and_what_was_meant() {
     assert!(refused("recharge_threshold: 0.10", "recharge_threshold: 1.0").contains("must lie below recharge_soc = 1"));
     let error = refused("rmf_fleet:", "rmf_fleet: [");
     assert!(error.starts_with("fleet.yaml: ") && error.contains("line"), "{error}");
-    let wrong = Graph::parse("graph.yaml", GRAPH).unwrap().distance("tinyRobot1_chargr").unwrap_err().to_string();
+    let wrong = Graph::parse("graph.yaml", GRAPH).unwrap().distance_m("tinyRobot1_chargr").unwrap_err().to_string();
     assert!(wrong.contains("did you mean `tinyRobot1_charger`?"), "{wrong}");
     let lane = GRAPH.replace("- [0, 1, {}]", "- [0, 3, {}]");
     let error = Graph::parse("graph.yaml", &lane).unwrap_err().to_string();

@@ -127,7 +127,7 @@ fn stations(fleet: &Fleet, graph: Option<&Graph>) -> anyhow::Result<Vec<Station>
             stations.iter().all(|other| other.id != id),
             "chargers `{waypoint}` and another one both become the station {id}: rename one"
         );
-        let way_m = graph.map_or(Ok(0.0), |graph| graph.distance(waypoint).map(|distance| distance.mean_m))?;
+        let way_m = graph.map_or(Ok(0.0), |graph| graph.distance_m(waypoint))?;
         stations.push(Station { id, waypoint: waypoint.to_owned(), way_m });
     }
     Ok(stations)

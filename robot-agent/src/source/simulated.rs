@@ -131,12 +131,6 @@ impl RobotBody {
         self.pack.truth(Channel::Soc)
     }
 
-    /// Where the robot is.
-    #[must_use]
-    pub fn place(&self) -> Place {
-        self.place
-    }
-
     /// Whether the robot is on its mission (not travelling, waiting, or dead).
     #[must_use]
     pub fn at_work(&self) -> bool {

@@ -130,7 +130,7 @@ fn a_robot_that_comes_home_comes_into_reach() {
         .unwrap();
     // 50 m in a minute: below 9.95 m after 48.06 s.
     assert_eq!(seconds, 49);
-    while body.place() != Place::AtStation {
+    while body.place != Place::AtStation {
         body.advance(1.0);
     }
     assert!(body.in_reach());
@@ -150,7 +150,7 @@ fn the_way_home_takes_what_the_trip_says() {
     body.advance(1.0);
     body.act(&Act::TravelTo { station: station(), bay: None });
     let (mut energy_wh, mut seconds) = (0.0, 0);
-    while body.place() != Place::AtStation {
+    while body.place != Place::AtStation {
         body.advance(1.0);
         energy_wh += body.pack.truth(Channel::PowerW) / 3600.0;
         seconds += 1;
