@@ -159,13 +159,6 @@ impl Reader {
         row.map(|row| self.stored_command(row)).transpose()
     }
 
-    /// The commands without an answer, oldest first, whether or not their deadline is past.
-    pub async fn unanswered_commands(&self) -> Result<Vec<SentCommand>, StoreError> {
-        let select = "SELECT robot, station, body, reply_body FROM commands WHERE reply_body IS NULL ORDER BY at_ms, id";
-        let rows: Vec<CommandColumns> = query_as(select).fetch_all(&self.pool).await.map_err(self.failed("reading commands"))?;
-        rows.into_iter().map(|row| self.stored_command(row).map(|command| command.sent)).collect()
-    }
-
     /// Rows per table.
     pub async fn counts(&self) -> Result<BTreeMap<&'static str, u64>, StoreError> {
         let select = "SELECT (SELECT COUNT(*) FROM robot_gauges) AS robot_gauges, (SELECT COUNT(*) FROM pack_gauges) AS pack_gauges, \
@@ -277,11 +270,6 @@ impl Reader {
             SentCommand::Station { station, command } => Record::StationCommand { station, command },
         }));
         Ok(records)
-    }
-
-    /// The epoch of the coordinator that opened the store last.
-    pub async fn last_epoch(&self) -> Result<u64, StoreError> {
-        self.number("SELECT value FROM meta WHERE name = 'epoch'", "reading meta").await
     }
 
     /// The number for the next event: one above the largest so far, 1 in an empty store.

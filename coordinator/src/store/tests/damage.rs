@@ -1,4 +1,5 @@
 use super::*;
+use crate::core::Numbering;
 
 /// A batch that needs several hundred pages of 4 KiB.
 fn large(first: u64) -> Vec<Record> {
@@ -72,7 +73,7 @@ async fn an_overwritten_page_is_an_error_wherever_it_is_read() {
         let answers = [
             store.events(usize::MAX).await.is_ok(),
             store.latest_schedule().await.is_ok(),
-            store.unanswered_commands().await.is_ok(),
+            store.decisions(Numbering::default(), None).await.is_ok(),
             store.robot_telemetry(&id("r1"), None, None).await.is_ok(),
             store.counts().await.is_ok(),
             store.starts().await.is_ok(),
