@@ -6,6 +6,7 @@
 //!   motor.rs        brushed motor and gear at rest of change: current, voltage, efficiency
 //!   transient.rs    the same motor in time: current and speed, stepped exactly
 //!   bridge.rs       the H-bridge before it: duty, ripple, conduction loss, supply current
+//!   sheet.rs        from data sheets of these to the parameters of effects
 //!   caster.rs       the actuated tail: geometry, centre of gravity, holding torque
 //!   explorer.rs     the numbers of one robot for all of these
 //!   travel.rs       energy per metre, most economical speed, energy of a way home
@@ -22,6 +23,7 @@ pub mod caster;
 pub mod explorer;
 pub mod kinematics;
 pub mod motor;
+pub mod sheet;
 pub mod traction;
 pub mod transient;
 pub mod travel;

@@ -5,6 +5,7 @@ mod case;
 mod compare;
 mod diagnose;
 mod discover;
+mod drive;
 mod effects;
 mod fit;
 mod inputs;
@@ -50,6 +51,8 @@ enum Verb {
     Effects(effects::Args),
     /// Make a first model of a battery of its own logs: capacity, open-circuit voltage, resistance.
     Ocv(ocv::Args),
+    /// Make a first model of a robot of data sheets: what its drive takes, and what it can do.
+    Drive(drive::Args),
     /// Predict the measured channels of a log, row by row.
     Predict(predict::Args),
     /// Compare a model with logs: error against the sensor floor, and where it lies.
@@ -91,6 +94,7 @@ pub(crate) fn main(cli: Cli) -> ExitCode {
     let result = match cli.verb {
         Verb::Effects(args) => effects::run(&args, cli.format),
         Verb::Ocv(args) => ocv::run(&args, cli.format),
+        Verb::Drive(args) => drive::run(&args, cli.format),
         Verb::Predict(args) => predict::run(&args, cli.format),
         Verb::Compare(args) => compare::run(&args, cli.format),
         Verb::Fit(args) => fit::run(&args, cli.format),

@@ -4,7 +4,7 @@
 //!   measurement/   one file per source format -> columns -> Log (canonical channels, missing = NaN)
 //!        |                         model_source   built-in name or path -> Model
 //!        v                              v
-//!        |            ocv/   a battery's first model, of its logs alone
+//!        |            ocv/   a battery's first model, of its logs alone; drive   a robot's, of data sheets
 //!   prepare        a log seen by a model: inputs, start, targets with their sensor floors
 //!        |
 //!   predict        the same walk for plain numbers and for exact derivatives
@@ -31,6 +31,7 @@
 pub mod compare;
 pub mod concentration;
 pub mod decision;
+pub mod drive;
 pub mod fit;
 pub mod floor;
 pub mod infer;

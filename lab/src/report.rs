@@ -3,6 +3,7 @@
 pub mod addition;
 pub mod comparison;
 pub mod discovery;
+pub mod drive;
 pub mod effects;
 pub mod first;
 pub mod fitted;

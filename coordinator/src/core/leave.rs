@@ -1,7 +1,7 @@
 //! Who has to be out of a station before it leaves, or before its packs give out.
 
 use energy::units::S_PER_H;
-use proto::{PackId, Timestamp};
+use proto::{PackId, RobotId, StationId, Timestamp};
 
 use super::Core;
 use crate::fleet::{Robot, Station};
@@ -24,16 +24,31 @@ pub(super) enum Leave {
     Power(String),
 }
 
+impl Leave {
+    /// The same in words.
+    pub(super) fn why(&self) -> &str {
+        match self {
+            Leave::Otherwise(why) | Leave::Power(why) => why,
+        }
+    }
+}
+
 impl Core {
+    /// Why somebody has to be out, in words. Where there is no power nobody is sent again at once.
+    pub(super) fn why_left(&mut self, now: Timestamp, robot: &RobotId, station: &StationId, leave: Leave) -> String {
+        if let Leave::Power(why) = &leave {
+            self.refusals.note(now, robot, station, false, why.clone());
+        }
+        match leave {
+            Leave::Otherwise(why) | Leave::Power(why) => why,
+        }
+    }
+
     /// Why a robot is let go before it is charged: its station leaves or will have no power, and all who charge there have to be let out before.
     pub(super) fn must_be_out(&self, now: Timestamp, run: &ServiceRun, robot: &Robot, station: &Station) -> Option<Leave> {
-        let charges = |stage: Stage| matches!(stage, Stage::Charging | Stage::ChargingItself);
         robot.heard().filter(|_| charges(run.stage) && run.cut_short.is_none())?;
         let lift_s = self.models.stations.get(&run.station)?.handling.unload_s;
-        // Who is brought in now has to get out too.
-        let lifted = |stage: Stage| matches!(stage, Stage::Loading | Stage::Unloading);
-        let inside = |other: &&ServiceRun| other.station == run.station && (charges(other.stage) || lifted(other.stage));
-        let all_s = lift_s * self.running.values().filter(inside).count() as f64;
+        let all_s = lift_s * self.inside(run).count() as f64;
         let leaves = || self.leaves(now, run, station, all_s).map(|(left_s, why)| (left_s, Leave::Otherwise(why)));
         let (left_s, why) =
             leaves().or_else(|| self.gives_out(now, run, station, all_s).map(|(left_s, why)| (left_s, Leave::Power(why))))?;
@@ -41,8 +56,15 @@ impl Core {
         let basis = self.basis(now);
         let own_s = basis.ends_s(run);
         let goes_later = |other: &&ServiceRun| basis.ends_s(other).total_cmp(&own_s).then(other.robot.cmp(&run.robot)).is_ge();
-        let after = self.running.values().filter(inside).filter(goes_later).count();
+        let after = self.inside(run).filter(goes_later).count();
         (left_s <= lift_s * after as f64).then_some(why)
+    }
+
+    /// Who has to get out of that station: whoever charges there or is moved by its lift, who is brought in now too.
+    fn inside(&self, run: &ServiceRun) -> impl Iterator<Item = &ServiceRun> {
+        let station = run.station.clone();
+        let lifted = |stage: Stage| matches!(stage, Stage::Loading | Stage::Unloading);
+        self.running.values().filter(move |other| other.station == station && (charges(other.stage) || lifted(other.stage)))
     }
 
     /// How long there is until a station leaves, s, where all who are in its bays take as long to be let out; and when that is.
@@ -82,8 +104,9 @@ impl Core {
         (left_s <= all_s && !waits).then(|| (left_s, format!("the packs of {} hold no more than lets everybody out", run.station)))
     }
 
-    /// Why a robot that is on its way, or waits, is not taken in any more: its station leaves before that would be done.
-    pub(super) fn comes_too_late(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<String> {
+    /// Why a robot that is on its way, or waits, is not taken in any more: its station leaves before that would be done, or its packs last no
+    /// longer than it takes to bring it in and everybody out.
+    pub(super) fn comes_too_late(&self, now: Timestamp, run: &ServiceRun, station: &Station) -> Option<Leave> {
         let comes_s = match run.stage {
             Stage::Travelling => run.start.seconds_since(now).max(0.0),
             Stage::Waiting => 0.0,
@@ -93,7 +116,19 @@ impl Core {
         let takes_s = if matches!(run.how, How::Swap { .. }) { handling.swap_s } else { handling.load_s + handling.unload_s };
         // Who comes while it is away waits until it is back, if it comes back.
         let (begins, ends) = (now.plus_s(comes_s), now.plus_s(comes_s + takes_s));
-        let away = station.heard()?.away.iter().find(|away| away.leaves < ends && (begins < away.leaves || away.returns.is_none()))?;
-        Some(format!("{} leaves at {}, before it would be let out again", run.station, minute_from(now, away.leaves)))
+        let away = station.heard()?.away.iter().find(|away| away.leaves < ends && (begins < away.leaves || away.returns.is_none()));
+        if let Some(away) = away {
+            let when = minute_from(now, away.leaves);
+            return Some(Leave::Otherwise(format!("{} leaves at {when}, before it would be let out again", run.station)));
+        }
+        // Until it has come, others may have left, and the plan knows of them.
+        let all_s = takes_s + handling.unload_s * self.inside(run).count() as f64;
+        let gives_out = || self.gives_out(now, run, station, all_s).map(|(_, why)| Leave::Power(why));
+        if run.stage == Stage::Waiting { gives_out() } else { None }
     }
+}
+
+/// Whether somebody is charged in a bay.
+fn charges(stage: Stage) -> bool {
+    matches!(stage, Stage::Charging | Stage::ChargingItself)
 }

@@ -84,7 +84,9 @@ impl Core {
                 self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
                 continue;
             }
-            if let Some(why) = self.comes_too_late(now, run, place).or_else(|| out_of_order(run, place)) {
+            let too_late = self.comes_too_late(now, run, place);
+            if let Some(leave) = too_late.or_else(|| out_of_order(run, place).map(Leave::Otherwise)) {
+                let why = self.why_left(now, &robot, &station, leave);
                 self.fail(now, &robot, &why);
                 continue;
             }
@@ -99,15 +101,8 @@ impl Core {
             }
             let in_vain = self.charged_in_vain(now, run, belief).map(Leave::Otherwise);
             if let Some(leave) = in_vain.or_else(|| self.must_be_out(now, run, belief, place)) {
-                // Where there is nothing left nobody is sent again at once.
-                let why = match leave {
-                    Leave::Otherwise(why) => why,
-                    Leave::Power(why) => {
-                        self.refusals.note(now, &robot, &station, false, why.clone());
-                        why
-                    }
-                };
-                let (stage, again) = (run.stage, self.again(now, belief, &why));
+                let (stage, again) = (run.stage, self.again(now, belief, leave.why()));
+                let why = self.why_left(now, &robot, &station, leave);
                 if let Some(run) = self.running.get_mut(&robot) {
                     (run.again, run.cut_short) = (Some(again), Some(why));
                 }

@@ -22,6 +22,7 @@ mod recordings;
 mod recovery;
 mod regimes;
 mod report;
+mod robot_sheet;
 mod sets;
 mod stored;
 mod surroundings;

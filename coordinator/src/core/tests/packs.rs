@@ -17,7 +17,8 @@ fn pack_is(core: &mut Core, time_s: f64, connected: bool, back_s: Option<f64>) {
 fn what_a_pack_said_before_it_was_taken_away_holds_no_longer_once_it_is_back() {
     let mut core = core();
     core.handle(at(0.0), Input::StationState(id("s"), ready(0.0)));
-    core.handle(at(0.0), Input::PackGauge(id("s"), id("p"), gauge(0.0, 0.03, 84.0)));
+    let worn = Gauge { soh: Estimate::new(0.6, 0.01), cycles: Some(800.0), ..gauge(0.0, 0.03, 84.0) };
+    core.handle(at(0.0), Input::PackGauge(id("s"), id("p"), worn));
     joins(&mut core, 0.0, 0);
     pack_is(&mut core, 1.0, false, Some(600.0));
     let promised = |core: &mut Core, time_s: f64| {
@@ -26,6 +27,8 @@ fn what_a_pack_said_before_it_was_taken_away_holds_no_longer_once_it_is_back() {
     };
     assert!(promised(&mut core, 70.0), "the pack that comes is counted on: {:?}", core.schedule().unserved);
     pack_is(&mut core, 600.0, true, None);
+    let brought = &core.fleet.stations[&id::<StationId>("s")].packs[&id::<PackId>("p")];
+    assert_eq!((brought.soh.value, brought.cycles), (1.0, None), "it may be another pack");
     assert!(promised(&mut core, 602.0), "its gauge has not spoken since: {:?}", core.schedule().unserved);
     let broken = |output: &Output| matches!(output, Output::Record(Record::Event(event)) if event.kind == EventKind::PromiseBroken);
     assert!(!std::iter::from_fn(|| core.poll()).any(|output| broken(&output)));

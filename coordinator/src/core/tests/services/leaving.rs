@@ -104,3 +104,24 @@ fn whoever_charges_is_let_out_before_the_packs_give_out_unless_something_comes()
     assert_eq!(let_go(0.1, 1.4, Some(130.0)), None, "another one comes in time");
     assert_eq!([let_go(0.012, 1.0, Some(500.0)), let_go(0.012, 1.0, Some(30.0))], [why.clone(), why], "too late, or overdue");
 }
+
+/// Who stands before a bay is not lifted in where nobody would get out again, nor sent there again at once.
+#[test]
+fn nobody_is_taken_in_by_a_station_that_is_about_to_give_out() {
+    // Half a minute in and half a minute out, one for what nobody knows: 2 min at 60 W are 2 Wh.
+    let goes_on = |remaining_wh: f64, stage: Stage| {
+        let mut core = begun(recharge(), stage);
+        let phase = if stage == Stage::Waiting { RobotPhase::Waiting } else { RobotPhase::Travelling };
+        says(&mut core, 9.0, "r0", phase);
+        let left = Gauge { remaining_wh: Estimate::new(remaining_wh, 0.1), ..gauge(10.0, 0.8, 84.0) };
+        core.handle(at(10.0), Input::PackGauge(id("s"), id("p"), left));
+        let state = core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap();
+        core.handle(at(11.0), Input::StationState(id("s"), StationState { at: at(11.0), seq: 11_002, pack_power_w: 60.0, ..state }));
+        core.handle(at(12.0), Input::Tick);
+        let is_refused = core.refusals.holds(at(13.0), &id("r0"), &id("s")).is_some();
+        (core.running.contains_key(&id::<RobotId>("r0")), is_refused)
+    };
+    assert_eq!(goes_on(30.0, Stage::Waiting), (true, false));
+    assert_eq!(goes_on(1.8, Stage::Waiting), (false, true));
+    assert_eq!(goes_on(1.8, Stage::Travelling), (true, false), "until it has come others may have left");
+}
