@@ -17,6 +17,9 @@ use super::table::{numbers_from, table, text};
 /// Slowest speed of a search for the cheapest, as a share of the greatest.
 const SLOWEST: f64 = 0.02;
 
+/// A ripple that makes up more than this share of what motors take is told.
+const TOLD: f64 = 0.1;
+
 /// A parameter that follows from the sheets.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DriveParameter {
@@ -47,6 +50,8 @@ pub struct Going {
     pub efficiency: f64,
     /// Ripple of a motor's current, A peak to peak; null where the bridge is not known.
     pub ripple_a: Option<f64>,
+    /// What that ripple heats all motors with, W, in a bridge that conducts both ways.
+    pub ripple_w: Option<f64>,
 }
 
 /// Everything that `lab drive` says.
@@ -100,6 +105,7 @@ impl DriveReport {
                 current_a: at.current_a,
                 efficiency: at.efficiency,
                 ripple_a: drive.supply(&at, battery_v).map(|supply| supply.ripple_a),
+                ripple_w: drive.supply(&at, battery_v).map(|supply| drive.motors * supply.ripple_copper_w),
             }
         };
         let start = drive.start(battery_v);
@@ -139,7 +145,7 @@ impl DriveReport {
             let value = if of.value == 0.0 { "0".to_owned() } else { with_sigma(of.value, Some(of.sigma), unit_of(of.name)) };
             parameters.add_row([format!("{}.{}", of.effect, of.name), value]);
         }
-        let mut said = format!("{}\n\n", text(&parameters));
+        let mut said = format!("{}\n", text(&parameters));
         if self.top_speed_mps <= 0.0 {
             said.push_str(&format!("at {} its motors do not move it on a level floor\n", quantity(self.battery_v, "V")));
             return said;
@@ -164,7 +170,18 @@ impl DriveReport {
                 at.ripple_a.map_or_else(|| "-".to_owned(), |ripple_a| quantity(ripple_a, "A")),
             ]);
         }
-        said.push_str(&format!("{}\n\n", text(&going)));
+        said.push_str(&format!("{}\n", text(&going)));
+        if let Some((at, ripple_w)) =
+            self.going.first().and_then(|at| Some((at, at.ripple_w.filter(|ripple_w| *ripple_w > TOLD * at.motors_w)?)))
+        {
+            said.push_str(&format!(
+                "of the {} at {} {} are the ripple of the current, where the bridge conducts both ways; the model has none of it: a log shows it, as \
+                 h_bridge.switching_w\n",
+                quantity(at.motors_w, "W"),
+                quantity(at.speed_mps, "m/s"),
+                quantity(ripple_w, "W"),
+            ));
+        }
         said.push_str(&format!(
             "a start on the whole voltage takes {} from the battery at most, more than half of it for {}; 63 % of the speed after {}\n",
             quantity(self.start_peak_a, "A"),
