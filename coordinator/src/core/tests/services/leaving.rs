@@ -111,12 +111,15 @@ fn nobody_is_taken_in_by_a_station_that_is_about_to_give_out() {
     // Half a minute in and half a minute out, one for what nobody knows: 2 min at 60 W are 2 Wh.
     let goes_on = |remaining_wh: f64, stage: Stage| {
         let mut core = begun(recharge(), stage);
+        // All is as it is before the service is looked at.
+        let run = core.running.remove(&id::<RobotId>("r0")).unwrap();
         let phase = if stage == Stage::Waiting { RobotPhase::Waiting } else { RobotPhase::Travelling };
         says(&mut core, 9.0, "r0", phase);
         let left = Gauge { remaining_wh: Estimate::new(remaining_wh, 0.1), ..gauge(10.0, 0.8, 84.0) };
         core.handle(at(10.0), Input::PackGauge(id("s"), id("p"), left));
         let state = core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap();
         core.handle(at(11.0), Input::StationState(id("s"), StationState { at: at(11.0), seq: 11_002, pack_power_w: 60.0, ..state }));
+        core.running.insert(id("r0"), run);
         core.handle(at(12.0), Input::Tick);
         let is_refused = core.refusals.holds(at(13.0), &id("r0"), &id("s")).is_some();
         (core.running.contains_key(&id::<RobotId>("r0")), is_refused)
