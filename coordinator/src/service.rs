@@ -109,13 +109,16 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
 
     let core = Core::new(settings, models, numbering);
     let patience_s = settings.deadline_s;
+    // While the network came up another may have taken the lease.
+    let asked = monotonic();
+    store.renew().await?;
     let store = Arc::new(store);
     let mut service = Service {
         link,
         clock,
         core,
         outbox: Outbox::new(numbering.epoch),
-        leading: Leading::begin(&store),
+        leading: Leading::begin(&store, asked),
         store,
         keeping: Keeping::default(),
         answers: news_in.clone(),

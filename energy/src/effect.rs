@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use crate::channel::{Channel, Channels};
 use crate::model::Placed;
-use crate::real::{Dual, Real};
+use crate::real::{Dual, HalfDual, Real};
 use crate::system::{Facts, System};
 
 /// When in a step an effect acts. A [`System`] runs the phases in its own order.
@@ -213,7 +213,7 @@ pub struct Many<'a, S> {
 }
 
 /// [`Physics`] behind a pointer.
-pub trait Effect: Steps<f64> + Steps<Dual> {
+pub trait Effect: Steps<f64> + Steps<Dual> + Steps<HalfDual> {
     /// What is known of the effect.
     fn spec(&self) -> &'static EffectSpec;
     /// [`Physics::prepared_len`].
@@ -297,6 +297,13 @@ impl Lane for Dual {
     #[inline]
     fn of(placed: &Placed) -> &'static dyn Steps<Dual> {
         placed.dual
+    }
+}
+
+impl Lane for HalfDual {
+    #[inline]
+    fn of(placed: &Placed) -> &'static dyn Steps<HalfDual> {
+        placed.half
     }
 }
 

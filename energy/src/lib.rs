@@ -60,7 +60,7 @@ pub use ocv::OcvTable;
 pub use pack::Pack;
 pub use params::{FoundModel, built_in, built_in_names, find_model, load_model, parse_beside};
 pub use protection::Protection;
-pub use real::{Dual, Real};
+pub use real::{Dual, HalfDual, Real};
 pub use run::Run;
 pub use run::Start;
 pub use system::{BatteryFacts, ChargeFacts, Facts, RobotFacts, System};

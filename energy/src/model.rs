@@ -16,7 +16,7 @@ use std::ops::Range;
 use serde::Deserialize;
 
 use crate::effect::{Effect, Phase, Steps, find};
-use crate::real::Dual;
+use crate::real::{Dual, HalfDual};
 use crate::system::{BatteryFacts, Facts, System};
 use crate::{Channel, Estimate};
 
@@ -146,6 +146,7 @@ pub struct Placed {
     /// The effect for plain and for dual numbers: the way to it in every step, kept short.
     pub(crate) plain: &'static dyn Steps<f64>,
     pub(crate) dual: &'static dyn Steps<Dual>,
+    pub(crate) half: &'static dyn Steps<HalfDual>,
     pub(crate) channel: Channel,
     pub(crate) parameters: Range<usize>,
     pub(crate) prepared: Range<usize>,
@@ -219,6 +220,7 @@ impl Model {
                 effect,
                 plain: effect,
                 dual: effect,
+                half: effect,
                 channel,
                 parameters: range,
                 prepared,

@@ -3,14 +3,19 @@
 
 mod dual;
 
-pub use dual::Dual;
+pub use dual::Derived;
 
 use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// How many derivatives one [`Dual`] carries; more parameters take several passes.
-pub const LANES: usize = 8;
+pub const LANES: usize = Dual::LANES;
+
+/// The number that carries derivatives by up to eight variables.
+pub type Dual = Derived<4>;
+/// The same by up to four, for less work.
+pub type HalfDual = Derived<2>;
 
 /// Arithmetic within a kind of number, and of it with plain numbers.
 pub trait Arithmetic:
@@ -37,14 +42,14 @@ pub trait Arithmetic:
 }
 
 impl Arithmetic for f64 {}
-impl Arithmetic for Dual {}
+impl<const PAIRS: usize> Arithmetic for Derived<PAIRS> {}
 
 /// Declares the functions of one variable once, each with its slope at `x`, where it has the value
-/// `y`: they become methods of [`Real`], for f64 by the standard library and for [`Dual`] by the
+/// `y`: they become methods of [`Real`], for f64 by the standard library and for [`Derived`] by the
 /// chain rule.
 macro_rules! real {
     ($($(#[$doc:meta])* $name:ident: |$x:ident, $y:ident| $slope:expr;)*) => {
-        /// What an effect may calculate with. Implemented by f64 and [`Dual`], which compare by
+        /// What an effect may calculate with. Implemented by f64 and [`Derived`], which compare by
         /// their values.
         pub trait Real: Arithmetic + Copy + Debug + From<f64> + PartialOrd + PartialOrd<f64> + Send + Sync + 'static {
             /// The value without derivatives.
@@ -111,7 +116,7 @@ macro_rules! real {
             })*
         }
 
-        impl Real for Dual {
+        impl<const PAIRS: usize> Real for Derived<PAIRS> {
             #[inline(always)]
             fn re(&self) -> f64 {
                 self.re
@@ -121,36 +126,36 @@ macro_rules! real {
                 self.lanes().iter().all(|eps| *eps == 0.0)
             }
             #[inline(always)]
-            fn chain(&self, value: f64, slope: f64) -> Dual {
+            fn chain(&self, value: f64, slope: f64) -> Self {
                 self.along(value, slope)
             }
             #[inline]
-            fn recip(&self) -> Dual {
+            fn recip(&self) -> Self {
                 let inverse = self.re.recip();
                 self.chain(inverse, -inverse * inverse)
             }
             #[inline]
-            fn powi(&self, n: i32) -> Dual {
+            fn powi(&self, n: i32) -> Self {
                 match n {
-                    0 => Dual::from(1.0),
+                    0 => Self::from(1.0),
                     n => self.chain(self.re.powi(n), f64::from(n) * self.re.powi(n - 1)),
                 }
             }
             #[inline]
-            fn powf(&self, n: f64) -> Dual {
-                if n == 0.0 { Dual::from(1.0) } else { self.chain(self.re.powf(n), n * self.re.powf(n - 1.0)) }
+            fn powf(&self, n: f64) -> Self {
+                if n == 0.0 { Self::from(1.0) } else { self.chain(self.re.powf(n), n * self.re.powf(n - 1.0)) }
             }
             #[inline]
-            fn abs(&self) -> Dual {
+            fn abs(&self) -> Self {
                 if self.re.is_sign_negative() { -*self } else { *self }
             }
             #[inline]
-            fn signum(&self) -> Dual {
-                Dual::from(self.re.signum())
+            fn signum(&self) -> Self {
+                Self::from(self.re.signum())
             }
             $(#[inline]
             #[allow(unused_variables, reason = "a slope is stated by whichever of x and y is shorter")]
-            fn $name(&self) -> Dual {
+            fn $name(&self) -> Self {
                 let $x = self.re;
                 let $y = $x.$name();
                 self.chain($y, $slope)
@@ -198,9 +203,7 @@ real! {
 #[must_use]
 #[inline]
 pub fn variable(value: f64, lane: usize) -> Dual {
-    let mut lanes = [0.0; LANES];
-    lanes[lane] = 1.0;
-    Dual::from_lanes(value, lanes)
+    Dual::variable(value, lane)
 }
 
 /// The derivative in `lane`; zero where the number does not depend on it.
@@ -208,13 +211,6 @@ pub fn variable(value: f64, lane: usize) -> Dual {
 #[inline]
 pub fn derivative(dual: &Dual, lane: usize) -> f64 {
     dual.lanes()[lane]
-}
-
-/// All derivatives, by lane.
-#[must_use]
-#[inline(always)]
-pub fn derivatives(dual: &Dual) -> [f64; LANES] {
-    dual.lanes()
 }
 
 /// Largest argument for the series of [`exp`]: its first missing term, x^8/8!, is 7e-17 there.

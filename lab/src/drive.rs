@@ -8,7 +8,7 @@ use energy::drive::bridge::HBridge;
 use energy::drive::kinematics::DifferentialDrive;
 use energy::drive::motor::{Gear, Gearmotor, Motor};
 use energy::drive::sheet::DriveSheet;
-use energy::{Estimate, propagate};
+use energy::{Estimate, System, find, propagate};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -22,15 +22,26 @@ const OF_MEASURES: f64 = 0.02;
 const ROLLING: (f64, f64) = (0.02, 0.01);
 /// Inductance over resistance of a small motor where none is given, s: 0.02 to 0.5 ms. A guess, which only a start and a ripple see.
 const INDUCTANCE_S: f64 = 1e-4;
+/// A torque constant over the back-EMF constant of the same motor: 1 in an ideal one. What lies beyond is another unit. A guess.
+const SAME_CONSTANT: (f64, f64) = (0.7, 1.4);
 /// Rad/s of a turn a minute.
 const RADPS_PER_RPM: f64 = std::f64::consts::PI / 30.0;
 
 /// A number, with or without its deviation.
 #[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a number, or { value = .., sigma = .. }")]
 enum RawNumber {
     Plain(f64),
     Known(RawKnown),
+}
+
+impl RawNumber {
+    fn value(&self) -> f64 {
+        match self {
+            RawNumber::Plain(value) => *value,
+            RawNumber::Known(known) => known.value,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -56,6 +67,12 @@ struct RawSheet {
     motor: RawMotor,
     gear: RawGear,
     bridge: Option<RawBridge>,
+}
+
+/// The greatest that an effect's parameter may be.
+fn of_effect(effect: &str, name: &str) -> f64 {
+    let spec = find(System::Robot, effect).map(|(_, effect)| effect.spec());
+    spec.and_then(|spec| spec.parameters.iter().find(|parameter| parameter.name == name)).map_or(f64::INFINITY, |parameter| parameter.max)
 }
 
 fn two() -> Spanned<u32> {
@@ -174,9 +191,18 @@ impl RobotSheet {
                 format!("motor.no_load_a = {}: must be less than the current of the blocked motor, {blocked_a:.3} A", no_load_a.value);
             return Err(document.error_at(motor.no_load_a.span(), message));
         }
+        let back_emf = (nominal_v - resistance.value * no_load_a.value) / (motor.no_load_rpm.get_ref().value() * RADPS_PER_RPM);
+        let torque = motor.torque_nm_per_a.get_ref().value();
+        if !(SAME_CONSTANT.0..=SAME_CONSTANT.1).contains(&(torque / back_emf)) {
+            let message = format!(
+                "motor.torque_nm_per_a = {torque}: nominal voltage and speed without load make it {back_emf:.4}, since a motor's torque and voltage have one \
+                 constant: check the units (N m/A, turns a minute)"
+            );
+            return Err(document.error_at(motor.torque_nm_per_a.span(), message));
+        }
         let inductance = Estimate::exact(INDUCTANCE_S * resistance.value);
         let numbers = vec![
-            read("mass_kg", &raw.mass_kg, (1e-3, 1e4), OF_MEASURES)?,
+            read("mass_kg", &raw.mass_kg, (1e-3, of_effect("motion", "mass_kg")), OF_MEASURES)?,
             read("wheel_radius_m", &raw.wheel_radius_m, (1e-3, 2.0), OF_MEASURES)?,
             optional("wheel_inertia_kg_m2", &raw.wheel_inertia_kg_m2, (0.0, 10.0), OF_MOTORS, Estimate::exact(0.0))?,
             optional("rolling_coefficient", &raw.rolling_coefficient, (0.0, 0.5), 0.0, Estimate::new(ROLLING.0, ROLLING.1))?,
@@ -195,7 +221,7 @@ impl RobotSheet {
         Ok(RobotSheet {
             name: raw.name,
             battery_v: read("battery_v", &raw.battery_v, (0.5, 1000.0), 0.0)?.value,
-            idle_w: raw.idle_w.as_ref().map(|idle_w| read("idle_w", idle_w, (0.0, 1e5), OF_MOTORS)).transpose()?,
+            idle_w: raw.idle_w.as_ref().map(|idle_w| read("idle_w", idle_w, (0.0, of_effect("idle", "idle_w")), OF_MOTORS)).transpose()?,
             motors: f64::from(wheels),
             nominal_v,
             pwm_hz: raw.bridge.as_ref().map(|bridge| Ok(read("bridge.pwm_hz", &bridge.pwm_hz, (10.0, 1e7), 0.0)?.value)).transpose()?,

@@ -104,7 +104,7 @@ pub enum OcvError {
     /// Nothing says how much the battery holds.
     #[error(
         "no log runs from full to empty, or back, at a fifth of the capacity an hour or less, so none says what the battery holds: give such a log, say \
-         --soc-initial 1 if one begins full, or give --capacity-ah"
+         --soc-initial 1 if one begins full, 0 if one begins empty, or give --capacity-ah"
     )]
     NoCapacity,
     /// Nothing says how full a log begins.
@@ -128,6 +128,28 @@ pub enum OcvError {
         from: f64,
         /// What follows, per cent.
         to: f64,
+    },
+    /// A log does not begin where it is stated to.
+    #[error(
+        "{file}: it is stated to begin at {soc:.0} %, and shows {shown_v:.3} V a cell at rest there: soc_initial is another, or --full-v-per-cell or --eod-v-per-cell"
+    )]
+    Begins {
+        /// The log.
+        file: String,
+        /// What is stated, per cent.
+        soc: f64,
+        /// Its first voltage, V a cell.
+        shown_v: f64,
+    },
+    /// The voltage falls as the charge rises.
+    #[error(
+        "the voltage falls by {fall_v:.3} V where the charge rises, at {soc:.0} %: is the current of the wrong sign (it is positive out of the battery), is the capacity another, or is a log of another battery?"
+    )]
+    Falls {
+        /// By how much, V a cell.
+        fall_v: f64,
+        /// Where, per cent.
+        soc: f64,
     },
     /// Neither a rest nor a slow current.
     #[error(
@@ -170,7 +192,7 @@ pub struct FirstModel {
     pub sheet: Sheet,
     /// What the pack holds, Ah.
     pub capacity_ah: Estimate,
-    /// The passages between full and empty that say so; none where it was stated.
+    /// The passages between full and empty that logs have, the slowest.
     pub passages: Vec<Passage>,
     /// Open-circuit voltage of one cell.
     pub table: Table,
@@ -193,7 +215,7 @@ pub fn first_model(sheet: &Sheet, logs: &[Log]) -> Result<FirstModel, OcvError> 
     let noise = noise::noise(&counted, sheet);
     let step_ohm = step::resistance(&counted, &known, noise.per_cell(sheet));
     let shown = shown::shown(&counted, &known, sheet, noise.per_cell(sheet));
-    let table = solve::solve(&shown.all, step_ohm.map(|(ohm, _)| ohm), known.capacity_ah.value).ok_or_else(|| OcvError::NothingSlow {
+    let table = solve::solve(&shown.all, step_ohm.map(|(ohm, _)| ohm), &known)?.ok_or_else(|| OcvError::NothingSlow {
         least: solve::LEAST,
         rest_min: shown::REST_S / 60.0,
         slow: sheet.slow_per_hour,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use energy::effect::Lane;
-use energy::real::{Dual, LANES, derivative, variable};
+use energy::real::{Derived, HalfDual, LANES};
 use energy::{Channel, Channels, Model, Run, System};
 
 use crate::prepare::{Prepared, predicted_channels};
@@ -60,33 +60,41 @@ pub struct Sensitivities {
 /// one: one walk for so many of them as there are lanes.
 #[must_use]
 pub fn sensitivities(model: &Arc<Model>, prepared: &Prepared, values: &[f64], by: &[usize]) -> Vec<Sensitivities> {
-    let (rows, battery) = (prepared.time_s.len(), model.system == System::Battery);
     let mut answer = vec![Sensitivities::default(); prepared.targets.len()];
-    let start = prepared.start.lifted();
     for chunk in by.chunks(LANES) {
-        let mut parameters: Vec<Dual> = values.iter().map(|&value| Dual::from(value)).collect();
-        for (lane, &index) in chunk.iter().enumerate() {
-            parameters[index] = variable(values[index], lane);
-        }
-        let mut run = Run::with_parameters(Arc::clone(model), parameters, start);
-        let is_first = answer.iter().all(|of_target| of_target.by.is_empty());
-        let mut columns = vec![vec![Vec::with_capacity(rows); chunk.len()]; prepared.targets.len()];
-        walk(prepared, &mut run, |row, now| {
-            for ((target, of_target), lanes) in prepared.targets.iter().zip(&mut answer).zip(&mut columns) {
-                let shown = &now[target.channel];
-                if is_first {
-                    of_target.predicted.push(if row == 0 && !battery { f64::NAN } else { shown.re });
-                }
-                for (lane, column) in lanes.iter_mut().enumerate() {
-                    column.push(derivative(shown, lane));
-                }
-            }
-        });
-        for (of_target, new) in answer.iter_mut().zip(columns) {
-            of_target.by.extend(new);
-        }
+        let walked = if chunk.len() <= HalfDual::LANES { walked::<2> } else { walked::<4> };
+        walked(model, prepared, values, chunk, &mut answer);
     }
     answer
+}
+
+/// One walk, by no more parameters than a number has lanes.
+fn walked<const PAIRS: usize>(model: &Arc<Model>, prepared: &Prepared, values: &[f64], by: &[usize], answer: &mut [Sensitivities])
+where
+    Derived<PAIRS>: Lane,
+{
+    let (rows, battery) = (prepared.time_s.len(), model.system == System::Battery);
+    let mut parameters: Vec<Derived<PAIRS>> = values.iter().map(|&value| Derived::from(value)).collect();
+    for (lane, &index) in by.iter().enumerate() {
+        parameters[index] = Derived::variable(values[index], lane);
+    }
+    let mut run = Run::with_parameters(Arc::clone(model), parameters, prepared.start.lifted());
+    let is_first = answer.iter().all(|of_target| of_target.by.is_empty());
+    let mut columns = vec![vec![Vec::with_capacity(rows); by.len()]; prepared.targets.len()];
+    walk(prepared, &mut run, |row, now| {
+        for ((target, of_target), lanes) in prepared.targets.iter().zip(answer.iter_mut()).zip(&mut columns) {
+            let shown = &now[target.channel];
+            if is_first {
+                of_target.predicted.push(if row == 0 && !battery { f64::NAN } else { shown.re });
+            }
+            for (column, by_lane) in lanes.iter_mut().zip(shown.lanes()) {
+                column.push(*by_lane);
+            }
+        }
+    });
+    for (of_target, new) in answer.iter_mut().zip(columns) {
+        of_target.by.extend(new);
+    }
 }
 
 fn walk<S: Lane>(prepared: &Prepared, run: &mut Run<S>, mut at: impl FnMut(usize, &Channels<S>)) {

@@ -34,9 +34,9 @@ fn lock(right: &Mutex<Right>) -> MutexGuard<'_, Right> {
 }
 
 impl Leading {
-    /// That of who has just opened the store.
-    pub(super) fn begin(store: &Arc<Store>) -> Self {
-        let until = store.lease().map(|lease| monotonic() + lease);
+    /// That of who asked for it then, and has it.
+    pub(super) fn begin(store: &Arc<Store>, asked: Instant) -> Self {
+        let until = store.lease().map(|lease| asked + lease);
         let right = Arc::new(Mutex::new(Right { until, is_replaced: false, seen: monotonic() }));
         let renewing = store.renewal().map(|every| tokio::spawn(renew(Arc::downgrade(store), Arc::clone(&right), every)));
         Self { right, renewing }

@@ -116,13 +116,13 @@ impl DriveSheet {
     /// Greatest speed on a level floor, m/s; 0 where it does not move.
     #[must_use]
     pub fn top_speed_mps(&self, battery_v: f64) -> f64 {
-        self.gearmotor.speed_at(battery_v, self.wheel_nm(0.0)) * self.wheels.wheel_radius_m
+        self.behind_bridge().speed_at(battery_v, self.wheel_nm(0.0)) * self.wheels.wheel_radius_m
     }
 
     /// The steepest slope up which its motors push it, rad; pi/2 where they would lift it. Its wheels may slip before.
     #[must_use]
     pub fn steepest_rad(&self, battery_v: f64) -> f64 {
-        let share = self.motors * self.gearmotor.stall_nm(battery_v) / self.wheels.wheel_radius_m / (self.mass_kg * GRAVITY_MPS2);
+        let share = self.motors * self.behind_bridge().stall_nm(battery_v) / self.wheels.wheel_radius_m / (self.mass_kg * GRAVITY_MPS2);
         // sin(p) + c cos(p) = share
         let (c, whole) = (self.rolling_coefficient, 1.0_f64.hypot(self.rolling_coefficient));
         if share >= 1.0 { std::f64::consts::FRAC_PI_2 } else { ((share / whole).asin() - c.atan()).max(0.0) }
@@ -136,15 +136,16 @@ impl DriveSheet {
         // What one motor moves at its wheel: its share of the robot, and the wheel itself.
         let inertia_kg_m2 = self.mass_kg / self.motors * radius_m.powi(2) + wheels.wheel_inertia_kg_m2;
         let load = Load { torque_nm: 0.0, friction_nm: self.wheel_nm(0.0), inertia_kg_m2 };
-        let (motor, gear) = (&self.gearmotor.motor, &self.gearmotor.gear);
+        let driven = self.behind_bridge();
+        let (motor, gear) = (&driven.motor, &driven.gear);
         let moved_kg_m2 = motor.inertia_kg_m2 + inertia_kg_m2 / (gear.ratio.powi(2) * gear.efficiency);
         let tau_s = motor.resistance_ohm * moved_kg_m2 / (motor.back_emf_v_s_per_rad * motor.torque_nm_per_a);
         let step_s = START_TAUS * (tau_s + motor.electrical_time_s()) / f64::from(START_POINTS);
-        let top_radps = self.gearmotor.speed_at(battery_v, self.wheel_nm(0.0)) * gear.ratio;
+        let top_radps = driven.speed_at(battery_v, self.wheel_nm(0.0)) * gear.ratio;
         let mut now = Turning::default();
         let points: Vec<Turning> = (0..START_POINTS)
             .map(|_| {
-                now = self.gearmotor.turn(now, step_s, battery_v, &load).end;
+                now = driven.turn(now, step_s, battery_v, &load).end;
                 now
             })
             .collect();
@@ -155,6 +156,19 @@ impl DriveSheet {
             half_s: while_s(&|point| point.current_a > peak_a / 2.0),
             rise_s: while_s(&|point| point.motor_radps < top_radps * (1.0 - (-1.0_f64).exp())),
         }
+    }
+
+    /// Whether the battery's voltage lets it go that fast up there.
+    #[must_use]
+    pub fn reaches(&self, speed_mps: f64, pitch_rad: f64, battery_v: f64) -> bool {
+        self.behind_bridge().at(self.wheel_nm(pitch_rad), speed_mps / self.wheels.wheel_radius_m).voltage_v <= battery_v * (1.0 + 1e-9)
+    }
+
+    /// The motor with the two switches that conduct, as it stands on the whole voltage.
+    fn behind_bridge(&self) -> Gearmotor {
+        let mut driven = self.gearmotor;
+        driven.motor.resistance_ohm += 2.0 * self.bridge.map_or(0.0, |bridge| bridge.on_ohm);
+        driven
     }
 
     /// Force at the ground that rolling and slope ask for, N.
@@ -187,12 +201,14 @@ mod tests {
         let explorer = explorer();
         // Kottas, section 5.2: approximately 520 mm/s.
         assert!((explorer.top_speed_mps(PACK_V) / SPEED_MAX_MPS - 1.0).abs() < 0.02);
-        // By hand: 11.4e-3 x 11.1 / 13.7 - 0.12e-3 = 9.12 mN m at the motor, 0.262 N m at each wheel, 23.3 N of both: more than its weight.
+        assert!(explorer.reaches(explorer.top_speed_mps(PACK_V), 0.0, PACK_V) && !explorer.reaches(0.55, 0.0, PACK_V));
+        // By hand, with two switches of half an ohm: 11.4e-3 x 11.1 / 14.7 - 0.12e-3 = 8.49 mN m at the motor, 0.2436 N m at each wheel, 21.65 N of both: more
+        // than its weight.
         assert_eq!(explorer.steepest_rad(PACK_V), std::f64::consts::FRAC_PI_2);
-        // Ten times as heavy: 23.3 N of 49 N, so sin(p) + 0.02 cos(p) = 0.475.
+        // Ten times as heavy: 21.65 N of 49.03 N, so sin(p) + 0.02 cos(p) = 0.4416.
         let heavy = DriveSheet { mass_kg: 5.0, ..explorer };
         let p = heavy.steepest_rad(PACK_V);
-        assert!((p.sin() + 0.02 * p.cos() - 0.475).abs() < 0.003 && heavy.operating(0.0, p).voltage_v < PACK_V, "{p}");
+        assert!((p.sin() + 0.02 * p.cos() - 0.4416).abs() < 0.001 && heavy.operating(0.0, p).voltage_v < PACK_V, "{p}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Our dual numbers against another implementation's.
 
-use energy::real::{Dual, LANES, Real, derivative, variable};
+use energy::real::{Dual, HalfDual, LANES, Real, derivative, variable};
 use nalgebra::{Const, U1};
 use num_dual::{Derivative, DualNum, DualSVec64};
 use proptest::prelude::*;
@@ -39,6 +39,9 @@ proptest! {
         for lane in 0..LANES {
             prop_assert!(near(derivative(&ours, lane), eps[lane]), "lane {lane}: {} {}", derivative(&ours, lane), eps[lane]);
         }
+        // The narrower number says the same to the last bit.
+        let half: HalfDual = compound!(HalfDual::variable(x, 0), HalfDual::variable(y, 1), HalfDual::variable(z, 3));
+        prop_assert_eq!((half.re, half.lanes()), (ours.re, &[ours.lanes()[0], ours.lanes()[3], 0.0, ours.lanes()[7]][..]));
     }
 }
 

@@ -4,6 +4,7 @@ use energy::Estimate;
 use energy::units::H_PER_S;
 
 use super::counted::Counted;
+use super::shown::rest_a;
 use super::{OcvError, Sheet};
 
 /// A charge has ended full if it reached the full voltage within this share of it: chargers hold theirs to half a per cent.
@@ -13,11 +14,20 @@ const FULL_PER_HOUR: f64 = 0.1;
 /// A discharge ends empty at most so fast, as a share of the capacity an hour: above, the resistance ends it early.
 const EMPTY_PER_HOUR: f64 = 0.2;
 /// A cell that is full and has rested shows its full voltage less at most this share of what lies between full and end.
-const RESTED: f64 = 0.04;
+const RESTED: f64 = 0.02;
+/// A log that is stated to begin full, and rests, shows its full voltage less at most this share of what lies between; one that begins empty is
+/// at most [`RECOVERED`] above its end. Guesses, wide enough for a flat voltage.
+const SAGGED: f64 = 0.2;
+/// See [`SAGGED`].
+const RECOVERED: f64 = 0.5;
+/// What is charged by less than this share of the capacity was not charged full by that.
+const LITTLE: f64 = 0.01;
 /// Passages at more than so many times the slowest one's current say less of what a battery holds, and are not asked.
 const AS_SLOW: f64 = 2.0;
 /// What is not known of one passage, as a share: the gain of an ammeter and what its current leaves in the cell. A guess.
 const PASSAGE_SIGMA: f64 = 0.01;
+/// How well a state of charge is known that was counted from full or empty, at best. A guess.
+const COUNTED: f64 = 2e-3;
 /// As much charge is given to a capacity that was stated: it is taken at its word, but for that ammeter.
 const STATED_SIGMA: f64 = PASSAGE_SIGMA;
 /// A state of charge may come out so far beyond full and empty.
@@ -53,6 +63,8 @@ pub enum Beginning {
 pub(super) struct Known {
     pub(super) capacity_ah: Estimate,
     pub(super) passages: Vec<Passage>,
+    /// How well a state of charge is known that was counted between full and empty.
+    pub(super) counted_sigma: f64,
     /// State of charge of every row of every log.
     pub(super) soc: Vec<Vec<f64>>,
     pub(super) beginnings: Vec<Beginning>,
@@ -72,13 +84,23 @@ pub(super) fn known(sheet: &Sheet, logs: &[Counted<'_>]) -> Result<Known, OcvErr
     let found: Vec<Passage> = found.collect();
     let slowest = found.iter().map(|passage| passage.per_hour).fold(f64::INFINITY, f64::min);
     let slow: Vec<Passage> = found.into_iter().filter(|passage| passage.per_hour <= AS_SLOW * slowest).collect();
-    let (capacity_ah, passages) = match sheet.capacity_ah {
-        Some(stated_ah) => (Estimate::new(stated_ah, STATED_SIGMA * stated_ah), Vec::new()),
-        None if slow.is_empty() => return Err(OcvError::NoCapacity),
-        None => (mean(&slow), slow),
+    let measured = (!slow.is_empty()).then(|| mean(&slow));
+    let capacity_ah = match (sheet.capacity_ah, measured) {
+        // It is taken at its word, but is known no better than it agrees with what was measured.
+        (Some(stated_ah), measured) => {
+            let off_ah = measured.map_or(0.0, |measured| (measured.value - stated_ah).abs());
+            Estimate::new(stated_ah, (STATED_SIGMA * stated_ah).max(off_ah))
+        }
+        (None, Some(measured)) => measured,
+        (None, None) => return Err(OcvError::NoCapacity),
     };
+    let spread = slow.iter().map(|passage| (passage.charge_ah / capacity_ah.value - 1.0).abs()).fold(0.0, f64::max);
+    let counted_sigma = COUNTED.max(if sheet.capacity_ah.is_none() { spread } else { 0.0 });
+    for log in logs {
+        begins_as_stated(log, sheet, rest_a(nominal_ah))?;
+    }
     let soc = logs.iter().zip(&anchors).map(|(log, (anchors, _))| soc(log, anchors, capacity_ah.value)).collect::<Result<_, _>>()?;
-    Ok(Known { capacity_ah, passages, soc, beginnings: anchors.into_iter().map(|(_, beginning)| beginning).collect() })
+    Ok(Known { capacity_ah, passages: slow, counted_sigma, soc, beginnings: anchors.into_iter().map(|(_, beginning)| beginning).collect() })
 }
 
 /// The mean of what passed. Passages that differ by more than each may be off say how well it is known.
@@ -90,11 +112,20 @@ fn mean(passages: &[Passage]) -> Estimate {
     Estimate::new(mean_ah, (PASSAGE_SIGMA * mean_ah).max(spread_ah))
 }
 
+/// Refuses a log that is stated to begin full or empty and shows another voltage at rest.
+fn begins_as_stated(log: &Counted<'_>, sheet: &Sheet, rest_a: f64) -> Result<(), OcvError> {
+    let Some(soc) = log.log.facts.soc_initial.filter(|_| log.current_a[0].abs() <= rest_a) else { return Ok(()) };
+    let shown_v = log.cell_v[0];
+    let wrong = soc >= 1.0 - EXACT && shown_v < sheet.full_v_per_cell - SAGGED * sheet.span_v()
+        || soc <= EXACT && shown_v > sheet.eod_v_per_cell + RECOVERED * sheet.span_v();
+    if wrong { Err(OcvError::Begins { file: log.log.file.clone(), soc: 100.0 * soc, shown_v }) } else { Ok(()) }
+}
+
 /// Where this log is known to be full or empty, in order; else where it is stated to begin.
 fn anchors(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> (Vec<Anchor>, Beginning) {
     let stated = log.log.facts.soc_initial;
     let rows = log.current_a.len();
-    let rest_a = super::shown::rest_a(nominal_ah);
+    let rest_a = rest_a(nominal_ah);
     let mut anchors = Vec::new();
     let mut beginning = Beginning::Counted;
     let rested_v = sheet.full_v_per_cell - RESTED * sheet.span_v();
@@ -112,11 +143,16 @@ fn anchors(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> (Vec<Anchor>, B
     let full_v = sheet.full_v_per_cell * (1.0 - AT_FULL);
     for run in log.runs(|current_a| current_a < -rest_a) {
         let (most_v, last) = (log.cell_v[run.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max), run.end - 1);
+        let moved_ah = log.drawn_ah[run.start - 1] - log.drawn_ah[last];
         let tapered = -log.current_a[last] <= FULL_PER_HOUR * nominal_ah;
         // A log that ends within a charge does not say whether that charge had ended.
         let ended = run.end < rows || -log.current_a[last] < -log.current_a[run.start] / 2.0 || log.cell_v[last] >= full_v;
-        if most_v >= full_v && tapered && ended {
-            anchors.push(Anchor { row: last, soc: 1.0 });
+        // A slow charge beyond the full voltage was full where it passed that.
+        let beyond = most_v > sheet.full_v_per_cell * (1.0 + AT_FULL);
+        let passed = run.clone().find(|&row| log.cell_v[row] >= sheet.full_v_per_cell && -log.current_a[row] <= FULL_PER_HOUR * nominal_ah);
+        if most_v >= full_v && moved_ah > LITTLE * nominal_ah && (beyond || tapered && ended) {
+            let row = if beyond { passed } else { Some(last) };
+            anchors.extend(row.map(|row| Anchor { row, soc: 1.0 }));
         }
     }
     for run in log.runs(|current_a| current_a > rest_a) {

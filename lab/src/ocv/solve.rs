@@ -8,6 +8,8 @@
 use energy::{Estimate, OcvTable};
 use nalgebra::{DMatrix, DVector};
 
+use super::OcvError;
+use super::passage::Known;
 use super::shown::{Kind, Shown, place};
 
 /// Points that a table takes.
@@ -21,8 +23,8 @@ const OF_STEP: (f64, f64) = (2.0, 0.7);
 const UNSEEN_V: (f64, f64) = (0.1, 0.07);
 /// A table is known no better than this, V per cell: a hysteresis of layered oxides that nothing need have shown. A guess.
 const KNOWN_V: f64 = 2e-3;
-/// How well a state of charge is known that was counted from full or empty. A guess.
-const COUNTED: f64 = 2e-3;
+/// A table that must be bent by more than this not to fall, V, is of rows that belong to something else. A guess: far more than noise.
+const FALLS_V: f64 = 0.02;
 /// Places at which the deviation of a table is taken.
 const GRID: u32 = 200;
 /// Below this state of charge a table is as steep as it is uncertain.
@@ -73,22 +75,29 @@ fn knots(shown: &[Shown]) -> Vec<f64> {
 }
 
 /// The table; nothing where too little was shown.
-pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, capacity_ah: f64) -> Option<Table> {
+pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) -> Result<Option<Table>, OcvError> {
     let knots = knots(shown);
     if knots.len() < LEAST {
-        return None;
+        return Ok(None);
     }
-    let (times, of) = step_ohm.map_or((UNSEEN_V, 1.0 / capacity_ah), |ohm| (OF_STEP, ohm.value));
+    let (times, of) = step_ohm.map_or((UNSEEN_V, 1.0 / known.capacity_ah.value), |ohm| (OF_STEP, ohm.value));
     let equations = Equations::of(shown, &knots, Estimate::new(times.0 * of, times.1 * of));
     // How steep the table is tells what the state of charge, which is not exact, does to a voltage.
-    let rough = equations.solved(&shown.iter().map(|shown| shown.sigma_v).collect::<Vec<_>>())?;
+    let Some(rough) = equations.solved(&shown.iter().map(|shown| shown.sigma_v).collect::<Vec<_>>()) else { return Ok(None) };
     let steep_v = |soc: f64| {
         let [(low, _), (high, _)] = shares(&knots, soc, true);
-        COUNTED * ((rough.answer[high] - rough.answer[low]) / (knots[high] - knots[low])).abs()
+        known.counted_sigma * ((rough.answer[high] - rough.answer[low]) / (knots[high] - knots[low])).abs()
     };
-    let solved = equations.solved(&shown.iter().map(|shown| shown.sigma_v.hypot(steep_v(shown.soc))).collect::<Vec<_>>())?;
+    let sigmas: Vec<f64> = shown.iter().map(|shown| shown.sigma_v.hypot(steep_v(shown.soc))).collect();
+    let Some(solved) = equations.solved(&sigmas) else { return Ok(None) };
     let sigma_v: Vec<f64> = (0..knots.len()).map(|knot| solved.covariance[(knot, knot)].sqrt()).collect();
-    let volts = never_falling(solved.answer.as_slice()[..knots.len()].to_vec(), &sigma_v);
+    let found = &solved.answer.as_slice()[..knots.len()];
+    let volts = never_falling(found.to_vec(), &sigma_v);
+    let bent = found.iter().zip(&volts).zip(&knots).map(|((found, volts), soc)| ((found - volts).abs(), *soc));
+    let (fall_v, soc) = bent.fold((0.0, 0.0), |most, bent| if bent.0 > most.0 { bent } else { most });
+    if fall_v > FALLS_V && soc >= STEEP {
+        return Err(OcvError::Falls { fall_v, soc: 100.0 * soc });
+    }
     let went = |discharged: bool| shown.iter().any(|shown| shown.discharged == discharged);
     let branch = match (went(true), went(false)) {
         (true, false) => Branch::Discharge,
@@ -96,14 +105,11 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, capacity_ah: f6
         (true, true) => Branch::Both,
     };
     let slow = shown.iter().any(|shown| shown.kind == Kind::Slow);
-    Some(Table {
-        rms_sigma_v: deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V),
-        left_v: (shown.len() > volts.len()).then(|| (solved.off.iter().map(|off| off * off).sum::<f64>() / solved.off.len() as f64).sqrt()),
-        slow_ohm: slow.then(|| equations.cost(&solved, 0.5)),
-        branch,
-        sigma_v,
-        ocv: OcvTable::new(knots, volts).ok()?,
-    })
+    let rms_sigma_v = deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V);
+    let left_v =
+        (shown.len() > volts.len()).then(|| (solved.off.iter().map(|off| off * off).sum::<f64>() / solved.off.len() as f64).sqrt());
+    let slow_ohm = slow.then(|| equations.cost(&solved, 0.5));
+    Ok(OcvTable::new(knots, volts).ok().map(|ocv| Table { ocv, sigma_v, rms_sigma_v, left_v, slow_ohm, branch }))
 }
 
 /// What was shown, as linear equations in the points of the table and in what a slow current costs at its turns.
@@ -177,17 +183,18 @@ impl Equations {
     }
 }
 
-/// Deviation of a table where it is not steep, V, RMS: that of its points, and how far the curve may be from the straight lines between
+/// Deviation of a table where it is not steep and something was shown, V, RMS: that of its points, and how far the curve may be from the straight lines between
 /// them, by how it bends at the points next to each.
 fn deviation_v(knots: &[f64], volts: &[f64], sigma_v: &[f64]) -> f64 {
     let slope = |at: usize| (volts[at + 1] - volts[at]) / (knots[at + 1] - knots[at]);
     let bend = |at: usize| ((slope(at) - slope(at - 1)) / (knots[at + 1] - knots[at - 1]) * 2.0).abs();
     let bend = |at: usize| bend(at.clamp(1, knots.len() - 2));
+    let from = STEEP.max(knots[0]).min(knots[knots.len() - 2]);
     let square = |step: u32| {
-        let soc = STEEP + (1.0 - STEEP) * f64::from(step) / f64::from(GRID);
+        let soc = from + (knots[knots.len() - 1] - from) * f64::from(step) / f64::from(GRID);
         let [(low, _), (high, _)] = shares(knots, soc, true);
         let of_points: f64 = shares(knots, soc, false).map(|(knot, share)| share * sigma_v[knot].powi(2)).iter().sum();
-        // A parabola through both ends; beyond the table, how far it goes off after that.
+        // A parabola through both ends.
         let of_line = bend(low).max(bend(high)) * (soc - knots[low]) * (knots[high] - soc) / 2.0;
         of_points + of_line.powi(2)
     };

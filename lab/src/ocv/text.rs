@@ -62,10 +62,11 @@ pub fn model_text(found: &FirstModel, origin: &str) -> String {
     line(format!("capacity_relative_sigma = {}", exponent(found.capacity_ah.sigma / found.capacity_ah.value)));
     line(format!("# A guess.\nsoc_initial_sigma = {SOC_INITIAL_SIGMA}"));
     if let Some((ohm, steps)) = found.step_ohm {
-        let pack = f64::from(sheet.series);
+        // The effect's resistance is that of one cell: of those in parallel each has its share of the current.
+        let cells = f64::from(sheet.parallel);
         line("\n[[effect]]\nid = \"ohmic\"".to_owned());
         let source = format!("middle of {steps} steps of the current, by {origin}");
-        let (value, sigma) = (exponent(pack * ohm.value), exponent(pack * ohm.sigma));
+        let (value, sigma) = (exponent(cells * ohm.value), exponent(cells * ohm.sigma));
         line(format!("resistance_ohm = {{ value = {value}, sigma = {sigma}, source = {}, free = true }}", toml::Value::from(source)));
     }
     text
@@ -78,12 +79,12 @@ fn exponent(value: f64) -> String {
 
 /// Where a capacity comes from, in words.
 fn capacity_source(found: &FirstModel) -> String {
-    if found.passages.is_empty() {
+    if found.sheet.capacity_ah.is_some() {
         return "Capacity as it was stated.".to_owned();
     }
     let one = |passage: &Passage| {
         let what = if passage.discharge { "discharge" } else { "charge" };
-        format!("{what} of {} ({:.4} Ah at {:.2} of it an hour)", passage.log, passage.charge_ah, passage.per_hour)
+        format!("{what} of {} ({:.4} Ah at {:.3} of it an hour)", passage.log, passage.charge_ah, passage.per_hour)
     };
     format!("Between full and end: {}.", found.passages.iter().map(one).collect::<Vec<_>>().join(", "))
 }

@@ -113,7 +113,7 @@ impl DriveReport {
         let cheapest = (sheet.idle_w.is_some() && top_mps > 0.0).then(|| most_economical(model, &[(Channel::VoltageV, battery_v)], range));
         let speeds = if top_mps > 0.0 { vec![(top_mps / 2.0, 0.0), (top_mps / 2.0, RAMP_RAD), (top_mps, 0.0)] } else { Vec::new() };
         // Up a ramp it may not be that fast.
-        let reached = |&(speed_mps, pitch_rad): &(f64, f64)| drive.operating(speed_mps, pitch_rad).voltage_v <= battery_v * (1.0 + 1e-9);
+        let reached = |&(speed_mps, pitch_rad): &(f64, f64)| drive.reaches(speed_mps, pitch_rad, battery_v);
         DriveReport {
             schema: 1,
             model: sheet.name.clone(),

@@ -52,7 +52,9 @@ pub struct FirstReport {
     pub capacity_ah: f64,
     /// Its deviation, Ah.
     pub capacity_sigma_ah: f64,
-    /// What says so; empty where it was stated.
+    /// Whether it was stated, and not measured.
+    pub capacity_stated: bool,
+    /// The slowest ways of the logs between full and empty.
     pub passages: Vec<PassageReport>,
     /// States of charge of the table.
     pub soc: Vec<f64>,
@@ -95,6 +97,7 @@ impl FirstReport {
             version: env!("CARGO_PKG_VERSION"),
             capacity_ah: found.capacity_ah.value,
             capacity_sigma_ah: found.capacity_ah.sigma,
+            capacity_stated: found.sheet.capacity_ah.is_some(),
             passages: found
                 .passages
                 .iter()
@@ -142,13 +145,13 @@ impl FirstReport {
     pub fn human(&self) -> String {
         let mut said = format!("{}: {}", self.model, with_sigma(self.capacity_ah, Some(self.capacity_sigma_ah), "Ah"));
         match self.passages.len() {
-            0 => said.push_str(", as stated\n"),
+            _ if self.capacity_stated => said.push_str(", as stated\n"),
             1 => said.push_str(", by one way between full and empty\n"),
             many => said.push_str(&format!(", by {many} ways between full and empty\n")),
         }
         for passage in &self.passages {
             let (direction, log) = (passage.direction, &passage.log);
-            said.push_str(&format!("  {direction} of {log}: {:.4} Ah at {:.2} of it an hour\n", passage.charge_ah, passage.c_rate));
+            said.push_str(&format!("  {direction} of {log}: {:.4} Ah at {:.3} of it an hour\n", passage.charge_ah, passage.c_rate));
         }
         let mut logs = table(&["log", "begins at", "by", "least", "most", "rests", "slow places"]);
         numbers_from(&mut logs, 3);
@@ -197,6 +200,8 @@ impl FirstReport {
 
 /// Ways between full and empty that differ by more than this share are told.
 const UNLIKE: f64 = 0.03;
+/// So is a state of charge that is this far beyond full or empty.
+const BEYOND: f64 = 0.02;
 
 /// What is not known, and what comes next.
 fn words(found: &FirstModel) -> Vec<String> {
@@ -212,7 +217,14 @@ fn words(found: &FirstModel) -> Vec<String> {
     }
     let charges = found.passages.iter().map(|passage| passage.charge_ah);
     let (least, most) = charges.fold((f64::INFINITY, 0.0_f64), |(least, most), ah| (least.min(ah), most.max(ah)));
-    if most > (1.0 + UNLIKE) * least {
+    let capacity_ah = found.capacity_ah.value;
+    let off = (most / capacity_ah - 1.0).abs().max((least / capacity_ah - 1.0).abs());
+    if found.sheet.capacity_ah.is_some() && most > 0.0 && off > UNLIKE {
+        let apart = 100.0 * off;
+        words.push(format!(
+            "between full and empty the logs pass {least:.3} to {most:.3} Ah, {apart:.0} % from the capacity that was stated"
+        ));
+    } else if most > (1.0 + UNLIKE) * least {
         let differ = 100.0 * (most / least - 1.0);
         words.push(format!(
             "the ways between full and empty differ by {differ:.0} %: an ammeter that is off one way, or a charge that had not ended"
@@ -226,12 +238,25 @@ fn words(found: &FirstModel) -> Vec<String> {
     if let Some([from, to]) = widest.filter(|pair| pair[1] - pair[0] > 0.15) {
         words.push(format!("nothing shows it between {:.0} and {:.0} %: the table is a straight line there", 100.0 * from, 100.0 * to));
     }
-    for (end, missing) in [(soc[0], soc[0] > 0.1), (soc[soc.len() - 1], soc[soc.len() - 1] < 0.9)] {
+    for (end, missing, side) in [(soc[0], soc[0] > 0.1, "below"), (soc[soc.len() - 1], soc[soc.len() - 1] < 0.9, "above")] {
         if missing {
             words.push(format!(
-                "nothing shows it {} {:.0} %: the table goes straight on",
-                if end < 0.5 { "below" } else { "above" },
+                "nothing shows it {side} {:.0} %: the table goes straight on there, and its deviation says nothing of that",
                 100.0 * end
+            ));
+        }
+    }
+    for used in &found.used {
+        let (low, high) = used.range;
+        if low < -BEYOND || high > 1.0 + BEYOND {
+            let (low, high) = (100.0 * low, 100.0 * high);
+            words.push(format!("{} goes from {low:.0} to {high:.0} %: its current is off, or what is known of the battery", used.log));
+        }
+        if used.beginning != Beginning::Stated {
+            let log = &used.log;
+            words.push(format!(
+                "say of {log} where it begins when it is used again, in {log}.toml: schema = 1, soc_initial = {:.4}",
+                used.soc_initial.clamp(0.0, 1.0)
             ));
         }
     }

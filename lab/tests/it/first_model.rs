@@ -153,6 +153,25 @@ fn the_text_is_a_model() {
     assert_eq!(found.table.branch, Branch::Discharge);
 }
 
+/// Three in series and two in parallel of the same cell give its own table and resistance, and twice its capacity.
+#[test]
+fn a_pack_gives_what_its_cell_gives() {
+    let c10 = CAPACITY_AH / 10.0;
+    let log = driven("down", 1.0, &[(0.0, 600.0), (c10, 45_000.0), (0.0, 1800.0)], 1.0, full());
+    let mut of_pack = log.clone();
+    of_pack.channels.get_mut(&Channel::VoltageV).unwrap().iter_mut().for_each(|volts| *volts *= 3.0);
+    of_pack.channels.get_mut(&Channel::CurrentA).unwrap().iter_mut().for_each(|amps| *amps *= 2.0);
+    let model = |sheet: Sheet, log: Log| {
+        let text = model_text(&first_model(&sheet, &[log]).unwrap(), "a test");
+        Model::parse("first.toml", &text, &|_| Err("no file".to_owned())).unwrap()
+    };
+    let (cell, pack) = (model(sheet(), log), model(Sheet { series: 3, parallel: 2, ..sheet() }, of_pack));
+    let ohm = |model: &Model| model.parameter("ohmic", "resistance_ohm").unwrap().value;
+    assert!((ohm(&pack) / ohm(&cell) - 1.0).abs() < 1e-2, "{} {}", ohm(&pack), ohm(&cell));
+    assert!((pack.battery().capacity_ah / cell.battery().capacity_ah - 2.0).abs() < 1e-3);
+    assert!((pack.battery().ocv.voltage_v(0.5) - cell.battery().ocv.voltage_v(0.5)).abs() < 1e-4);
+}
+
 /// Measured cells: the table that least squares of all their logs and effects found stands for the truth.
 #[test]
 fn measured_cells_get_their_tables() {
@@ -197,7 +216,7 @@ fn measured_cells_get_their_tables() {
 #[test]
 fn what_is_missing_is_said() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("run.csv"), "time_s,current_a,voltage_v\n0,1,4.1\n10,1,4.0\n20,1,3.9\n").unwrap();
+    std::fs::write(folder.path().join("run.csv"), "time_s,current_a,voltage_v\n0,0,4.1\n10,1,4.0\n20,1,3.9\n").unwrap();
     let ocv = |more: &[&str]| {
         lab_in(folder.path(), &[&["ocv", "--log", "run.csv", "--full-v-per-cell", "4.2", "--eod-v-per-cell", "3.0"], more].concat())
     };
@@ -207,6 +226,7 @@ fn what_is_missing_is_said() {
         (&["--capacity-ah", "2", "--soc-initial", "1"], "no log shows the open-circuit voltage"),
         (&["--capacity-ah", "0"], "--capacity-ah = 0: must be between 0.001 and 100000"),
         (&["--series", "3"], "check --series"),
+        (&["--capacity-ah", "2", "--soc-initial", "0"], "run.csv: it is stated to begin at 0 %, and shows 4.100 V a cell"),
         (&["--slow-c-rate", "0"], "--slow-c-rate = 0: must be above 0"),
         (&["-o", "run.csv"], "run.csv is a log that is read here"),
     ] {

@@ -81,6 +81,9 @@ fn mistakes_are_placed() {
         ("ratio = 41.0", "ratio = 0.0", "gear.ratio = 0: must be between 0.01 and 10000"),
         ("no_load_a = 10.5e-3", "no_load_a = 2.0", "must be less than the current of the blocked motor, 0.876 A"),
         ("sigma = 0.07 }", "sigma = 7.0 }", "gear.efficiency: sigma = 7: must be between 0 and the value"),
+        ("torque_nm_per_a = 11.4e-3", "torque_nm_per_a = 11.4", "check the units (N m/A, turns a minute)"),
+        ("battery_v = 11.1", "battery_v = \"11.1\"", "a number, or { value = .., sigma = .. }"),
+        ("value = 3.9, sigma = 0.4", "value = 1e6, sigma = 1.0", "idle_w = 1000000: must be between 0 and"),
         ("schema = 1", "schema = 2", "sheet.toml:3:10: schema = 2: this program reads schema = 1"),
         ("driven_wheels = 2", "driven_wheels = 0", "driven_wheels = 0: must be between 1 and 16"),
     ] {
@@ -98,8 +101,8 @@ fn mistakes_are_placed() {
         "{}",
         outcome.stdout
     );
-    // Sixty kilograms are too much for these motors.
-    let heavy = drive(&text().replace("value = 0.5, sigma = 0.1", "value = 500.0, sigma = 10.0"));
+    // Half a ton is too much for these motors.
+    let heavy = drive(&text().replace("value = 0.5, sigma = 0.1", "value = 499.0, sigma = 10.0"));
     assert!(heavy.stdout.contains("its motors do not move it"), "{}", heavy.stdout);
     let over = lab_in(folder.path(), &["drive", "sheet.toml", "-o", "sheet.toml"]);
     assert!(over.code == 2 && over.stderr.contains("is the data sheet that is read here"), "{}", over.stderr);

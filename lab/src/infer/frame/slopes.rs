@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use energy::effect::Lane;
-use energy::real::{Dual, LANES, derivatives, variable};
+use energy::real::{Derived, HalfDual, LANES};
 use energy::{Channel, Channels, Facts, Model};
 use nalgebra::DMatrix;
 
@@ -33,6 +33,14 @@ struct Share<S> {
     shown: S,
     /// State of charge where a step ends or begins, and the weight in the row of what is shown there.
     nodes: [(f64, f64); 3],
+}
+
+/// Where a walk by some of the unknowns tells what it has found; what is added but once, in the first of them.
+struct Told<'a, 'f> {
+    all: &'a mut [f64],
+    soc: &'a mut [f64],
+    slopes: &'a mut DMatrix<f64>,
+    added: Option<&'a mut Added<'f>>,
 }
 
 impl Frame {
@@ -102,25 +110,9 @@ impl Frame {
                 );
             }
             for (pass, lanes) in moved.chunks(LANES).enumerate() {
-                let dual = |unknown: Option<usize>, value: f64| {
-                    let lane = unknown.and_then(|unknown| lanes.iter().position(|&(_, known)| known == unknown));
-                    lane.map_or_else(|| Dual::from(value), |lane| variable(value, lane))
-                };
-                let parameters = self.values(x).into_iter().enumerate();
-                let parameters = parameters.map(|(index, value)| dual(self.unknown_of_parameter(index), value)).collect();
-                let error = |what, value| dual(self.unknown_of(what), value);
-                self.shares(log, x, parameters, &model, error, |share: &Share<Dual>| {
-                    let mut of_row = slopes.column_mut(share.row);
-                    let of_row = of_row.as_mut_slice();
-                    for (&(place, _), by_lane) in lanes.iter().zip(derivatives(&share.shown)) {
-                        of_row[place] += by_lane;
-                    }
-                    if pass == 0 {
-                        all[share.row] += share.shown.re;
-                        soc[share.row] = share.nodes[0].0;
-                        added.add(share.segment, share.shown.re, share.nodes, of_row);
-                    }
-                });
+                let told = Told { all: &mut all, soc: &mut soc, slopes: &mut slopes, added: (pass == 0).then_some(&mut added) };
+                let told_by = if lanes.len() <= HalfDual::LANES { Self::told_by::<2> } else { Self::told_by::<4> };
+                told_by(self, (log, x), &model, lanes, told);
             }
         }
         self.delay_slopes(x, &all, by, &mut slopes);
@@ -186,6 +178,33 @@ impl Frame {
                 }
             }
         }
+    }
+
+    /// Walks a log by some of the unknowns, no more than a number has lanes: each with its place in the matrix.
+    fn told_by<const PAIRS: usize>(&self, (log, x): (usize, &[f64]), model: &Arc<Model>, lanes: &[(usize, usize)], told: Told<'_, '_>)
+    where
+        Derived<PAIRS>: Lane,
+    {
+        let Told { all, soc, slopes, mut added } = told;
+        let derived = |unknown: Option<usize>, value: f64| {
+            let lane = unknown.and_then(|unknown| lanes.iter().position(|&(_, known)| known == unknown));
+            lane.map_or_else(|| Derived::from(value), |lane| Derived::<PAIRS>::variable(value, lane))
+        };
+        let parameters = self.values(x).into_iter().enumerate();
+        let parameters = parameters.map(|(index, value)| derived(self.unknown_of_parameter(index), value)).collect();
+        let error = |what, value| derived(self.unknown_of(what), value);
+        self.shares(log, x, parameters, model, error, |share: &Share<Derived<PAIRS>>| {
+            let mut of_row = slopes.column_mut(share.row);
+            let of_row = of_row.as_mut_slice();
+            for (&(place, _), by_lane) in lanes.iter().zip(share.shown.lanes()) {
+                of_row[place] += by_lane;
+            }
+            if let Some(added) = &mut added {
+                all[share.row] += share.shown.re;
+                soc[share.row] = share.nodes[0].0;
+                added.add(share.segment, share.shown.re, share.nodes, of_row);
+            }
+        });
     }
 
     /// Walks a log and shows the share of every step in the judged rows.
