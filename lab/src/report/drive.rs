@@ -46,7 +46,7 @@ pub struct Going {
     pub model_w: f64,
     /// Current of one motor, A.
     pub current_a: f64,
-    /// Mechanical power of the wheels over what its motors take.
+    /// Mechanical power of the wheels over what its motors take, ripple and bridge included.
     pub efficiency: f64,
     /// Ripple of a motor's current, A peak to peak; null where the bridge is not known.
     pub ripple_a: Option<f64>,
@@ -95,15 +95,15 @@ impl DriveReport {
         let top_mps = drive.top_speed_mps(battery_v);
         let standing_w = power_w(model, &[]).value;
         let going = |speed_mps: f64, pitch_rad: f64| {
-            let at = drive.operating(speed_mps, pitch_rad);
+            let (at, motors_w) = (drive.operating(speed_mps, pitch_rad), drive.power_w(speed_mps, pitch_rad, battery_v));
             let inputs = [(Channel::SpeedMps, speed_mps), (Channel::PitchRad, pitch_rad), (Channel::VoltageV, battery_v)];
             Going {
                 speed_mps,
                 pitch_deg: pitch_rad.to_degrees(),
-                motors_w: drive.power_w(speed_mps, pitch_rad, battery_v),
+                motors_w,
                 model_w: power_w(model, &inputs).value - standing_w,
                 current_a: at.current_a,
-                efficiency: at.efficiency,
+                efficiency: drive.motors * at.wheel_w / motors_w,
                 ripple_a: drive.supply(&at, battery_v).map(|supply| supply.ripple_a),
                 ripple_w: drive.supply(&at, battery_v).map(|supply| drive.motors * supply.ripple_copper_w),
             }
@@ -188,6 +188,9 @@ impl DriveReport {
             quantity(self.start_half_s, "s"),
             quantity(self.start_rise_s, "s")
         ));
+        if self.parameters.iter().any(|of| of.effect == "acceleration" && of.value == 0.0) {
+            said.push_str("the inertia of rotors and wheels is not in the sheet: a start takes longer than that, and the model counts nothing for them when it speeds up\n");
+        }
         match (self.cheapest_mps, self.cheapest_j_per_m) {
             (Some(speed_mps), Some(j_per_m)) => {
                 said.push_str(&format!("a metre costs least at {}: {}\n", quantity(speed_mps, "m/s"), quantity(j_per_m, "J/m")));
