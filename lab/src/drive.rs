@@ -184,6 +184,7 @@ impl RobotSheet {
         let (motor, gear) = (&raw.motor, &raw.gear);
         let nominal_v = read("motor.nominal_v", &motor.nominal_v, (0.1, 1000.0), 0.0)?.value;
         let resistance = read("motor.resistance_ohm", &motor.resistance_ohm, (1e-4, 1e4), OF_MOTORS)?;
+        let no_load_rpm = read("motor.no_load_rpm", &motor.no_load_rpm, (1.0, 1e6), OF_MOTORS)?;
         let no_load_a = read("motor.no_load_a", &motor.no_load_a, (0.0, 1e3), OF_MOTORS)?;
         if no_load_a.value * resistance.value >= nominal_v {
             let blocked_a = nominal_v / resistance.value;
@@ -191,7 +192,7 @@ impl RobotSheet {
                 format!("motor.no_load_a = {}: must be less than the current of the blocked motor, {blocked_a:.3} A", no_load_a.value);
             return Err(document.error_at(motor.no_load_a.span(), message));
         }
-        let back_emf = (nominal_v - resistance.value * no_load_a.value) / (motor.no_load_rpm.get_ref().value() * RADPS_PER_RPM);
+        let back_emf = (nominal_v - resistance.value * no_load_a.value) / (no_load_rpm.value * RADPS_PER_RPM);
         let torque = motor.torque_nm_per_a.get_ref().value();
         if !(SAME_CONSTANT.0..=SAME_CONSTANT.1).contains(&(torque / back_emf)) {
             let message = format!(
@@ -205,10 +206,16 @@ impl RobotSheet {
             read("mass_kg", &raw.mass_kg, (1e-3, of_effect("motion", "mass_kg")), OF_MEASURES)?,
             read("wheel_radius_m", &raw.wheel_radius_m, (1e-3, 2.0), OF_MEASURES)?,
             optional("wheel_inertia_kg_m2", &raw.wheel_inertia_kg_m2, (0.0, 10.0), OF_MOTORS, Estimate::exact(0.0))?,
-            optional("rolling_coefficient", &raw.rolling_coefficient, (0.0, 0.5), 0.0, Estimate::new(ROLLING.0, ROLLING.1))?,
+            optional(
+                "rolling_coefficient",
+                &raw.rolling_coefficient,
+                (0.0, 0.5),
+                ROLLING.1 / ROLLING.0,
+                Estimate::new(ROLLING.0, ROLLING.1),
+            )?,
             resistance,
             read("motor.torque_nm_per_a", &motor.torque_nm_per_a, (1e-5, 100.0), OF_MOTORS)?,
-            read("motor.no_load_rpm", &motor.no_load_rpm, (1.0, 1e6), OF_MOTORS)?,
+            no_load_rpm,
             no_load_a,
             optional("motor.inductance_h", &motor.inductance_h, (1e-9, 1.0), OF_MOTORS, inductance)?,
             optional("motor.inertia_kg_m2", &motor.inertia_kg_m2, (0.0, 1.0), OF_MOTORS, Estimate::exact(0.0))?,
@@ -284,8 +291,10 @@ impl RobotSheet {
                 text.push_str(&format!("\n[[effect]]\nid = \"{effect}\"\n"));
                 last = effect;
             }
+            let nothing = value.value == 0.0;
             let (value, sigma) = (format!("{:.4e}", value.value), format!("{:.1e}", value.sigma));
-            text.push_str(&format!("{name} = {{ value = {value}, sigma = {sigma}, source = \"data sheets, by {origin}\" }}\n"));
+            let source = if nothing { "no sheet says it: taken as nothing".to_owned() } else { format!("data sheets, by {origin}") };
+            text.push_str(&format!("{name} = {{ value = {value}, sigma = {sigma}, source = {} }}\n", toml::Value::from(source)));
         }
         text
     }

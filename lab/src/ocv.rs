@@ -196,7 +196,7 @@ pub struct FirstModel {
     pub passages: Vec<Passage>,
     /// Open-circuit voltage of one cell.
     pub table: Table,
-    /// Resistance of the pack in steps of its current, ohm, and how many show it.
+    /// Resistance in steps of the pack's current, ohm for each cell in series, and how many show it.
     pub step_ohm: Option<(Estimate, usize)>,
     /// Noise of one reading of the pack's voltage, V, and the step of its digits.
     pub voltage_noise: noise::Noise,

@@ -121,8 +121,9 @@ impl Core {
             let when = minute_from(now, away.leaves);
             return Some(Leave::Otherwise(format!("{} leaves at {when}, before it would be let out again", run.station)));
         }
-        // Until it has come, others may have left, and the plan knows of them.
-        let all_s = takes_s + handling.unload_s * self.inside(run).count() as f64;
+        // Until it has come, others may have left, and the plan knows of them. An exchange takes nobody into a bay.
+        let others = if matches!(run.how, How::Swap { .. }) { 0 } else { self.inside(run).count() };
+        let all_s = takes_s + handling.unload_s * others as f64;
         let gives_out = || self.gives_out(now, run, station, all_s).map(|(_, why)| Leave::Power(why));
         if run.stage == Stage::Waiting { gives_out() } else { None }
     }

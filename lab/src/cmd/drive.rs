@@ -32,7 +32,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let sheet = RobotSheet::parse(&file, &fs::read_to_string(&args.sheet).with_context(|| format!("cannot read {file}"))?)?;
     let named = args.sheet.file_name().map_or_else(|| file.clone(), |name| name.to_string_lossy().into_owned());
     let date = args.save.date().map_or_else(String::new, |date| format!(", {date}"));
-    let text = sheet.model_text(&format!("lab {} of {}{date}", env!("CARGO_PKG_VERSION"), named.escape_default()));
+    let text = sheet.model_text(&format!("lab {} of {}{date}", env!("CARGO_PKG_VERSION"), named.escape_debug()));
     let place = args.save.output().unwrap_or(Path::new("the model"));
     let model = parse_beside(place, &text).with_context(|| format!("{} would not load again, so it was not written", place.display()))?;
     if let Some(path) = args.save.output() {

@@ -63,8 +63,8 @@ pub enum Beginning {
 pub(super) struct Known {
     pub(super) capacity_ah: Estimate,
     pub(super) passages: Vec<Passage>,
-    /// How well a state of charge is known that was counted between full and empty.
-    pub(super) counted_sigma: f64,
+    /// How well a state of charge is known, by log.
+    pub(super) sigmas: Vec<f64>,
     /// State of charge of every row of every log.
     pub(super) soc: Vec<Vec<f64>>,
     pub(super) beginnings: Vec<Beginning>,
@@ -94,13 +94,19 @@ pub(super) fn known(sheet: &Sheet, logs: &[Counted<'_>]) -> Result<Known, OcvErr
         (None, Some(measured)) => measured,
         (None, None) => return Err(OcvError::NoCapacity),
     };
-    let spread = slow.iter().map(|passage| (passage.charge_ah / capacity_ah.value - 1.0).abs()).fold(0.0, f64::max);
-    let counted_sigma = COUNTED.max(if sheet.capacity_ah.is_none() { spread } else { 0.0 });
+    // Rows between full and empty are counted by what passed there: they are as uncertain as ways there differ.
+    let own_ah = measured.map_or(capacity_ah.value, |measured| measured.value);
+    let spread = slow.iter().map(|passage| (passage.charge_ah / own_ah - 1.0).abs()).fold(COUNTED, f64::max);
+    let stated = |(log, (anchors, beginning)): (&Counted<'_>, &(Vec<Anchor>, Beginning))| {
+        let sigma = log.log.facts.soc_initial_sigma.filter(|_| *beginning == Beginning::Stated && anchors.len() == 1);
+        spread.hypot(sigma.unwrap_or(0.0))
+    };
+    let sigmas = logs.iter().zip(&anchors).map(stated).collect();
     for log in logs {
         begins_as_stated(log, sheet, rest_a(nominal_ah))?;
     }
     let soc = logs.iter().zip(&anchors).map(|(log, (anchors, _))| soc(log, anchors, capacity_ah.value)).collect::<Result<_, _>>()?;
-    Ok(Known { capacity_ah, passages: slow, counted_sigma, soc, beginnings: anchors.into_iter().map(|(_, beginning)| beginning).collect() })
+    Ok(Known { capacity_ah, passages: slow, sigmas, soc, beginnings: anchors.into_iter().map(|(_, beginning)| beginning).collect() })
 }
 
 /// The mean of what passed. Passages that differ by more than each may be off say how well it is known.

@@ -7,6 +7,7 @@ use energy::relaxation::extrapolate;
 use super::Sheet;
 use super::counted::Counted;
 use super::passage::Known;
+use crate::measurement::History;
 
 /// A rest that counts, s: five minutes let its end be told to one per cent (Kottas, section 3.2).
 pub(super) const REST_S: f64 = 300.0;
@@ -49,8 +50,8 @@ pub(super) struct Shown {
     pub(super) sigma_v: f64,
     /// Current of the pack, A: 0 at rest.
     pub(super) current_a: f64,
-    /// Whether the last charge before it went out.
-    pub(super) discharged: bool,
+    /// Whether the last charge before it went out; none where nothing says so.
+    pub(super) discharged: Option<bool>,
 }
 
 /// All that logs show.
@@ -103,7 +104,8 @@ fn rest(log: &Counted<'_>, soc: &[f64], run: &Range<usize>, noise_v: f64) -> Opt
     let end = extrapolate(&some, noise_v).ok().filter(|end| end.emf_v.sigma.is_finite() && (end.emf_v.value - last_v).abs() <= moved_v);
     let (cell_v, sigma_v) = end.map_or((last_v, moved_v.max(noise_v)), |end| (end.emf_v.value, end.emf_v.sigma));
     let came = (1..run.start).rev().find(|&row| log.current_a[row].abs() > 0.0);
-    let discharged = came.is_none_or(|row| log.current_a[row] > 0.0);
+    let told = || log.log.facts.history.map(|history| history == History::Discharged);
+    let discharged = came.map(|row| log.current_a[row] > 0.0).or_else(told);
     Some(Shown { log: 0, kind: Kind::Rest, soc: soc[last], cell_v, sigma_v: sigma_v.hypot(LEAST_V), current_a: 0.0, discharged })
 }
 
@@ -145,7 +147,7 @@ fn slow(log: &Counted<'_>, soc: &[f64], run: &Range<usize>, noise_v: f64, per_ho
         let mean = |of: &[f64]| rows.iter().map(|&row| of[row]).sum::<f64>() / rows.len() as f64;
         let current_a = mean(&log.current_a);
         let sigma_v = LEAST_V.hypot(CROOKED_V * per_hour).hypot(noise_v / (rows.len() as f64).sqrt());
-        Shown { log: 0, kind: Kind::Slow, soc: mean(soc), cell_v: mean(&log.cell_v), sigma_v, current_a, discharged: current_a > 0.0 }
+        Shown { log: 0, kind: Kind::Slow, soc: mean(soc), cell_v: mean(&log.cell_v), sigma_v, current_a, discharged: Some(current_a > 0.0) }
     };
     places.into_iter().map(together).collect()
 }

@@ -27,6 +27,8 @@ const KNOWN_V: f64 = 2e-3;
 const FALLS_V: f64 = 0.02;
 /// Places at which the deviation of a table is taken.
 const GRID: u32 = 200;
+/// Points nearer to each other than this state of charge are one: less than half of the least place. A guess.
+const APART: f64 = 1e-3;
 /// Below this state of charge a table is as steep as it is uncertain.
 const STEEP: f64 = 0.05;
 
@@ -39,6 +41,8 @@ pub enum Branch {
     Charge,
     /// Both.
     Both,
+    /// It rested, and nothing says what came before.
+    Unknown,
 }
 
 /// The open-circuit voltage of one cell, as logs show it.
@@ -66,12 +70,19 @@ fn shares(knots: &[f64], at: f64, go_on: bool) -> [(usize, f64); 2] {
     [(high - 1, 1.0 - share), (high, share)]
 }
 
-/// One point of the table at each place where something was shown.
+/// One point of the table at each place where something was shown; two places may meet at their boundary.
 fn knots(shown: &[Shown]) -> Vec<f64> {
     let mut sorted: Vec<f64> = shown.iter().map(|shown| shown.soc).collect();
     sorted.sort_by(f64::total_cmp);
-    let together = sorted.chunk_by(|a, b| place(*a) == place(*b));
-    together.map(|socs| socs.iter().sum::<f64>() / socs.len() as f64).collect()
+    let mut knots: Vec<(f64, f64)> = Vec::new();
+    for socs in sorted.chunk_by(|a, b| place(*a) == place(*b)) {
+        let (sum, count) = (socs.iter().sum::<f64>(), socs.len() as f64);
+        match knots.last_mut() {
+            Some((before, many)) if sum / count - *before / *many < APART => (*before, *many) = (*before + sum, *many + count),
+            _ => knots.push((sum, count)),
+        }
+    }
+    knots.into_iter().map(|(sum, count)| sum / count).collect()
 }
 
 /// The table; nothing where too little was shown.
@@ -86,23 +97,25 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
     let Some(rough) = equations.solved(&shown.iter().map(|shown| shown.sigma_v).collect::<Vec<_>>()) else { return Ok(None) };
     let steep_v = |soc: f64| {
         let [(low, _), (high, _)] = shares(&knots, soc, true);
-        known.counted_sigma * ((rough.answer[high] - rough.answer[low]) / (knots[high] - knots[low])).abs()
+        ((rough.answer[high] - rough.answer[low]) / (knots[high] - knots[low])).abs()
     };
-    let sigmas: Vec<f64> = shown.iter().map(|shown| shown.sigma_v.hypot(steep_v(shown.soc))).collect();
+    let sigmas: Vec<f64> = shown.iter().map(|shown| shown.sigma_v.hypot(known.sigmas[shown.log] * steep_v(shown.soc))).collect();
     let Some(solved) = equations.solved(&sigmas) else { return Ok(None) };
     let sigma_v: Vec<f64> = (0..knots.len()).map(|knot| solved.covariance[(knot, knot)].sqrt()).collect();
     let found = &solved.answer.as_slice()[..knots.len()];
     let volts = never_falling(found.to_vec(), &sigma_v);
-    let bent = found.iter().zip(&volts).zip(&knots).map(|((found, volts), soc)| ((found - volts).abs(), *soc));
+    let bent =
+        found.iter().zip(&volts).zip(&knots).map(|((found, volts), soc)| ((found - volts).abs(), *soc)).filter(|(_, soc)| *soc >= STEEP);
     let (fall_v, soc) = bent.fold((0.0, 0.0), |most, bent| if bent.0 > most.0 { bent } else { most });
-    if fall_v > FALLS_V && soc >= STEEP {
+    if fall_v > FALLS_V {
         return Err(OcvError::Falls { fall_v, soc: 100.0 * soc });
     }
-    let went = |discharged: bool| shown.iter().any(|shown| shown.discharged == discharged);
+    let went = |discharged: bool| shown.iter().any(|shown| shown.discharged == Some(discharged));
     let branch = match (went(true), went(false)) {
         (true, false) => Branch::Discharge,
-        (false, _) => Branch::Charge,
+        (false, true) => Branch::Charge,
         (true, true) => Branch::Both,
+        (false, false) => Branch::Unknown,
     };
     let slow = shown.iter().any(|shown| shown.kind == Kind::Slow);
     let rms_sigma_v = deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V);

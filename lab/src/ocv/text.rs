@@ -96,6 +96,7 @@ fn table_source(found: &FirstModel) -> String {
     let _ = match found.table.branch {
         Branch::Both => write!(words, ", charged and discharged."),
         Branch::Discharge => write!(words, ", all discharged: half of a hysteresis would be in it."),
+        Branch::Unknown => write!(words, ", of which nothing says what came before: half of a hysteresis would be in it."),
         Branch::Charge => write!(words, ", all charged: half of a hysteresis would be in it."),
     };
     words

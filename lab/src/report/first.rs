@@ -211,6 +211,10 @@ fn words(found: &FirstModel) -> Vec<String> {
         Branch::Discharge => {
             words.push("only discharges show it: half of a hysteresis would be in the table. A slow charge would tell".to_owned())
         }
+        Branch::Unknown => {
+            let half = "half of a hysteresis would be in the table";
+            words.push(format!("nothing says whether it was charged or discharged before it rested: {half}"));
+        }
         Branch::Charge => {
             words.push("only charges show it: half of a hysteresis would be in the table. A slow discharge would tell".to_owned())
         }

@@ -153,6 +153,20 @@ fn the_text_is_a_model() {
     assert_eq!(found.table.branch, Branch::Discharge);
 }
 
+/// Rests at the same charges in two logs are the same points of the table, also where places meet.
+#[test]
+fn rests_of_two_logs_at_one_charge_are_one_point() {
+    let mut steps = vec![(0.0, 600.0)];
+    for _ in 0..9 {
+        steps.extend([(CAPACITY_AH / 10.0, 3600.0), (0.0, 1800.0)]);
+    }
+    let logs = ["one", "other"].map(|name| driven(name, 1.0, &steps, 10.0, full()));
+    let found = first_model(&Sheet { capacity_ah: Some(CAPACITY_AH), slow_per_hour: 0.05, ..sheet() }, &logs).unwrap();
+    let (soc, _) = found.table.ocv.points();
+    assert!(soc.windows(2).all(|pair| pair[1] - pair[0] > 0.05), "{soc:?}");
+    assert!(found.table.rms_sigma_v < 0.03, "{}", found.table.rms_sigma_v);
+}
+
 /// Three in series and two in parallel of the same cell give its own table and resistance, and twice its capacity.
 #[test]
 fn a_pack_gives_what_its_cell_gives() {
@@ -211,6 +225,7 @@ fn measured_cells_get_their_tables() {
     let panasonic = [log("panasonic_ncr18650pf_2p9ah/c20_discharge_charge_25c.csv", full())];
     let found = first_model(&Sheet { eod_v_per_cell: 2.5, ..sheet() }, &panasonic).unwrap();
     assert!(found.passages.len() == 2 && found.capacity_ah.sigma > 0.2, "{:?}", found.passages);
+    assert!(found.table.rms_sigma_v > 0.01, "its table, too: {}", found.table.rms_sigma_v);
 }
 
 #[test]
