@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use proto::{Key, Message, RobotState, StationState, decode};
+use proto::{Key, Message, RobotState, StationState, decode, plain};
 
 use crate::core::Input;
 
@@ -76,7 +76,7 @@ impl Intake {
             None => match self.new_place(key) {
                 Ok(Some(place)) => place,
                 Ok(None) => return self.lost += 1,
-                Err(why) => return self.change(Input::Refused(format!("{key}: {why}"))),
+                Err(why) => return self.change(Input::Refused(plain(&format!("{key}: {why}")).into_owned())),
             },
         };
         let slot = &mut self.slots[place];

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::network::NetworkConfig;
 use anyhow::{Context, anyhow};
-use proto::{CodecError, Key, Message, Pattern, SiteId, decode, encode};
+use proto::{CodecError, Key, Message, Pattern, SiteId, any_coordinator_alive, decode, encode, plain};
 use tokio::sync::mpsc;
 use tracing::warn;
 use zenoh::liveliness::LivelinessToken;
@@ -78,6 +78,21 @@ impl Link {
         false
     }
 
+    /// The sites whose coordinators are there, as far as this process may see.
+    pub async fn sites(&self) -> Vec<SiteId> {
+        let tokens = self.session.liveliness().get(any_coordinator_alive()).timeout(Duration::from_secs(2)).await;
+        let Ok(tokens) = tokens else { return Vec::new() };
+        let mut sites = Vec::new();
+        while let Ok(reply) = tokens.recv_async().await {
+            if let Ok(Ok((site, Key::CoordinatorAlive))) = reply.result().map(|sample| Key::parse(sample.key_expr().as_str())) {
+                sites.push(site);
+            }
+        }
+        sites.sort();
+        sites.dedup();
+        sites
+    }
+
     /// Tells of each appearance (true) and loss (false) of who holds that token, those there already
     /// included, until the subscriber is dropped.
     ///
@@ -138,7 +153,7 @@ impl Link {
                     Ok(answer) => return Answer::Given(answer),
                     Err(error) => refused = Some(error.to_string()),
                 },
-                Err(error) => refused = Some(error.payload().try_to_string().unwrap_or_default().into_owned()),
+                Err(error) => refused = Some(plain(&error.payload().try_to_string().unwrap_or_default()).into_owned()),
             }
         }
         refused.map_or(Answer::Nobody, Answer::Refused)

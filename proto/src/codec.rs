@@ -4,6 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::message::MessageError;
+use crate::plain::{plain, plain_json};
 
 /// Longest message that is decoded, in bytes (16 MiB).
 pub const MAX_MESSAGE_BYTES: usize = 16 * 1024 * 1024;
@@ -103,11 +104,13 @@ pub enum CodecError {
     },
 }
 
-/// Reads one message of kind `M`; fields unknown to `M` are ignored. Never panics.
+/// Reads one message of kind `M`; fields unknown to `M` are ignored, and control characters in its texts are given as their
+/// escapes (`plain.rs`). Never panics.
 pub fn decode<M: Message>(bytes: &[u8]) -> Result<M, CodecError> {
     if bytes.len() > MAX_MESSAGE_BYTES {
         return Err(CodecError::TooLong { bytes: bytes.len() });
     }
+    let bytes = &plain_json(bytes);
     check_schema(bytes, M::SCHEMA)?;
     let message: M =
         serde_json::from_slice(bytes).map_err(|error| CodecError::Field { schema: M::SCHEMA, detail: field_detail(bytes, &error) })?;
@@ -155,7 +158,7 @@ fn field_detail(bytes: &[u8], error: &serde_json::Error) -> String {
     if error.line() == 1 && error.column() > 0 {
         let end = error.column().min(bytes.len());
         let near = &bytes[end.saturating_sub(48)..end];
-        detail.push_str(&format!(", near `{}`", String::from_utf8_lossy(near)));
+        detail.push_str(&format!(", near `{}`", plain(&String::from_utf8_lossy(near))));
     }
     if detail.contains("invalid type: null") {
         detail.push_str(

@@ -19,6 +19,7 @@
 //! | `key`, `pattern` | key expressions and subscriptions |
 //! | `message/` | one file per subject, and `check` for the allowed ranges |
 //! | `codec` | JSON with the schema name first |
+//! | `plain` | texts of others, without what a terminal would obey |
 //! | `ros2` | what robots of ROS 2 say of their batteries |
 //!
 //! `WIRE.md` beside this crate says the same to people who write another implementation;
@@ -30,6 +31,7 @@ mod id;
 mod key;
 mod message;
 mod pattern;
+mod plain;
 pub mod ros2;
 mod time;
 
@@ -38,5 +40,6 @@ pub use estimate::Estimate;
 pub use id::{BayId, CommandId, IdError, PackId, RobotId, SiteId, SpareId, StationId};
 pub use key::{Key, KeyError, VERSION};
 pub use message::*;
-pub use pattern::Pattern;
+pub use pattern::{Pattern, any_coordinator_alive};
+pub use plain::plain;
 pub use time::{TimeError, Timestamp};

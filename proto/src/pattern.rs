@@ -25,6 +25,11 @@ pub enum Pattern {
     SimDrawAt(StationId),
 }
 
+/// Liveliness of the coordinator of whichever site: for who does not know which are there.
+pub fn any_coordinator_alive() -> String {
+    format!("{ROOT}/*/{VERSION}/coordinator/alive")
+}
+
 impl Pattern {
     /// The key expression of this pattern at `site`.
     pub fn build(&self, site: &SiteId) -> String {
