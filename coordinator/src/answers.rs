@@ -157,22 +157,11 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
 /// A robot's command in words.
 #[must_use]
 pub fn robot_action(action: &RobotAction) -> String {
-    match action {
-        RobotAction::Dock { station, bay: Some(bay) } => format!("dock at {station} {bay}"),
-        RobotAction::Dock { station, bay: None } => format!("come to {station}"),
-        RobotAction::ChargeTo { soc } => format!("charge to {:.0} %", soc * 100.0),
-        RobotAction::SwapPack { station, spare } => format!("swap pack at {station} for {spare}"),
-        RobotAction::Undock => "undock".to_owned(),
-    }
+    action.to_string()
 }
 
 /// A station's command in words.
 #[must_use]
 pub fn station_action(action: &StationAction) -> String {
-    match action {
-        StationAction::Dock { robot, bay } => format!("dock {robot} in {bay}"),
-        StationAction::SwapPack { robot, spare } => format!("swap the pack of {robot} for {spare}"),
-        StationAction::Undock { robot, bay } => format!("undock {robot} from {bay}"),
-        StationAction::SelectPack { pack } => format!("select {pack}"),
-    }
+    action.to_string()
 }

@@ -15,7 +15,7 @@
 //!           session.rs  a Zenoh session: publish, ask, serve, watch; sole.rs nobody else speaks as this agent
 //!           files.rs    texts and models from disk
 //!           settings.rs keys from flags and environment over those of the file
-//!           log.rs      what this program says of itself, on stderr
+//!           log.rs      what this program says of itself, on stderr; diary.rs what agents say there
 //!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent
 //!           memory.rs   what a restarted agent must not have forgotten
 //!           stop.rs     when to end
@@ -29,6 +29,7 @@ pub mod body;
 mod charging;
 pub mod clock;
 mod depot;
+mod diary;
 pub mod files;
 pub mod ledger;
 mod live_log;
@@ -53,6 +54,7 @@ pub use age::Age;
 pub use charging::Charging;
 pub use clock::{Clock, ClockConfig};
 pub use depot::Depot;
+pub use diary::Diary;
 pub use ledger::{Ledger, refused};
 pub use live_log::LiveLog;
 pub use memory::MemoryFile;

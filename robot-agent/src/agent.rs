@@ -217,7 +217,7 @@ impl Agent {
                 self.resume();
                 Outcome::Accepted
             }
-            (action, phase) => refused(Rejection::Busy, format!("{action:?} does not go with phase {phase}")),
+            (action, phase) => refused(Rejection::Busy, format!("{action} does not go with phase {phase}")),
         }
     }
 

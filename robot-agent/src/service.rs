@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use energy::Channel;
 use node::session::{QUESTIONS, command, decoded, refuse, reply};
-use node::{Clock, LOAD_INPUTS, LOOK_S, Link, LiveLog, MemoryFile, Pace, Sole, Step, told_to_stop};
-use proto::{Key, Pattern, RobotCommand, SimSupply};
+use node::{Clock, Diary, LOAD_INPUTS, LOOK_S, Link, LiveLog, MemoryFile, Pace, Sole, Step, told_to_stop};
+use proto::{Key, Pattern, RobotCommand, SimSupply, Timestamp, plain};
 use tokio::sync::mpsc;
-use tracing::{info, warn};
+use tracing::warn;
 use zenoh::query::Query;
 
 use crate::agent::{Agent, Input, Output};
@@ -37,12 +37,12 @@ pub async fn run(
     let (supplies_in, mut supplies) = mpsc::unbounded_channel::<SimSupply>();
     let supplied = move |sample: zenoh::sample::Sample| match decoded::<SimSupply>(sample.payload()) {
         Ok(supply) => drop(supplies_in.send(supply)),
-        Err(error) => warn!("{} was refused: {error}", sample.key_expr()),
+        Err(error) => warn!("{} was refused: {error}", plain(&sample.key_expr())),
     };
     let _supplies = link.listen(&Pattern::SimSupplyTo(robot.clone()), supplied).await?;
     let (lives_in, mut lives) = mpsc::unbounded_channel();
     let _lives = link.watch(&Key::CoordinatorAlive, lives_in).await?;
-    info!("robot {robot} is up");
+    let mut diary = Diary::begin(format!("robot {robot}"));
     if !agent.reaches_a_station() {
         warn!("no way to any station is known: {robot} is watched and never serviced; give travel_s, or --travel STATION=SECONDS");
     }
@@ -57,31 +57,40 @@ pub async fn run(
             _ = ticks.tick() => {
                 for Step { at, dt_s, passed_s } in pace.due() {
                     let Some(observation) = source.advance(dt_s) else {
-                        info!("robot {robot}: the source has ended");
+                        diary.end("the source has ended");
                         return Ok(());
                     };
                     if let Some(log) = &mut log {
                         note(log, config, passed_s, &agent, source.as_ref(), &observation);
                     }
                     agent.handle(at, Input::Observed(observation));
-                    drain(&link, config, &mut agent, source.as_mut(), None, &mut station, &mut memory, log.as_mut()).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), None, &mut station, &mut memory, log.as_mut(), &mut diary).await?;
                 }
+                diary.alone(agent.is_alone(clock.now()), config.alone.silent_s);
                 log.as_mut().map_or(Ok(()), LiveLog::flush)?;
                 if let (Some(at), Some(draw)) = (&station, source.draw()) {
                     link.publish(&Key::SimDraw(Clone::clone(at), robot.clone()), &draw).await?;
                 }
             }
             Some(supply) = supplies.recv() => source.supply(&supply),
-            Some(heard) = lives.recv() => agent.handle(clock.now(), Input::Coordinator(heard)),
+            Some(heard) = lives.recv() => {
+                diary.coordinator(heard);
+                agent.handle(clock.now(), Input::Coordinator(heard));
+            }
             Some(query) = commands.recv() => {
                 if let Some(why) = sole.doubt() {
                     refuse(&query, why).await;
                 } else if let Some(command) = command::<RobotCommand>(&query).await {
-                    agent.handle(clock.now(), Input::Command(command));
-                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut station, &mut memory, log.as_mut()).await?;
+                    let now = clock.now();
+                    agent.handle(now, Input::Command(command.clone()));
+                    let asked = Some((&query, now, &command));
+                    drain(&link, config, &mut agent, source.as_mut(), asked, &mut station, &mut memory, log.as_mut(), &mut diary).await?;
                 }
             }
-            () = &mut stop => return Ok(()),
+            () = &mut stop => {
+                diary.end("it was told to");
+                return Ok(());
+            }
         }
     }
 }
@@ -107,10 +116,11 @@ async fn drain(
     config: &Config,
     agent: &mut Agent,
     source: &mut dyn Source,
-    query: Option<&Query>,
+    asked: Option<(&Query, Timestamp, &RobotCommand)>,
     station: &mut Option<proto::StationId>,
     memory: &mut MemoryFile,
     mut log: Option<&mut LiveLog>,
+    diary: &mut Diary,
 ) -> anyhow::Result<()> {
     while let Some(output) = agent.poll() {
         match output {
@@ -125,10 +135,14 @@ async fn drain(
                 tracing::debug!("robot {}: {}", config.id, state.phase);
                 link.publish(&Key::RobotState(config.id.clone()), &state).await?;
             }
-            Output::Act(act) => source.act(&act),
+            Output::Act(act) => {
+                diary.does(&act);
+                source.act(&act);
+            }
             Output::Keep(kept) => memory.keep(&kept),
             Output::Reply(answer) => {
-                if let Some(query) = query {
+                if let Some((query, now, command)) = asked {
+                    diary.answered(now, command, &answer);
                     reply(query, &answer).await;
                 }
             }

@@ -19,6 +19,8 @@ pub use measured::Measured;
 pub use replay::Replay;
 pub use simulated::{RobotBody, World};
 
+use std::fmt;
+
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
 use node::Stride;
@@ -70,6 +72,18 @@ pub enum Act {
     StopCharging,
     /// Go back to work.
     Resume,
+}
+
+impl fmt::Display for Act {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TravelTo { station, bay: Some(bay) } => write!(f, "goes to {station} {bay}"),
+            Self::TravelTo { station, bay: None } => write!(f, "goes to {station}"),
+            Self::Charge => f.write_str("begins to charge"),
+            Self::StopCharging => f.write_str("ends its charge"),
+            Self::Resume => f.write_str("goes back to work"),
+        }
+    }
 }
 
 /// A source of observations.

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use energy::{Channel, Estimate};
 use node::session::{QUESTIONS, command, decoded, refuse, reply};
-use node::{Clock, LOOK_S, Link, LiveLog, MemoryFile, Pace, STATION_INPUTS, Sole, Step, told_to_stop};
-use proto::{Key, PackId, Pattern, RobotId, RobotState, SimDraw, StationCommand};
+use node::{Clock, Diary, LOOK_S, Link, LiveLog, MemoryFile, Pace, STATION_INPUTS, Sole, Step, told_to_stop};
+use proto::{Key, PackId, Pattern, RobotId, RobotState, SimDraw, StationCommand, Timestamp, plain};
 use tokio::sync::mpsc;
-use tracing::{info, warn};
+use tracing::warn;
 use zenoh::query::Query;
 
 use crate::agent::{Agent, Input, Output};
@@ -38,9 +38,9 @@ pub async fn run(
     let (commands_in, mut commands) = mpsc::channel(QUESTIONS);
     let _commands = link.serve(Key::StationCommand(station.clone()).build(&link.site), commands_in).await?;
     let (draws_in, mut draws) = mpsc::unbounded_channel::<(RobotId, SimDraw)>();
-    let drawn = move |sample: zenoh::sample::Sample| match (Key::parse(sample.key_expr().as_str()), decoded::<SimDraw>(sample.payload())) {
-        (Ok((_, Key::SimDraw(_, robot))), Ok(draw)) => drop(draws_in.send((robot, draw))),
-        (key, draw) => warn!("{} was refused: {key:?} {draw:?}", sample.key_expr()),
+    let drawn = move |sample: zenoh::sample::Sample| match draw_in(&sample) {
+        Ok(draw) => drop(draws_in.send(draw)),
+        Err(why) => warn!("{} was refused: {}", plain(&sample.key_expr()), plain(&why)),
     };
     let _draws = link.listen(&Pattern::SimDrawAt(station.clone()), drawn).await?;
     let (lives_in, mut lives) = mpsc::unbounded_channel();
@@ -56,7 +56,7 @@ pub async fn run(
         }
     };
     let _robots = link.listen(&Pattern::AllRobotStates, said).await?;
-    info!("station {station} is up");
+    let mut diary = Diary::begin(format!("station {station}"));
 
     let mut ticks = tokio::time::interval(clock.real(LOOK_S).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
@@ -67,15 +67,16 @@ pub async fn run(
             _ = ticks.tick() => {
                 for Step { at, dt_s, passed_s } in pace.due() {
                     let Some(observation) = source.advance(dt_s) else {
-                        info!("station {station}: the source has ended");
+                        diary.end("the source has ended");
                         return Ok(());
                     };
                     if let Some(log) = &mut log {
                         note(log, config, passed_s, &agent, source.as_ref(), &observation);
                     }
                     agent.handle(at, Input::Observed(observation));
-                    drain(&link, config, &mut agent, source.as_mut(), None, &mut memory, log.as_mut()).await?;
+                    drain(&link, config, &mut agent, source.as_mut(), None, &mut memory, log.as_mut(), &mut diary).await?;
                 }
+                diary.alone(agent.is_alone(clock.now()), config.alone.silent_s);
                 log.as_mut().map_or(Ok(()), LiveLog::flush)?;
                 // Only the newest supply of each robot matters, except a pack put in.
                 let mut supplies = source.supplies();
@@ -88,17 +89,34 @@ pub async fn run(
             }
             Some((robot, draw)) = draws.recv() => source.draw(&robot, &draw),
             Some((robot, state)) = robots.recv() => agent.handle(clock.now(), Input::Robot(robot, state)),
-            Some(heard) = lives.recv() => agent.handle(clock.now(), Input::Coordinator(heard)),
+            Some(heard) = lives.recv() => {
+                diary.coordinator(heard);
+                agent.handle(clock.now(), Input::Coordinator(heard));
+            }
             Some(query) = commands.recv() => {
                 if let Some(why) = sole.doubt() {
                     refuse(&query, why).await;
                 } else if let Some(command) = command::<StationCommand>(&query).await {
-                    agent.handle(clock.now(), Input::Command(command));
-                    drain(&link, config, &mut agent, source.as_mut(), Some(&query), &mut memory, log.as_mut()).await?;
+                    let now = clock.now();
+                    agent.handle(now, Input::Command(command.clone()));
+                    let asked = Some((&query, now, &command));
+                    drain(&link, config, &mut agent, source.as_mut(), asked, &mut memory, log.as_mut(), &mut diary).await?;
                 }
             }
-            () = &mut stop => return Ok(()),
+            () = &mut stop => {
+                diary.end("it was told to");
+                return Ok(());
+            }
         }
+    }
+}
+
+/// What a simulated robot says that it draws.
+fn draw_in(sample: &zenoh::sample::Sample) -> Result<(RobotId, SimDraw), String> {
+    match Key::parse(sample.key_expr().as_str()) {
+        Ok((_, Key::SimDraw(_, robot))) => decoded(sample.payload()).map(|draw| (robot, draw)).map_err(|error| error.to_string()),
+        Ok(_) => Err("nothing is expected under this key".to_owned()),
+        Err(error) => Err(error.to_string()),
     }
 }
 
@@ -130,14 +148,16 @@ fn note(log: &mut LiveLog, config: &Config, now_s: f64, agent: &Agent, source: &
     }
 }
 
+#[allow(clippy::too_many_arguments, reason = "everything that an output may go to")]
 async fn drain(
     link: &Link,
     config: &Config,
     agent: &mut Agent,
     source: &mut dyn Source,
-    query: Option<&Query>,
+    asked: Option<(&Query, Timestamp, &StationCommand)>,
     memory: &mut MemoryFile,
     mut log: Option<&mut LiveLog>,
+    diary: &mut Diary,
 ) -> anyhow::Result<()> {
     while let Some(output) = agent.poll() {
         match output {
@@ -148,10 +168,14 @@ async fn drain(
                 link.publish(&Key::PackGauge(config.id.clone(), pack), &gauge).await?;
             }
             Output::State(state) => link.publish(&Key::StationState(config.id.clone()), &state).await?,
-            Output::Act(act) => source.act(&act),
+            Output::Act(act) => {
+                diary.does(&act);
+                source.act(&act);
+            }
             Output::Keep(kept) => memory.keep(&kept),
             Output::Reply(answer) => {
-                if let Some(query) = query {
+                if let Some((query, now, command)) = asked {
+                    diary.answered(now, command, &answer);
                     reply(query, &answer).await;
                 }
             }

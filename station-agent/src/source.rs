@@ -7,6 +7,8 @@ mod simulated;
 pub use measured::MeasuredStation;
 pub use simulated::{StationBody, World, WorldPack};
 
+use std::fmt;
+
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
 use node::Stride;
@@ -99,6 +101,17 @@ pub enum Act {
         /// Which.
         pack: PackId,
     },
+}
+
+impl fmt::Display for Act {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lift(Lifted { robot, bay, into: true }) => write!(f, "lifts {robot} into {bay}"),
+            Self::Lift(Lifted { robot, bay, into: false }) => write!(f, "lifts {robot} out of {bay}"),
+            Self::Swap { robot, spare } => write!(f, "exchanges the pack of {robot} for {spare}"),
+            Self::Select { pack } => write!(f, "selects {pack}"),
+        }
+    }
 }
 
 /// A source of observations.

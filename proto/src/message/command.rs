@@ -8,6 +8,8 @@
 //! smaller epoch than the largest it has seen, so a coordinator that was thought dead
 //! cannot steer beside its successor.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::check::{self, MessageError};
@@ -74,6 +76,29 @@ pub enum StationAction {
         /// Which pack.
         pack: PackId,
     },
+}
+
+impl fmt::Display for RobotAction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Dock { station, bay: Some(bay) } => write!(f, "dock at {station} {bay}"),
+            Self::Dock { station, bay: None } => write!(f, "come to {station}"),
+            Self::ChargeTo { soc } => write!(f, "charge to {:.0} %", soc * 100.0),
+            Self::SwapPack { station, spare } => write!(f, "swap pack at {station} for {spare}"),
+            Self::Undock => f.write_str("undock"),
+        }
+    }
+}
+
+impl fmt::Display for StationAction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Dock { robot, bay } => write!(f, "dock {robot} in {bay}"),
+            Self::SwapPack { robot, spare } => write!(f, "swap the pack of {robot} for {spare}"),
+            Self::Undock { robot, bay } => write!(f, "undock {robot} from {bay}"),
+            Self::SelectPack { pack } => write!(f, "select {pack}"),
+        }
+    }
 }
 
 /// One command. The same `id` always gets the same reply and acts at most once.

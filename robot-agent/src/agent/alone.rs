@@ -54,13 +54,13 @@ impl Alone {
 }
 
 impl Agent {
-    /// Whether nobody has been heard for long enough.
-    fn alone(&mut self, now: Timestamp) -> bool {
+    /// Whether it decides by itself: no coordinator has been heard for long enough.
+    pub fn is_alone(&mut self, now: Timestamp) -> bool {
         self.silence.lasts_s(now) >= self.profile.alone.silent_s
     }
 
     pub(super) fn act_alone(&mut self, now: Timestamp, observation: &Observation) {
-        if !self.alone(now) {
+        if !self.is_alone(now) {
             return;
         }
         match (self.phase, observation.place) {

@@ -38,6 +38,11 @@ impl Alone {
 }
 
 impl Agent {
+    /// Whether it decides by itself: no coordinator has been heard for long enough.
+    pub fn is_alone(&mut self, now: Timestamp) -> bool {
+        self.silence.lasts_s(now) >= self.profile.alone.silent_s
+    }
+
     pub(super) fn robot_said(&mut self, now: Timestamp, robot: RobotId, state: &RobotState) {
         if state.station.as_ref() == Some(&self.profile.id) {
             self.here.insert(robot, (now, state.phase));
@@ -47,7 +52,7 @@ impl Agent {
     }
 
     pub(super) fn act_alone(&mut self, now: Timestamp) {
-        if self.silence.lasts_s(now) < self.profile.alone.silent_s || !self.powered {
+        if !self.is_alone(now) || !self.powered {
             return;
         }
         self.here.retain(|_, (heard, _)| now.seconds_since(*heard).abs() <= FRESH_S);
