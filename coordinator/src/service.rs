@@ -21,6 +21,7 @@ use node::access::Members;
 use node::session::{Answer, QUESTIONS};
 use node::{Clock, Link};
 use proto::{Key, Message, Pattern, SiteId, encode};
+use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tracing::{debug, error, info, warn};
@@ -78,6 +79,8 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         () = &mut stop => return Ok(()),
     };
     let numbering = Numbering { epoch: store.epoch(), event: store.next_event_seq().await?, plan: store.next_plan().await? };
+    // Before anybody hears of this coordinator: a port that another has ends it.
+    let listener = if config.web.enabled { Some(web::bind(&config.web).await?) } else { None };
     let mut network = config.network.clone();
     network.members = Some(Members {
         robots: config.robots.keys().cloned().collect(),
@@ -95,14 +98,14 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         "another coordinator serves site {} already: two would command the same robots; stop it, or give this one another site",
         link.site
     );
-    let _alive = link.announce(&Key::CoordinatorAlive).await?;
+    let alive = link.announce(&Key::CoordinatorAlive).await?;
 
     let clock = Clock::new(config.clock);
     let intake = Gate::new(clock.real(config.telemetry.every_s));
     let (news_in, mut news) = mpsc::unbounded_channel();
     let (questions_in, mut questions) = mpsc::channel(QUESTIONS);
-    let _subscribers = subscribe(&link, &intake, &news_in).await?;
-    let _queryables = answer(&link, &questions_in).await?;
+    let subscribers = subscribe(&link, &intake, &news_in).await?;
+    let queryables = answer(&link, &questions_in).await?;
     let (listen, connect) = (&config.network.listen, &config.network.connect);
     let meets = if listen.is_empty() { format!("through {}", connect.join(", ")) } else { format!("listening on {}", listen.join(", ")) };
     info!("coordinator of site {} is up: store {}, {meets}", link.site, shown(&place).display());
@@ -126,7 +129,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         past: Past::default(),
     };
     let (desk, mut asked) = web::desk();
-    let _web = open_web(&config.web, desk).await?;
+    let _web = listener.map(|listener| serve_web(listener, &config.web, desk)).transpose()?;
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut flushes = tokio::time::interval(FLUSH);
@@ -155,16 +158,15 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     if let Some(store) = Arc::into_inner(service.store) {
         store.close().await;
     }
+    // Who closes a session that others still speak to is told of each of their words, as an error.
+    drop((alive, queryables, subscribers));
+    let _ = service.link.session.close().await;
     info!("coordinator of site {} has stopped", service.link.site);
     Ok(())
 }
 
-/// Serves the dashboard in the background, if there is to be one.
-async fn open_web(config: &WebConfig, desk: Desk) -> anyhow::Result<Option<AbortOnDrop>> {
-    if !config.enabled {
-        return Ok(None);
-    }
-    let listener = web::bind(config).await?;
+/// Serves the dashboard in the background.
+fn serve_web(listener: TcpListener, config: &WebConfig, desk: Desk) -> anyhow::Result<AbortOnDrop> {
     let address = listener.local_addr()?;
     info!("dashboard at http://{address}/");
     if !config.address.is_loopback() {
@@ -176,7 +178,7 @@ async fn open_web(config: &WebConfig, desk: Desk) -> anyhow::Result<Option<Abort
             error!("{failure:#}");
         }
     });
-    Ok(Some(AbortOnDrop(serving)))
+    Ok(AbortOnDrop(serving))
 }
 
 /// A task that ends with what it serves.
