@@ -231,14 +231,18 @@ impl Config {
     /// Names file, line, key and the allowed range.
     pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let name = path.display().to_string();
-        let mut config: Config = node::settings::read(&name, &read_text(path)?, sets)?;
+        let mut config: Config = node::settings::read(&name, &read_text(path)?, sets, Self::check)?;
         config.network.beside(path);
-        ensure!(config.schema == SCHEMA, "{name}: schema = {}: this program reads schema = {SCHEMA}", config.schema);
-        config.network.check().with_context(|| name.clone())?;
-        config.web.check().with_context(|| name.clone())?;
-        config.telemetry.check().with_context(|| name.clone())?;
-        config.clock.map_or(Ok(()), |clock| clock.check()).with_context(|| name)?;
         Ok(config)
+    }
+
+    /// Checks what types cannot, but for models and policy ([`Config::load`]).
+    fn check(&self) -> anyhow::Result<()> {
+        ensure!(self.schema == SCHEMA, "schema = {}: this program reads schema = {SCHEMA}", self.schema);
+        self.network.check()?;
+        self.web.check()?;
+        self.telemetry.check()?;
+        self.clock.map_or(Ok(()), |clock| clock.check())
     }
 
     /// Where the store is: beside this configuration unless it says an absolute path or an address.

@@ -14,22 +14,38 @@ pub const PREFIX: &str = "TENDER_SET_";
 type Change = (String, String, String);
 
 /// A configuration of that file's text with the environment's and the command line's keys laid over it.
-/// `sets` are `KEY=VALUE` as `--set` takes them; values are TOML, or plain text.
+/// `sets` are `KEY=VALUE` as `--set` takes them; values are TOML, or plain text. `check` says what is wrong with a
+/// configuration whose types are right.
 ///
 /// # Errors
 /// When it cannot be read: names the line of the file, or the variable or flag that is at fault.
-pub fn read<T: DeserializeOwned>(file: &str, text: &str, sets: &[String]) -> anyhow::Result<T> {
+pub fn read<T: DeserializeOwned>(file: &str, text: &str, sets: &[String], check: impl Fn(&T) -> anyhow::Result<()>) -> anyhow::Result<T> {
     let environment = std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
-    read_over(file, text, &changes(environment, sets)?)
+    read_over(file, text, &changes(environment, sets)?, check)
 }
 
-fn read_over<T: DeserializeOwned>(file: &str, text: &str, changes: &[Change]) -> anyhow::Result<T> {
-    let read = |text: &str| Document { file, text }.parse::<T>();
-    read(&overlay(text, changes)?).map_err(|error| {
+fn read_over<T: DeserializeOwned>(
+    file: &str,
+    text: &str,
+    changes: &[Change],
+    check: impl Fn(&T) -> anyhow::Result<()>,
+) -> anyhow::Result<T> {
+    // What is wrong, as the file's fault and as a key's.
+    let read = |text: &str| {
+        let read = Document { file, text }.parse::<T>().map_err(|error| (error.clone().into(), error.message));
+        read.and_then(|config| match check(&config) {
+            Ok(()) => Ok(config),
+            Err(error) => {
+                let why = format!("{error:#}");
+                Err((error.context(file.to_owned()), why))
+            }
+        })
+    };
+    read(&overlay(text, changes)?).map_err(|(error, why): (anyhow::Error, String)| {
         // Who reads well without a key, and not with it, has that key to blame.
         let first_bad = || (1..=changes.len()).find(|&count| overlay(text, &changes[..count]).is_ok_and(|text| read(&text).is_err()));
         let bad = read(text).is_ok().then(first_bad).flatten();
-        bad.map_or_else(|| error.clone().into(), |count| anyhow!("{}: {}", changes[count - 1].0, error.message))
+        bad.map_or_else(|| error, |count| anyhow!("{}: {why}", changes[count - 1].0))
     })
 }
 
@@ -121,19 +137,21 @@ mod tests {
         struct Config {
             #[serde(rename = "site")]
             _site: String,
-            #[serde(rename = "policy")]
-            _policy: Policy,
+            policy: Policy,
         }
         #[derive(Debug, serde::Deserialize)]
         #[serde(deny_unknown_fields)]
         struct Policy {
-            #[serde(rename = "confidence")]
-            _confidence: f64,
+            confidence: f64,
         }
         let read = |file: &str, environment: &[(&str, &str)], sets: &[&str]| {
             let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
             let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
-            read_over::<Config>("c.toml", file, &changes(environment, &sets).unwrap()).map_err(|error| error.to_string())
+            let check = |config: &Config| {
+                ensure!(config.policy.confidence < 1.0, "policy.confidence = {}: must be below 1", config.policy.confidence);
+                Ok(())
+            };
+            read_over("c.toml", file, &changes(environment, &sets).unwrap(), check).map_err(|error| format!("{error:#}"))
         };
         assert!(read(FILE, &[("TENDER_SET_SITE", "b")], &["policy.confidence=0.9"]).is_ok());
         let unknown = read(FILE, &[("TENDER_SET_POLICY__CONFIDNCE", "0.9")], &["site=b"]).unwrap_err();
@@ -141,6 +159,10 @@ mod tests {
         assert!(unknown.contains("did you mean `confidence`?"), "{unknown}");
         let kind = read(FILE, &[], &["site=b", "policy.confidence=abc"]).unwrap_err();
         assert!(kind.starts_with("--set policy.confidence=abc: invalid type"), "{kind}");
+        let range = read(FILE, &[], &["site=b", "policy.confidence=2"]).unwrap_err();
+        assert_eq!(range, "--set policy.confidence=2: policy.confidence = 2: must be below 1");
+        let own = read(&FILE.replace("0.95", "3"), &[], &["site=b"]).unwrap_err();
+        assert_eq!(own, "c.toml: policy.confidence = 3: must be below 1");
         let own = read(&FILE.replace("site", "sit"), &[], &["policy.confidence=0.9"]).unwrap_err();
         assert!(own.starts_with("c.toml:1:1: unknown field `sit`"), "{own}");
     }

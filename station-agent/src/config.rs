@@ -172,9 +172,8 @@ impl Config {
     /// Names file, line, key and the allowed range.
     pub fn read_with(path: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let name = path.display().to_string();
-        let mut config: Config = node::settings::read(&name, &read_text(path)?, sets)?;
+        let mut config: Config = node::settings::read(&name, &read_text(path)?, sets, Self::check)?;
         config.network.beside(path);
-        config.check().with_context(|| name)?;
         Ok(config)
     }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use node::log::LogFormat;
 use station_agent::Config;
@@ -101,6 +102,7 @@ async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<Pa
     let mut config = Config::read_with(&path, set)?;
     if !connect.is_empty() {
         config.network.connect = connect;
+        config.network.check().context("--connect")?;
     }
     node::begin_with_one_thread(&config.network)?;
     let (mut agent, source) = config.build(Some(&path))?;

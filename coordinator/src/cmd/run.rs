@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::Context as _;
+
 use crate::config::Config;
 use crate::service;
 use crate::store::StoreError;
@@ -43,10 +45,12 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let mut config = Config::read_with(&args.config, &args.set)?;
     if !args.listen.is_empty() {
         config.network.listen.clone_from(&args.listen);
+        config.network.check().context("--listen")?;
     }
     if !args.connect.is_empty() {
         config.network.connect.clone_from(&args.connect);
         config.network.listen.clear();
+        config.network.check().context("--connect")?;
     }
     if let Some(store) = &args.store {
         let address = store.to_str().is_some_and(|text| text.contains("://"));
