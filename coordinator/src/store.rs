@@ -70,6 +70,7 @@ impl Store {
     /// Opens the store for this process alone, makes it where there is none, and counts
     /// one start more. A file's directory has to exist, as has a server's database.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        known(path)?;
         if server::is_address(path) { Self::open_server(path).await } else { Self::open_file(path).await }
     }
 
@@ -116,6 +117,7 @@ impl Store {
         let address = path.to_str().expect("addresses are text");
         let failed = |source| StoreError::database(path, "connecting", source);
         let options = place::any(address).map_err(failed)?;
+        server::reach(&options, path).await?;
         let pool = AnyPoolOptions::new().max_connections(1).acquire_timeout(PATIENCE);
         let writer = pool.connect_with(options).await.map_err(failed)?;
         place::MIGRATOR.run(&writer).await.map_err(|error| StoreError::migration(path, error))?;
@@ -144,6 +146,7 @@ impl Store {
 
     /// Opens the store for reading, whether a coordinator works with it or not.
     pub async fn open_read_only(path: &Path) -> Result<Reader, StoreError> {
+        known(path)?;
         if server::is_address(path) {
             return Reader::connect(path.to_str().expect("addresses are text"), path).await;
         }
@@ -241,6 +244,14 @@ impl Store {
     async fn limit_pages(&self, pages: u32) {
         let sql = sqlx::AssertSqlSafe(format!("PRAGMA max_page_count = {pages}"));
         sqlx::query(sql).execute(&self.writer).await.unwrap();
+    }
+}
+
+/// Refuses addresses of what is no store.
+fn known(path: &Path) -> Result<(), StoreError> {
+    match server::is_unknown_address(path) {
+        true => Err(StoreError::UnknownAddress { path: shown(path) }),
+        false => Ok(()),
     }
 }
 

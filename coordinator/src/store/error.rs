@@ -125,15 +125,35 @@ pub enum StoreError {
         /// Which record.
         record: String,
     },
+    /// An address of another kind.
+    #[error("store {}: is no address that is known; a store is a file, or postgres://USER@HOST/DATABASE", path.display())]
+    UnknownAddress {
+        /// The store asked for.
+        path: PathBuf,
+    },
+    /// Some other program has locked the file for longer than is waited for.
+    #[error("store {}, {detail}: another program holds it; end that program (`fuser {}` shows which), or wait and try again", path.display(), path.display())]
+    Busy {
+        /// The store.
+        path: PathBuf,
+        /// What the database said.
+        detail: String,
+    },
+    /// A server that nobody reaches.
+    #[error("store {}, {detail}: no server answers there; is it running, is the address right, does a firewall let this machine through?", path.display())]
+    Unreachable {
+        /// The store.
+        path: PathBuf,
+        /// What the network said.
+        detail: String,
+    },
     /// Anything else the database reports.
-    #[error("store {}, {doing}", path.display())]
+    #[error("store {}, {detail}", path.display())]
     Database {
         /// The store.
         path: PathBuf,
-        /// What was going on.
-        doing: &'static str,
-        /// What the database said.
-        source: sqlx::Error,
+        /// What was going on, and what the database said.
+        detail: String,
     },
     /// Anything else the file system reports.
     #[error("store {}, {doing}", path.display())]
@@ -149,6 +169,9 @@ pub enum StoreError {
 
 /// SQLite's primary result codes that mean something to the user.
 mod code {
+    pub(super) const ERROR: u32 = 1;
+    pub(super) const BUSY: u32 = 5;
+    pub(super) const LOCKED: u32 = 6;
     pub(super) const READONLY: u32 = 8;
     pub(super) const IOERR: u32 = 10;
     pub(super) const CORRUPT: u32 = 11;
@@ -171,7 +194,11 @@ impl StoreError {
         let Some(error) = source.as_database_error() else {
             return match source {
                 sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) => Self::Damaged { path, detail: format!("{doing}: {source}") },
-                source => Self::Database { path, doing, source },
+                sqlx::Error::Io(source) if super::server::is_address(&path) => {
+                    Self::Unreachable { path, detail: format!("{doing}: {source}") }
+                }
+                sqlx::Error::PoolTimedOut => Self::Database { path, detail: format!("{doing}: it does not answer in time") },
+                source => Self::Database { path, detail: format!("{doing}: {source}") },
             };
         };
         let detail = format!("{doing}: {}", error.message());
@@ -179,7 +206,7 @@ impl StoreError {
         match error.code().filter(|code| code.len() == 5).as_deref() {
             Some("53100" | "53200") => return Self::Full { path, detail },
             Some("28000" | "28P01" | "3D000" | "42501") => return Self::Denied { path, detail },
-            Some(_) if super::server::is_address(&path) => return Self::Database { path, doing, source },
+            Some(_) if super::server::is_address(&path) => return Self::Database { path, detail },
             _ => {}
         }
         // The low byte of an extended code is the primary one.
@@ -187,9 +214,12 @@ impl StoreError {
         match code {
             Some(code::FULL | code::IOERR) => Self::Full { path, detail },
             Some(code::CORRUPT) => Self::Damaged { path, detail },
+            // Whatever this program asks for is in a store that is whole.
+            Some(code::ERROR) if detail.contains("no such table") || detail.contains("no such column") => Self::Damaged { path, detail },
+            Some(code::BUSY | code::LOCKED) => Self::Busy { path, detail },
             Some(code::NOTADB) => Self::NotAStore { path, detail },
             Some(code::READONLY | code::CANTOPEN) => Self::Denied { path, detail },
-            _ => Self::Database { path, doing, source },
+            _ => Self::Database { path, detail },
         }
     }
 

@@ -15,7 +15,7 @@ use sqlx::AnyPool;
 use sqlx::any::{AnyPoolOptions, AnyRow};
 use sqlx::{Row, query, query_as, query_scalar};
 
-use super::{Heard, Record, StoreError, What, inputs, place};
+use super::{Heard, Record, StoreError, What, inputs, place, server};
 use crate::core::Numbering;
 
 /// A store open for reading. It sees every batch as soon as that is appended, whole.
@@ -71,6 +71,9 @@ impl Reader {
     pub(super) async fn connect(address: &str, asked: &Path) -> Result<Self, StoreError> {
         let failed = |source| StoreError::database(asked, "opening it for reading", source);
         let options = place::any(address).map_err(failed)?;
+        if server::is_address(asked) {
+            server::reach(&options, asked).await?;
+        }
         let pool = AnyPoolOptions::new().max_connections(2).test_before_acquire(false).acquire_timeout(super::PATIENCE);
         let pool = pool.connect_with(options).await.map_err(failed)?;
         Ok(Self { path: asked.to_owned(), pool })
@@ -84,6 +87,12 @@ impl Reader {
     /// Lets go of the file. Dropping does the same a little later.
     pub async fn close(&self) {
         self.pool.close().await;
+    }
+
+    /// Whose it is; none in one that only simulations wrote.
+    pub async fn site(&self) -> Result<Option<String>, StoreError> {
+        let select = query_scalar("SELECT value FROM facts WHERE name = 'site'");
+        select.fetch_optional(&self.pool).await.map_err(self.failed("looking whose it is"))
     }
 
     /// The plan made last.

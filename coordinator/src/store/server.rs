@@ -8,7 +8,8 @@ use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use sqlx::{AnyPool, query};
+use sqlx::any::AnyConnectOptions;
+use sqlx::{AnyConnection, AnyPool, Connection as _, query};
 
 use super::StoreError;
 
@@ -27,10 +28,15 @@ pub(super) fn is_address(path: &Path) -> bool {
     path.to_str().is_some_and(|text| text.starts_with("postgres://") || text.starts_with("postgresql://"))
 }
 
+/// Whether it is the address of something else: no file is named so by who means a file.
+pub(super) fn is_unknown_address(path: &Path) -> bool {
+    path.to_str().is_some_and(|text| text.contains("://")) && !is_address(path)
+}
+
 /// The name of a store as it may be told: without a password.
 #[must_use]
 pub fn shown(path: &Path) -> PathBuf {
-    let Some(text) = path.to_str().filter(|_| is_address(path)) else { return path.to_owned() };
+    let Some(text) = path.to_str().filter(|text| text.contains("://")) else { return path.to_owned() };
     let (scheme, rest) = text.split_once("://").expect("addresses have a scheme");
     let (place, options) = rest.split_once('?').map_or((rest, ""), |(place, options)| (place, options));
     let place = place
@@ -39,6 +45,16 @@ pub fn shown(path: &Path) -> PathBuf {
     // Options may hold a password too; only the socket's folder is told.
     let host = options.split('&').find(|option| option.starts_with("host=")).map_or_else(String::new, |host| format!("?{host}"));
     PathBuf::from(format!("{scheme}://{place}{host}"))
+}
+
+/// Connects once: a pool tries again and again, and in the end says only that it has waited.
+pub(super) async fn reach(options: &AnyConnectOptions, path: &Path) -> Result<(), StoreError> {
+    let failed = |source| StoreError::database(path, "connecting", source);
+    let connected = tokio::time::timeout(PATIENCE, AnyConnection::connect_with(options)).await;
+    let connection = connected.unwrap_or(Err(sqlx::Error::PoolTimedOut)).map_err(failed)?;
+    // Nothing was asked of it.
+    let _ = connection.close().await;
+    Ok(())
 }
 
 /// Takes the lease, or renews it; false while another holds it.
@@ -71,6 +87,7 @@ mod tests {
         assert_eq!(shown("postgres://tender:hunter2@db.example/site"), "postgres://tender@db.example/site");
         assert_eq!(shown("postgres://tender@db/site?password=hunter2&host=/run/pg"), "postgres://tender@db/site?host=/run/pg");
         assert_eq!(shown("postgresql://a:p%40ss:w@h:5432/d"), "postgresql://a@h:5432/d");
+        assert_eq!(shown("mysql://tender:hunter2@db/site"), "mysql://tender@db/site");
         assert_eq!(shown("/var/lib/tender.db"), "/var/lib/tender.db");
     }
 }
