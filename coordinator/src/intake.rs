@@ -323,10 +323,13 @@ mod tests {
         intake.hear(ms(0), "tender/site/v1/robot/r0/state", b"nonsense");
         intake.hear(ms(0), "tender/site/v1/robot/r0/command", b"{}");
         intake.hear(ms(0), key, &vec![b' '; proto::MAX_MESSAGE_BYTES + 1]);
+        intake.hear(ms(0), "tender/site/v1/robot/\u{1b}[2J\n/gauge", b"{}");
         let refused = drained(&mut intake, ms(0));
         let of = |n: usize| if let Input::Refused(why) = &refused[n] { why.as_str() } else { "" };
         assert!(of(0).starts_with("tender/site/v1/robot/r0/state: "), "{refused:?}");
         assert!(of(1).ends_with("command: nothing is expected under this key") && of(2).contains("allowed are at most"), "{refused:?}");
+        // A terminal shall show a stranger's key, not obey it.
+        assert!(of(3).contains("robot/\\u001b[2J\\n/gauge") && !of(3).contains(char::is_control), "{refused:?}");
     }
 
     #[test]

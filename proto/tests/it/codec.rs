@@ -64,6 +64,29 @@ fn another_kind_is_refused_by_name() {
 }
 
 #[test]
+fn no_text_of_a_message_reaches_a_terminal_raw() {
+    const HOSTILE: &str = "\u{1b}[2J\nWARN all is well\u{9b}1m";
+    let mut state = examples::robot_state();
+    (state.note, state.battery) = (Some(HOSTILE.to_owned()), HOSTILE.to_owned());
+    state.load = Some(NamedModel { model: HOSTILE.to_owned(), without: vec![HOSTILE.to_owned()] });
+    let told = decode::<RobotState>(&encode(&state)).unwrap();
+    let shown = "\\u001b[2J\\nWARN all is well\\u009b1m";
+    assert_eq!((told.note.as_deref(), told.battery.as_str()), (Some(shown), shown));
+    assert_eq!(told.load, Some(NamedModel { model: shown.to_owned(), without: vec![shown.to_owned()] }));
+    // What was read, kept and read again is the same.
+    assert_eq!(decode::<RobotState>(&encode(&told)).as_ref(), Ok(&told));
+    // Neither do the words that refuse one.
+    for bytes in [
+        gauge_with("voltage_v", json!(HOSTILE)),
+        gauge_with("schema", json!(HOSTILE)),
+        [&b"{\r\t"[..], &gauge_with("soh", json!(HOSTILE))[1..]].concat(),
+    ] {
+        let text = refused::<Gauge>(&bytes).to_string();
+        assert!(!text.contains(char::is_control), "{text:?}");
+    }
+}
+
+#[test]
 fn a_message_without_a_text_schema_is_refused() {
     for bytes in [&b"{}"[..], br#"{"schema":null}"#, br#"{"schema":1}"#] {
         let error = refused::<Gauge>(bytes);
