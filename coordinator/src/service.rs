@@ -135,7 +135,7 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     let mut flushes = tokio::time::interval(FLUSH);
     let mut sweeps = tokio::time::interval(SWEEP);
     sweeps.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    loop {
+    let deposed = loop {
         tokio::select! {
             Some(input) = news.recv() => service.take(input).await,
             () = intake.ready() => service.take_in(&intake).await,
@@ -145,22 +145,27 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
             _ = sweeps.tick() => service.keeping.may_sweep(),
             Some(query) = questions.recv() => service.tell(&query).await,
             Some(asked) = asked.recv() => service.show(asked, config, path).await,
-            () = &mut stop => break,
+            () = &mut stop => break false,
         }
         service.sweep(config);
         service.leading.is_at_work();
         if service.leading.is_over() {
-            return Err(StoreError::Deposed { path: shown(&place) }.into());
+            break true;
         }
+    };
+    // Who closes a session that others still speak to is told of each of their words, as an error.
+    drop((queryables, subscribers));
+    let kept = deposed || service.flush().await;
+    drop(alive);
+    let _ = service.link.session.close().await;
+    if deposed {
+        return Err(StoreError::Deposed { path: shown(&place) }.into());
     }
-    ensure!(service.flush().await, "the store {} cannot be written: what waited for it is not kept", shown(&place).display());
+    ensure!(kept, "the store {} cannot be written: what waited for it is not kept", shown(&place).display());
     service.leading.end().await;
     if let Some(store) = Arc::into_inner(service.store) {
         store.close().await;
     }
-    // Who closes a session that others still speak to is told of each of their words, as an error.
-    drop((alive, queryables, subscribers));
-    let _ = service.link.session.close().await;
     info!("coordinator of site {} has stopped", service.link.site);
     Ok(())
 }
