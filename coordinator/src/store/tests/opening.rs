@@ -136,6 +136,31 @@ async fn names_that_sqlite_would_treat_in_a_special_way_are_plain_files() {
 }
 
 #[tokio::test]
+async fn an_address_of_no_store_and_a_server_that_refuses_are_told_as_such() {
+    for error in
+        [open_error(Path::new("mysql://me:secret@db/x")).await, Store::open_read_only(Path::new("mysql://db/x")).await.unwrap_err()]
+    {
+        assert!(matches!(error, StoreError::UnknownAddress { .. }) && !error.to_string().contains("secret"), "{error}");
+    }
+    // Nobody listens on port 1.
+    let server = Path::new("postgres://me:secret@127.0.0.1:1/x");
+    for error in [open_error(server).await, Store::open_read_only(server).await.unwrap_err()] {
+        assert!(matches!(error, StoreError::Unreachable { .. }) && !error.to_string().contains("secret"), "{error}");
+        assert!(error.to_string().contains("refused") && error.to_string().contains("is it running"), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn a_store_that_lacks_a_table_is_damaged_and_says_so_once() {
+    let (_directory, path) = place();
+    open(&path).await.close().await;
+    run(&path, "DROP TABLE plans").await;
+    let error = Store::open_read_only(&path).await.unwrap().latest_schedule().await.unwrap_err();
+    let told = format!("{:#}", anyhow::Error::from(error));
+    assert!(told.contains("is damaged: reading plans: no such table: plans; restore it"), "{told}");
+}
+
+#[tokio::test]
 async fn an_empty_file_becomes_a_store() {
     let (_directory, path) = place();
     std::fs::write(&path, "").unwrap();
