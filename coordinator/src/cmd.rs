@@ -11,6 +11,7 @@ pub mod demo;
 pub mod doctor;
 pub mod import;
 pub mod plan;
+mod presence;
 pub mod replay;
 pub mod run;
 pub mod schedule;
@@ -54,6 +55,11 @@ pub enum Format {
     Table,
     /// JSON for programs.
     Json,
+}
+
+/// A seed, as flags take it.
+fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("must be a whole number from 0 to {}", u64::MAX))
 }
 
 /// A line under the header and nothing else: easy to read, to grep and to paste.

@@ -5,11 +5,13 @@
 //!   config.rs    does the file hold, do its models load
 //!   certificates.rs  for whom, until when, and whose the key is
 //!   network.rs   ports, router, who is there, whether their clocks agree
+//!   fleet.rs     who runs empty, what the coordinator complains of
 //!   machine.rs   the store, the dashboard's port, this machine's clock
 //! ```
 
 mod certificates;
 mod config;
+mod fleet;
 mod machine;
 mod network;
 

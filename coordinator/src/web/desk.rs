@@ -19,6 +19,9 @@ const QUEUE: usize = 64;
 /// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// How `/healthz` says that the store cannot be written; `coordinator doctor` looks for it.
+pub const NOTHING_IS_KEPT: &str = "nothing is kept";
+
 /// What may be asked.
 #[derive(Debug, Clone)]
 pub enum Question {
@@ -151,7 +154,7 @@ impl Question {
             Question::Events(last) => Ok(json(&past.events.iter().rev().take(last).collect::<Vec<&Event>>())),
             Question::Metrics => Ok(metrics::text(now, core, past, books.store)),
             Question::Health => Ok(match books.store.and_then(Standing::complaint) {
-                Some(complaint) => format!("ok, but nothing is kept {complaint}\n"),
+                Some(complaint) => format!("ok, but {NOTHING_IS_KEPT} {complaint}\n"),
                 None => "ok\n".to_owned(),
             }),
             Question::Replan => {

@@ -1,10 +1,11 @@
 //! The store, the dashboard's port, this machine's clock.
 
+use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 
 use tokio::net::TcpListener;
 
-use super::Finding;
+use super::{Finding, fleet};
 use crate::config::Config;
 use crate::store::{Store, StoreError};
 
@@ -13,8 +14,15 @@ pub(super) async fn store(config: &Config, path: &Path, running: bool) -> Findin
     let name = place.display().to_string();
     match Store::open_read_only(&place).await {
         Ok(reader) => match reader.latest_schedule().await {
-            Ok(Some(schedule)) => Finding::ok("store", format!("{name}, last plan {} of {}", schedule.plan, schedule.at)),
-            Ok(None) => Finding::ok("store", format!("{name}, no plan yet")),
+            Ok(schedule) => {
+                let last = schedule.map_or_else(|| "no plan yet".to_owned(), |plan| format!("last plan {} of {}", plan.plan, plan.at));
+                let complaint = if running { fleet::complaint(config).await } else { None };
+                match complaint.or_else(|| no_room(&place)) {
+                    Some(why) => Finding::fail("store", format!("{name}, {last}: {why}"), UNWRITABLE),
+                    None => Finding::ok("store", format!("{name}, {last}")),
+                }
+            }
+            Err(error @ StoreError::Busy { .. }) => Finding::fail("store", error.to_string(), "see the message"),
             Err(error) => Finding::fail("store", error.to_string(), "move the file away: a new one is made at the next start"),
         },
         Err(StoreError::Missing { .. }) if !running => missing(&place),
@@ -22,12 +30,32 @@ pub(super) async fn store(config: &Config, path: &Path, running: bool) -> Findin
     }
 }
 
+/// What to do about a store that takes nothing.
+const UNWRITABLE: &str = "free space on its disk, or see to its server or permissions; until then what happens is kept in memory alone";
+
+/// Why a file beside the store could not be written, if the disk is full. Who asks need not be who may write there.
+fn no_room(place: &Path) -> Option<String> {
+    if place.to_str().is_some_and(|text| text.contains("://")) {
+        return None;
+    }
+    match probe(folder_of(place)) {
+        Err(error) if matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded) => {
+            Some(format!("its disk is full: {error}"))
+        }
+        _ => None,
+    }
+}
+
+fn folder_of(place: &Path) -> &Path {
+    place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// A store that is not there yet is made by the first start, if its folder can be written to.
 fn missing(place: &Path) -> Finding {
-    let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(place);
     let found = format!("{} is not there yet; the first start makes it", place.display());
     // Metadata do not tell who may write: a file does.
-    match tempfile_in(folder) {
+    match probe(folder) {
         Ok(()) => Finding::ok("store", found),
         Err(error) => Finding::fail(
             "store",
@@ -37,10 +65,15 @@ fn missing(place: &Path) -> Finding {
     }
 }
 
-fn tempfile_in(folder: &Path) -> std::io::Result<()> {
-    let probe = folder.join(format!(".tender-doctor-{}", std::process::id()));
-    std::fs::write(&probe, b"")?;
-    std::fs::remove_file(&probe)
+/// What one page of a store takes, bytes: an empty file finds room on a full disk.
+const PAGE: usize = 4096;
+
+fn probe(folder: &Path) -> std::io::Result<()> {
+    let file = folder.join(format!(".tender-doctor-{}", std::process::id()));
+    let written = std::fs::File::create(&file).and_then(|mut open| open.write_all(&[1; PAGE]).and_then(|()| open.sync_all()));
+    // One that could not be made is not there.
+    let _ = std::fs::remove_file(&file);
+    written
 }
 
 pub(super) async fn web(config: &Config, running: bool) -> Finding {

@@ -1,13 +1,14 @@
 //! Ports, router, who is there, and whether their clocks agree with this one.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use node::{Link, NetworkConfig};
-use proto::{Key, Pattern, RobotId, StationId};
+use proto::{Key, Pattern, RobotId};
 use tokio::net::{TcpListener, TcpStream};
 
-use super::Finding;
+use super::super::presence::Present;
+use super::{Finding, fleet};
 use crate::config::Config;
 
 /// Longest wait for a connection.
@@ -62,6 +63,9 @@ pub(super) async fn check(config: &Config) -> Seen {
     findings.push(Finding::ok("coordinator", format!("the one of site {} {state}", config.site)));
     if let Some(link) = link {
         findings.extend(agents(config, &link).await);
+        if running {
+            findings.push(fleet::plan(&link).await);
+        }
         let _ = link.session.close().await;
     }
     Seen { findings, running }
@@ -91,33 +95,26 @@ fn socket(endpoint: &str) -> Option<&str> {
     address.rsplit_once(':').filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok()).map(|_| address)
 }
 
-/// Who is configured and not there, and whose clock differs.
+/// Who is configured and not there, who is there and not configured, and whose clock differs.
 async fn agents(config: &Config, link: &Link) -> Vec<Finding> {
-    let (mut robots, mut stations) = (BTreeSet::new(), BTreeSet::new());
-    if let Ok(tokens) = link.session.liveliness().get(Pattern::AllAlive.build(&link.site)).timeout(PATIENCE).await {
-        while let Ok(reply) = tokens.recv_async().await {
-            match reply.result().map(|sample| Key::parse(sample.key_expr().as_str())) {
-                Ok(Ok((_, Key::RobotAlive(id)))) => drop(robots.insert(id)),
-                Ok(Ok((_, Key::StationAlive(id)))) => drop(stations.insert(id)),
-                _ => {}
-            }
-        }
+    let present = Present::look(link).await;
+    let (absent, strange) = (present.absent(config), present.strange(config));
+    let strange: Vec<&str> = strange.iter().map(|id| id.as_str()).collect();
+    let found = format!("{} robots and {} stations are there", present.robots.len(), present.stations.len());
+    let mut findings = Vec::new();
+    if !absent.is_empty() {
+        let advice = format!("configured, but not there: {}; start their agents, or see what they log", absent.join(", "));
+        findings.push(Finding::note("agents", found.clone(), advice));
     }
-    let absent_robots: Vec<&RobotId> = config.robots.keys().filter(|id| !robots.contains(*id)).collect();
-    let absent_stations: Vec<&StationId> = config.stations.keys().filter(|id| !stations.contains(*id)).collect();
-    let names: Vec<String> = absent_stations.iter().map(ToString::to_string).chain(absent_robots.iter().map(ToString::to_string)).collect();
-    let found = format!("{} robots and {} stations are there", robots.len(), stations.len());
-    let present = match names.is_empty() {
-        true => Finding::ok("agents", found),
-        false => Finding::note(
-            "agents",
-            found,
-            format!("configured, but not there: {}; start their agents, or see what they log", names.join(", ")),
-        ),
-    };
-    let mut findings = vec![present];
+    if !strange.is_empty() {
+        let advice = format!("nobody is sent to {}: add a table [stations.{}] to the configuration", strange.join(", "), strange[0]);
+        findings.push(Finding::note("agents", format!("{found}, not configured: {}", strange.join(", ")), advice));
+    }
+    if findings.is_empty() {
+        findings.push(Finding::ok("agents", found));
+    }
     // On faster time, clocks are not this machine's.
-    if config.clock.is_none() && !robots.is_empty() {
+    if config.clock.is_none() && !present.robots.is_empty() {
         findings.extend(clocks(link).await);
     }
     findings
