@@ -9,13 +9,14 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::Subcommand;
-use node::NetworkConfig;
+use node::{Link, NetworkConfig};
 use proto::{Capacity, Explanation, Key, Message, RobotId, Schedule, SiteId};
 
 use super::Format;
+use super::presence::Present;
 use crate::config::Config;
 use crate::service;
-use crate::store::{Reader, Store};
+use crate::store::{Reader, Store, shown};
 
 /// The configuration where none is named.
 const CONFIG: &str = "coordinator.toml";
@@ -28,10 +29,13 @@ pub struct Args {
     /// The coordinator's configuration: tells site, address and store.
     #[arg(long, value_name = "FILE", default_value = CONFIG, env = "TENDER_CONFIG", global = true)]
     config: PathBuf,
+    /// The site, where no configuration says it, or another one.
+    #[arg(long, value_name = "SITE", global = true)]
+    site: Option<SiteId>,
     /// The store to read when no coordinator answers.
     #[arg(long, value_name = "FILE", global = true)]
     store: Option<PathBuf>,
-    /// Address of the coordinator or router.
+    /// Address of the coordinator or router. When nobody answers there, only a store named by --store is read.
     #[arg(long, value_name = "ADDRESS", global = true)]
     connect: Vec<String>,
     /// How to print.
@@ -71,7 +75,12 @@ enum What {
 struct Place {
     network: NetworkConfig,
     site: SiteId,
-    store: PathBuf,
+    /// Whether somebody said that site.
+    knows_site: bool,
+    store: Option<PathBuf>,
+    /// Whether the store may answer where no coordinator does: what lies here need not be of whom --connect names.
+    falls_back: bool,
+    config: Option<Config>,
 }
 
 /// Runs the command.
@@ -91,6 +100,9 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
                 node::files::write_text(file, &chart::svg(&schedule))?;
             }
             print(args.format, &schedule, if *gantt { chart::show } else { show });
+            if schedule.plan == 0 && args.format == Format::Table {
+                say_who_is_missing(&place).await;
+            }
         }
         What::Capacity => {
             let capacity: Capacity = match live(&place, &Key::Capacity).await? {
@@ -128,11 +140,11 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
 
 /// Follows the schedule as the coordinator publishes it. A new plan that says the same is not shown.
 async fn watch(place: &Place, format: Format) -> anyhow::Result<()> {
-    let link = node::Link::open(&place.network, place.site.clone()).await?;
+    let link = Link::open(&place.network, place.site.clone()).await?;
     let (heard, mut plans) = tokio::sync::mpsc::unbounded_channel::<Schedule>();
     let plan_heard = move |sample: zenoh::sample::Sample| match node::session::decoded(sample.payload()) {
         Ok(schedule) => drop(heard.send(schedule)),
-        Err(error) => tracing::warn!("{}: {error}", sample.key_expr()),
+        Err(error) => tracing::warn!("{}: {error}", proto::plain(&sample.key_expr())),
     };
     let subscriber = link.session.declare_subscriber(Key::Schedule.build(&link.site)).callback(plan_heard);
     let _subscriber = subscriber.await.map_err(|error| anyhow::anyhow!("{error}"))?;
@@ -152,9 +164,9 @@ async fn watch(place: &Place, format: Format) -> anyhow::Result<()> {
         }
         shown = Some(said);
     };
-    match live(place, &Key::Schedule).await? {
+    match service::ask(&place.network, &place.site, &Key::Schedule).await? {
         Some(schedule) => show_new(schedule),
-        None => eprintln!("waiting for a plan"),
+        None => eprintln!("waiting for a plan of site {}{}", place.site, others(place).await),
     }
     let mut stop = std::pin::pin!(node::told_to_stop());
     loop {
@@ -179,21 +191,20 @@ fn place(args: &Args) -> anyhow::Result<Place> {
         (Some(config), true) => [config.network.listen.clone(), config.network.connect.clone()].concat(),
         (None, true) => Vec::new(),
     };
-    let store = match (&args.store, &config) {
-        (Some(store), _) => store.clone(),
-        (None, Some(config)) => config.store_path(Some(&args.config)),
-        (None, None) => PathBuf::from("tender.db"),
+    let store = args.store.clone().or_else(|| config.as_ref().map(|config| config.store_path(Some(&args.config))));
+    let falls_back = args.store.is_some() || args.connect.is_empty();
+    let site = match (&args.site, &config) {
+        (Some(site), _) => site.clone(),
+        (None, Some(config)) => config.site.clone(),
+        (None, None) => SiteId::new("site")?,
     };
-    let site = match &config {
-        Some(config) => config.site.clone(),
-        None => SiteId::new("site")?,
-    };
-    let tls = config.and_then(|config| config.network.tls);
+    let tls = config.as_ref().and_then(|config| config.network.tls.clone());
     let network = NetworkConfig { connect, tls, ..NetworkConfig::agent() };
     if !network.connect.is_empty() {
         network.check()?;
     }
-    Ok(Place { network, site, store })
+    let knows_site = args.site.is_some() || config.is_some();
+    Ok(Place { network, site, knows_site, store, falls_back, config })
 }
 
 async fn live<M: Message>(place: &Place, key: &Key) -> anyhow::Result<Option<M>> {
@@ -202,17 +213,54 @@ async fn live<M: Message>(place: &Place, key: &Key) -> anyhow::Result<Option<M>>
     }
     let answer = service::ask(&place.network, &place.site, key).await?;
     if answer.is_none() {
-        eprintln!(
-            "no coordinator answers at {}: this is the last that the store {} holds",
-            place.network.connect.join(", "),
-            place.store.display()
-        );
+        let nobody =
+            format!("no coordinator of site {} answers at {}{}", place.site, place.network.connect.join(", "), others(place).await);
+        anyhow::ensure!(place.falls_back, "{nobody}; --store FILE shows what a store holds");
+        let reader = stored(place).await?;
+        let whose = whose(&reader).await?;
+        eprintln!("{nobody}: this is the last of the store {}{whose}", shown(reader.path()).display());
     }
     Ok(answer)
 }
 
+/// Whose coordinators do answer there.
+async fn others(place: &Place) -> String {
+    let Ok(link) = Link::try_open(&place.network, place.site.clone()).await else { return String::new() };
+    let sites: Vec<String> = link.sites().await.iter().filter(|site| **site != place.site).map(ToString::to_string).collect();
+    // It is asked nothing more.
+    let _ = link.session.close().await;
+    if sites.is_empty() { String::new() } else { format!("; there is one of {} (--site)", sites.join(", ")) }
+}
+
+/// Says whom the first plan waits for, where a configuration tells who is to come.
+async fn say_who_is_missing(place: &Place) {
+    let Some(config) = &place.config else { return };
+    let Ok(link) = Link::try_open(&place.network, place.site.clone()).await else { return };
+    let absent = Present::look(&link).await.absent(config);
+    let _ = link.session.close().await;
+    if !absent.is_empty() {
+        say!("not there: {}", absent.join(", "));
+    }
+}
+
 async fn stored(place: &Place) -> anyhow::Result<Reader> {
-    Ok(Store::open_read_only(&place.store).await?)
+    let store = place.store.as_ref().context("which store? name it by --store, or a configuration that says it by --config")?;
+    let reader = Store::open_read_only(store).await?;
+    if let Some(site) = reader.site().await?.filter(|site| place.knows_site && *site != place.site.as_str()) {
+        anyhow::bail!(
+            "store {} belongs to site {site}, not to {}: name another store, or --site {site}",
+            shown(store).display(),
+            place.site
+        );
+    }
+    Ok(reader)
+}
+
+/// Whose the store is, and how old what it holds.
+async fn whose(reader: &Reader) -> anyhow::Result<String> {
+    let site = reader.site().await?.map_or_else(String::new, |site| format!(" of site {site}"));
+    let age = reader.latest_schedule().await?.map_or_else(String::new, |plan| format!(", with a plan of {}", plan.at));
+    Ok(format!("{site}{age}"))
 }
 
 pub(super) use tell::show;
