@@ -71,9 +71,17 @@ impl std::fmt::Display for Fault {
         match self {
             Fault::Silent(since) => write!(f, "has not been heard since {}", time(since)),
             Fault::Frozen(since) => write!(f, "has said the same since {}, though its battery is drawn from", time(since)),
-            Fault::Jumped(at, by) => write!(f, "jumped by {:+.0} % of charge at {}, which no current explains", by * 100.0, time(at)),
+            Fault::Jumped(at, by) => {
+                let percent = by * 100.0;
+                write!(f, "jumped by {percent:+.*} % of charge at {}, which no current explains", decimals(percent), time(at))
+            }
         }
     }
+}
+
+/// Decimals with which a number that is not 0 is not told as 0, at most 4.
+fn decimals(number: f64) -> usize {
+    [0.5, 0.05, 0.005, 0.0005].iter().position(|least| number.abs() >= *least).unwrap_or(4)
 }
 
 /// What one gauge has said.
@@ -319,6 +327,14 @@ mod tests {
         trust.heard(at(0.0), &robot(), &gauge(3600.0, 0.5, 11.1), true, false);
         trust.heard(at(1.0), &robot(), &gauge(1.0, 0.4999, 11.1), true, false);
         assert_eq!(trust.fault(at(2.0), &robot()), None);
+    }
+
+    #[test]
+    fn a_jump_is_never_told_as_none() {
+        let told = |by: f64| Fault::Jumped(at(0.0), by).to_string();
+        assert!(told(0.12).starts_with("jumped by +12 %"), "{}", told(0.12));
+        assert!(told(-0.0031).starts_with("jumped by -0.3 %"), "{}", told(-0.0031));
+        assert!(told(0.0001).starts_with("jumped by +0.01 %"), "{}", told(0.0001));
     }
 
     #[test]

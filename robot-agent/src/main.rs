@@ -73,7 +73,7 @@ struct RunArgs {
     #[arg(long, value_name = "DIR")]
     log: Option<PathBuf>,
     /// Seconds of fleet time per real second, for demonstrations and replays.
-    #[arg(long, value_name = "FACTOR")]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     speed: Option<f64>,
 }
 

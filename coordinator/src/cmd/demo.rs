@@ -30,13 +30,13 @@ pub struct Args {
     /// The scenario file; a small fleet when none is named.
     scenario: Option<PathBuf>,
     /// Seconds of fleet time per real second.
-    #[arg(long, default_value_t = 60.0)]
+    #[arg(long, default_value_t = 60.0, allow_negative_numbers = true)]
     speed: f64,
     /// Folder for the configurations and the store.
     #[arg(long, value_name = "DIR", default_value = "tender-demo")]
     dir: PathBuf,
     /// Another seed than the scenario's.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, allow_negative_numbers = true, value_parser = super::seed)]
     seed: Option<u64>,
     /// Only the run of this name.
     #[arg(long, value_name = "NAME")]

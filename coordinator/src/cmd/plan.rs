@@ -21,7 +21,7 @@ pub struct Args {
     #[arg(long, value_name = "MOVES")]
     iterations: Option<u64>,
     /// Seed of the search.
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true, value_parser = super::seed)]
     seed: u64,
     /// How to plan: optimise, threshold, lowest_soc, earliest_deadline or least_slack.
     #[arg(long, default_value = "optimise")]

@@ -52,7 +52,14 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     for (index, start) in starts.iter().enumerate().filter(|(_, start)| args.epoch.is_none_or(|epoch| start.epoch == epoch)) {
         told.push(replayed(&reader, &config, &args.config, *start, starts.get(index + 1).copied()).await?);
     }
-    anyhow::ensure!(!told.is_empty(), "store {}: it has starts 1 to {}", reader.path().display(), starts.len());
+    anyhow::ensure!(
+        !told.is_empty(),
+        "--epoch {}: store {} holds the starts {} to {}",
+        args.epoch.unwrap_or_default(),
+        reader.path().display(),
+        starts[0].epoch,
+        starts[starts.len() - 1].epoch
+    );
     let same = told.iter().all(|told| told.difference.is_none());
     match args.format {
         Format::Json => say!("{}", serde_json::to_string_pretty(&told)?),

@@ -26,7 +26,7 @@ pub struct Args {
     /// The scenario file.
     scenario: PathBuf,
     /// Another seed than the scenario's.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, allow_negative_numbers = true, value_parser = super::seed)]
     seed: Option<u64>,
     /// A model to believe in place of the believed one of the same name, or of the same system.
     #[arg(long, value_name = "FILE")]
@@ -53,7 +53,7 @@ pub struct Args {
     #[arg(long, value_name = "PORT", default_value_t = WebConfig::PORT, requires = "serve")]
     port: u16,
     /// Simulated seconds per real second while it is shown.
-    #[arg(long, value_name = "FACTOR", default_value_t = 60.0, requires = "serve")]
+    #[arg(long, value_name = "FACTOR", default_value_t = 60.0, requires = "serve", allow_negative_numbers = true)]
     speed: f64,
     /// How to print.
     #[arg(long, value_enum, default_value_t)]
