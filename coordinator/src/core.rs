@@ -19,6 +19,7 @@ mod study;
 #[cfg(test)]
 mod tests;
 mod untold;
+mod wait;
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};

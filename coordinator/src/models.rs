@@ -7,6 +7,7 @@ use energy::{Estimate, Model};
 use planner::Policy;
 use proto::{NamedModel, PackId, RobotId, StationId};
 use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::forecast::Handling;
 
@@ -41,6 +42,14 @@ pub struct Settings {
     pub late_s: f64,
     /// The first plan waits this long for the robots and stations that are configured, s.
     pub patience_s: f64,
+}
+
+impl Settings {
+    /// Deviations below its expectation on which something is counted.
+    #[must_use]
+    pub fn caution(&self) -> f64 {
+        Normal::standard().inverse_cdf(self.confidence)
+    }
 }
 
 /// Who gets the packs' energy where it is not enough to charge everybody to the usual level.

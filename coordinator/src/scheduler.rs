@@ -23,6 +23,8 @@
 //!   carry.rs      how much more than a load packs could carry, by stepping them
 //!   words.rs      why, why not, and what would have to change
 //!
+//!   shed.rs       who is let go where packs hold less than was promised of them
+//!
 //!   capacity.rs   how many robots each pack can still service, and how certainly
 //! ```
 
@@ -38,6 +40,7 @@ mod problem;
 mod racks;
 mod recharging;
 mod refill;
+pub mod shed;
 mod solve;
 pub mod tables;
 pub(crate) mod translate;

@@ -15,7 +15,6 @@ use std::sync::Arc;
 use energy::units::S_PER_H;
 use energy::{Channel, Estimate, Model, Need};
 use proto::{Absence, BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, Timestamp, Travel};
-use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::crowd::InReach;
 use self::fit::SpareKind;
@@ -91,7 +90,7 @@ impl Basis<'_> {
         let mut around = Around {
             stations: stations.iter().enumerate().map(|(index, station)| (&station.station, (index, station, kinds(station)))).collect(),
             tables: BTreeMap::new(),
-            caution: Normal::standard().inverse_cdf(self.settings.confidence),
+            caution: self.settings.caution(),
             is_doubting: self.watch.is_doubting(),
         };
         let robots = self.fleet.robots.iter().filter_map(|(id, robot)| {
@@ -104,10 +103,21 @@ impl Basis<'_> {
         View { now: self.now, robots, stations, crowd: self.crowd }
     }
 
+    /// How long a robot goes on for certain, s, as it is asked for of a new promise.
+    #[must_use]
+    pub fn surely_lasts_s(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Model) -> f64 {
+        let (_, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, battery.battery().stored_wh());
+        lasting_s(remaining_wh, state, self.doubts(id), self.settings.caution()).0
+    }
+
+    /// How much less certain is what is known of a robot's battery, its work and its ways.
+    fn doubts(&self, id: &RobotId) -> [f64; 3] {
+        [Subject::RobotBattery, Subject::RobotWork, Subject::RobotWay].map(|subject| self.watch.wider(&subject(id.clone())))
+    }
+
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, around: &mut Around<'_>) -> RobotView {
         let (soc, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, battery.battery().stored_wh());
-        let subjects = [Subject::RobotBattery, Subject::RobotWork, Subject::RobotWay];
-        let doubts = subjects.map(|subject| if around.is_doubting { self.watch.wider(&subject(id.clone())) } else { 1.0 });
+        let doubts = if around.is_doubting { self.doubts(id) } else { [1.0; 3] };
         let soc = wider(soc, doubts[0]);
         let per_s = |power_w: f64| (power_w / battery.battery().stored_wh() / S_PER_H).max(1e-12);
         let drain_soc_per_s = per_s(state.drain_w.value);

@@ -205,6 +205,13 @@ impl Watch {
         self.raised(subject).map_or(1.0, |raised| raised.z.abs().clamp(1.0, WIDER_MAX))
     }
 
+    /// State of charge that a pack's voltage shows, whatever its gauge has counted; none while its model explains both.
+    pub(crate) fn shown_soc(&self, station: &StationId, pack: &PackId) -> Option<f64> {
+        let (station, pack) = (station.clone(), pack.clone());
+        self.raised(&Subject::Pack(station.clone(), pack.clone()))?;
+        self.packs.get(&(station, pack))?.shown_soc()
+    }
+
     /// Whether any model is doubted.
     pub(crate) fn is_doubting(&self) -> bool {
         self.cusums.values().any(|cusum| cusum.raised().is_some())

@@ -7,6 +7,7 @@
 //! the noise of measured inputs does to that.
 
 mod bounded;
+pub mod calibrated;
 mod certainty;
 mod choice;
 mod count;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use proto::{BayPhase, EventKind, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
+use proto::{BayPhase, EventKind, Gauge, PackId, PackState, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 use super::{Core, REFUSED_MAX};
 use crate::clocks::Agent;
@@ -182,7 +182,8 @@ impl Core {
             let news = self.watch.station_changed(id, &before, &state);
             self.doubted(now, news);
         }
-        if state.powered && !before.powered {
+        let comes = |was: &PackState| !was.connected && state.packs.iter().any(|is| is.pack == was.pack && is.connected);
+        if state.powered && (!before.powered || before.packs.iter().any(comes)) {
             self.refusals.forget_all_at(id);
         }
         if before.powered && !state.powered {

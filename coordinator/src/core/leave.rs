@@ -1,11 +1,14 @@
 //! Who has to be out of a station before it leaves, or before its packs give out.
 
+use energy::Estimate;
 use energy::units::S_PER_H;
-use proto::{PackId, RobotId, StationId, Timestamp};
+use proto::{PackId, RobotAction, RobotId, StationId, Timestamp};
 
 use super::Core;
 use crate::fleet::{Robot, Station};
+use crate::models::{ShortEnergy, StationModels};
 use crate::scheduler::HANDOVER_S;
+use crate::scheduler::shed::{Draw, shed};
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::trust::Owner;
 use crate::when::minute_from;
@@ -60,6 +63,52 @@ impl Core {
         (left_s <= lift_s * after as f64).then_some(why)
     }
 
+    /// Has a robot let out of its bay before it is charged.
+    pub(super) fn let_go(&mut self, now: Timestamp, robot: &RobotId, leave: Leave) {
+        let (Some(run), Some(belief)) = (self.running.get(robot), self.fleet.robots.get(robot)) else { return };
+        let (stage, station, again) = (run.stage, run.station.clone(), self.again(now, belief, leave.why()));
+        let why = self.why_left(now, robot, &station, leave);
+        if let Some(run) = self.running.get_mut(robot) {
+            (run.again, run.cut_short) = (Some(again), Some(why));
+        }
+        self.ask_robot(now, robot, RobotAction::Undock, Some((robot.clone(), stage)));
+    }
+
+    /// Lets go who takes from others what they were promised, where packs turn out to hold less than all of that. Where as many as
+    /// possible are to get something, each goes on until nothing is left.
+    pub(super) fn shed(&mut self, now: Timestamp) {
+        if self.settings.short_energy == ShortEnergy::MostRobots {
+            return;
+        }
+        let basis = self.basis(now);
+        let goes = |(id, models): (&StationId, &StationModels)| {
+            let station = self.fleet.stations.get(id)?;
+            let runs: Vec<&ServiceRun> =
+                self.running.values().filter(|run| run.station == *id && run.stage != Stage::LetOut && run.cut_short.is_none()).collect();
+            if runs.len() < 2 || !station.heard()?.powered {
+                return None;
+            }
+            let draw = |run: &&ServiceRun| {
+                let ends_s = basis.ends_s(run);
+                let may_end = (charges(run.stage) || run.under_way()) && run.asked.is_none();
+                Draw { ends_s, need: basis.still_needs(run, models, ends_s), may_end }
+            };
+            let draws: Vec<Draw> = runs.iter().map(draw).collect();
+            let index = shed(&basis.station(id, models, Some(station)), &draws, self.settings.confidence)?;
+            Some((runs[index].robot.clone(), id.clone(), runs[index].stage))
+        };
+        let gone: Vec<_> = self.models.stations.iter().filter_map(goes).collect();
+        for (robot, station, stage) in gone {
+            let leave = Leave::Power(format!("the packs of {station} hold less than was promised of them, and more is kept without it"));
+            if charges(stage) {
+                self.let_go(now, &robot, leave);
+            } else {
+                let why = self.why_left(now, &robot, &station, leave);
+                self.fail(now, &robot, &why);
+            }
+        }
+    }
+
     /// Who has to get out of that station: whoever charges there or is moved by its lift, who is brought in now too.
     fn inside(&self, run: &ServiceRun) -> impl Iterator<Item = &ServiceRun> {
         let station = run.station.clone();
@@ -81,22 +130,33 @@ impl Core {
         if !state.powered || state.pack_power_w <= 0.0 {
             return None;
         }
-        let basis = self.basis(now);
         let lasts_s = |wh: f64| wh * S_PER_H / state.pack_power_w - HANDOVER_S;
+        let here = || state.packs.iter().filter(|pack| pack.connected && !pack.depleted);
         let gauged_wh = |pack: &PackId| {
             let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
             let owner = Owner::Pack(run.station.clone(), pack.clone());
-            Some(self.trust.belief(now, &owner, gauge, model.battery().stored_wh()).1.value)
+            let believed_wh = self.trust.belief(now, &owner, gauge, model.battery().stored_wh()).1.value;
+            Some(Estimate::new(believed_wh, gauge.remaining_wh.sigma))
         };
-        let here = state.packs.iter().filter(|pack| pack.connected && !pack.depleted);
-        let gauged_wh: f64 = here.filter_map(|pack| gauged_wh(&pack.pack)).sum();
+        let gauged_wh = sum(here().filter_map(|pack| gauged_wh(&pack.pack)));
+        let surely_wh = gauged_wh.value - self.settings.caution() * gauged_wh.sigma;
+        // What a pack holds whose model is doubted, its voltage knows better in the end. At no current that would be as much:
+        let shown_at_most_wh = |pack: &PackId| {
+            let soc = self.watch.shown_soc(&run.station, pack);
+            soc.map_or(f64::INFINITY, |soc| models.packs.get(pack).map_or(0.0, |model| soc * model.battery().stored_wh()))
+        };
+        let shown_at_most_wh: f64 = here().map(|pack| shown_at_most_wh(&pack.pack)).sum();
         // Mostly there is plenty, by any account.
-        if lasts_s(gauged_wh) > PLENTY * (all_s + HANDOVER_S) {
+        if lasts_s(surely_wh.min(shown_at_most_wh)) > PLENTY * (all_s + HANDOVER_S) {
             return None;
         }
-        let packs = basis.packs(&run.station, models, station, state);
-        let held_wh: f64 = packs.iter().filter(|pack| pack.available_s <= 0.0).map(|pack| pack.usable_wh.value.max(0.0)).sum();
-        let left_s = lasts_s(held_wh.min(gauged_wh));
+        let basis = self.basis(now);
+        let view = basis.station(&run.station, models, Some(station));
+        let held_wh = sum(view.packs.iter().filter(|pack| pack.available_s <= 0.0).map(|pack| pack.usable_wh)).value;
+        // A promise that is expected to be kept is not broken because it may not be; one that is broken anyway strands nobody.
+        let is_enough = held_wh.min(gauged_wh.value) >= view.begun().mean_wh;
+        let gauged_wh = if is_enough { gauged_wh.value } else { surely_wh };
+        let left_s = lasts_s(held_wh.min(gauged_wh).min(basis.shown_wh(&run.station, models, station, state)));
         // What is there in time is waited for, and so is what comes into packs that rest.
         let in_time = |at: Timestamp| (-OVERDUE_S..left_s.max(0.0)).contains(&at.seconds_since(now));
         let comes = state.packs.iter().any(|pack| !pack.connected && pack.back.is_some_and(|back| in_time(back.at)));
@@ -127,6 +187,11 @@ impl Core {
         let gives_out = || self.gives_out(now, run, station, all_s).map(|(_, why)| Leave::Power(why));
         if run.stage == Stage::Waiting { gives_out() } else { None }
     }
+}
+
+/// What several packs hold, each uncertain by itself, Wh.
+fn sum(packs: impl Iterator<Item = Estimate>) -> Estimate {
+    packs.fold(Estimate::exact(0.0), |sum, pack| Estimate::new(sum.value + pack.value.max(0.0), sum.sigma.hypot(pack.sigma)))
 }
 
 /// Whether somebody is charged in a bay.

@@ -171,6 +171,9 @@ impl Core {
         self.note_changes(&schedule, effort);
         self.record(Record::Plan(Arc::clone(&schedule)));
         self.schedule = schedule;
+        if effort == Effort::Whole {
+            self.shed(now);
+        }
         // Of a large fleet that is told with the next tick: who joins meanwhile does not wait for it.
         if effort == Effort::Whole && !self.is_large() {
             self.tell_capacity(now);

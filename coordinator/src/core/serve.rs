@@ -81,7 +81,14 @@ impl Core {
             let (Some(belief), Some(place)) = (self.fleet.robots.get(&robot), self.fleet.stations.get(&station)) else { continue };
             let late_s = now.seconds_since(run.start);
             if run.before_bay() && late_s > self.settings.late_s {
-                self.fail(now, &robot, &format!("not in its bay {:.0} min after it was due", late_s / 60.0));
+                let why = format!("not in its bay {:.0} min after it was due", late_s / 60.0);
+                self.refusals.note(now, &robot, &station, run.stage != Stage::Travelling, why.clone());
+                self.fail(now, &robot, &why);
+                continue;
+            }
+            if let Some(why) = self.waits_in_vain(now, run, belief) {
+                self.refusals.note(now, &robot, &station, true, why.clone());
+                self.fail(now, &robot, &why);
                 continue;
             }
             let too_late = self.comes_too_late(now, run, place);
@@ -101,12 +108,7 @@ impl Core {
             }
             let in_vain = self.charged_in_vain(now, run, belief).map(Leave::Otherwise);
             if let Some(leave) = in_vain.or_else(|| self.must_be_out(now, run, belief, place)) {
-                let (stage, again) = (run.stage, self.again(now, belief, leave.why()));
-                let why = self.why_left(now, &robot, &station, leave);
-                if let Some(run) = self.running.get_mut(&robot) {
-                    (run.again, run.cut_short) = (Some(again), Some(why));
-                }
-                self.ask_robot(now, &robot, RobotAction::Undock, Some((robot.clone(), stage)));
+                self.let_go(now, &robot, leave);
                 continue;
             }
             if self.keeps_others_out(now, run, belief, place) {
@@ -190,7 +192,7 @@ impl Core {
     }
 
     /// When a robot is asked for something once more, if it goes on as it does.
-    fn again(&self, now: Timestamp, robot: &Robot, why: &str) -> Again {
+    pub(super) fn again(&self, now: Timestamp, robot: &Robot, why: &str) -> Again {
         Again { at: now.plus_s(self.settings.deadline_s), times: 1, why: why.to_owned(), phase: robot.phase() }
     }
 

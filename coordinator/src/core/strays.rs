@@ -93,10 +93,13 @@ impl Core {
             // Who charges is told how far: by itself it would go on to where its own rule ends.
             (Docked | Charging, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Loading),
             (Charged, Held::InBay(station, bay)) => self.adopt(now, robot, station, bay, Stage::Charging),
+            // It drove in by itself, which no station need see, or its station has forgotten it: nobody else is sent into that bay.
+            (Docked | Charging, Held::Nowhere) => self.adopt_unseen(now, robot, Stage::Waiting),
+            // Who was just let out says so a moment later.
+            (Charged, Held::Nowhere) if settled => self.adopt_unseen(now, robot, Stage::ChargingItself),
             (Travelling, _) => {
-                let state = self.fleet.robots[robot].state.clone();
                 // Without a bay it goes by its own rule, and plans when it is there.
-                if let Some((station, bay)) = state.and_then(|state| Some((state.station?, state.bay?))) {
+                if let Some((station, bay)) = self.says_bay(robot) {
                     self.adopt(now, robot, station, bay, Stage::Travelling);
                 }
             }
@@ -111,6 +114,21 @@ impl Core {
                 self.ask_station(now, &station, StationAction::Undock { robot: robot.clone(), bay }, None);
             }
             (Working | Waiting | Docked | Charging | Charged | Swapping | Stranded, _) => {}
+        }
+    }
+
+    /// The bay that a robot names.
+    fn says_bay(&self, robot: &RobotId) -> Option<(StationId, BayId)> {
+        let state = self.fleet.robots.get(robot)?.state.as_ref()?;
+        Some((state.station.clone()?, state.bay.clone()?))
+    }
+
+    /// Carries on what goes on in a bay that its station calls free.
+    fn adopt_unseen(&mut self, now: Timestamp, robot: &RobotId, stage: Stage) {
+        let Some((station, bay)) = self.says_bay(robot) else { return };
+        let known = self.fleet.stations.get(&station);
+        if known.is_some_and(|known| known.heard().is_some() && known.bay_phase(&bay) == Some(BayPhase::Free)) {
+            self.adopt(now, robot, station, bay, stage);
         }
     }
 
@@ -141,6 +159,8 @@ impl Core {
         if travel_s > HORIZON_MAX_S {
             return;
         }
+        let is_unseen = matches!(stage, Stage::Waiting | Stage::ChargingItself);
+        let unseen = if is_unseen { format!(", in {bay} by its own word, which is free by the station's") } else { String::new() };
         let start = now.plus_s(travel_s);
         let mut run = ServiceRun {
             robot: robot.clone(),
@@ -168,7 +188,14 @@ impl Core {
         self.strays.remove(robot);
         self.changed.insert(robot.clone(), vec![format!("it is taken over at {station} as it was found")]);
         self.plan.planned.retain(|planned| planned.robot != *robot);
-        self.event(now, EventKind::ServiceStarted, Some(robot), Some(&station), None, format!("{robot} is taken over at {station}"));
+        self.event(
+            now,
+            EventKind::ServiceStarted,
+            Some(robot),
+            Some(&station),
+            None,
+            format!("{robot} is taken over at {station}{unseen}"),
+        );
         self.running.insert(robot.clone(), run);
         self.refresh_schedule(now);
     }

@@ -14,6 +14,7 @@ pub const METRICS: &[(&str, &str)] = &[
     ("promises_broken", "robots that were promised a service and did not get it"),
     ("robots_stranded", "robots that ran empty outside a bay"),
     ("robots_browned_out", "robots that stood still because a rail could not deliver, though their packs were not empty"),
+    ("robots_shut_in", "robots in the bays of stations that have no power in the end: no lift lets them out"),
     ("out_of_reach_h", "hours that robots spent out of their radios' reach, all robots"),
     ("packs_depleted", "station packs that gave out"),
     ("pack_switches", "times that the selector changed the active pack"),

@@ -3,6 +3,7 @@
 mod harder;
 mod heat;
 mod racks;
+mod shed;
 mod stepped;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -238,8 +239,7 @@ fn packs_pay_in_the_order_in_which_they_are_drained() {
 
 #[test]
 fn a_pack_that_is_brought_later_pays_for_what_begins_later() {
-    // Each takes 23.4 Wh and the station 6 W: the pack that is there does for one, and then stands by until the one
-    // that comes in two hours takes over. "b" wants nothing until it has come.
+    // Each takes 23.4 Wh and the station 6 W: the pack that is there does for one, until another one comes. "b" wants nothing before.
     let mut with = station("s", 2, &[36.0, 60.0], &[]);
     with.packs[1].available_s = 2.0 * HOUR;
     let robots = |soc: [f64; 2]| vec![robot("a", soc[0], &[(0, 60.0)]), robot("b", soc[1], &[(0, 60.0)])];

@@ -306,6 +306,7 @@ impl World {
         let totals = [
             ("robots_stranded", count(|robot| robot.body.stranded())),
             ("robots_browned_out", count(|robot| robot.browned_out)),
+            ("robots_shut_in", sum(|station| station.body.shut_in() as f64)),
             ("out_of_reach_h", hours(|robot| robot.unheard_all_s)),
             ("mission_h", hours(|robot| robot.mission_s)),
             ("pack_energy_wh", sum(|station| station.energy_wh)),

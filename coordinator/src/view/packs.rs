@@ -61,6 +61,18 @@ impl Basis<'_> {
         !charged_from_outside(models, station, state, self.now, is_doubted).is_empty()
     }
 
+    /// What the packs that can feed a station hold by their voltages, Wh, without end where that is not asked of one: its model is not doubted.
+    pub(crate) fn shown_wh(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> f64 {
+        let power_w = self.working_draw(models, self.side_by_side(id)).power_w;
+        let of_pack = |pack: &proto::PackState| {
+            let (model, gauge) = (models.packs.get(&pack.pack)?, station.packs.get(&pack.pack)?);
+            let soc = Estimate::exact(self.watch.shown_soc(id, &pack.pack)?);
+            Some(self.tables.usable.wh(model, soc, gauge.temperature_degc, power_w).value.max(0.0))
+        };
+        let here = state.packs.iter().filter(|pack| pack.connected && !pack.depleted);
+        here.map(|pack| of_pack(pack).unwrap_or(f64::INFINITY)).sum()
+    }
+
     /// Packs that hold something, in the order in which they are drained: the active one, then
     /// the fullest last, so that full packs stay full. Those that are still to come, last.
     pub(crate) fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {

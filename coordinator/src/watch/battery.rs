@@ -62,6 +62,7 @@ pub(super) struct BatteryWatch {
     begun: Timestamp,
     last: Timestamp,
     last_a: f64,
+    last_v: f64,
     block: Block,
 }
 
@@ -101,6 +102,7 @@ impl BatteryWatch {
             begun: gauge.at,
             last: gauge.at,
             last_a: gauge.current_a,
+            last_v: gauge.voltage_v,
             block: Block::begin(gauge.at),
         }
     }
@@ -108,6 +110,15 @@ impl BatteryWatch {
     /// The model that follows.
     pub(super) fn model(&self) -> &Arc<Model> {
         self.run.model()
+    }
+
+    /// State of charge that the voltage alone shows, by the drop that the model makes of the current; none before drops are judged. A pack
+    /// that has aged shows where it ends before its count does.
+    pub(super) fn shown_soc(&self) -> Option<f64> {
+        let (facts, now) = (self.run.model().battery(), &self.run.channels);
+        let drop_v = now[Channel::OcvV] - now[Channel::VoltageV] / f64::from(facts.series);
+        let is_settled = self.last.seconds_since(self.begun) >= SETTLE_S;
+        is_settled.then(|| facts.ocv.soc(self.last_v / f64::from(facts.series) + drop_v))
     }
 
     /// Takes in a message; at the end of a block its begin and its innovation in sigma.
@@ -130,7 +141,7 @@ impl BatteryWatch {
             let unseen = (gauge.current_a - self.last_a) * dt_s / capacity_as;
             self.filter.wander(SOC, unseen * unseen / 12.0);
         }
-        (self.last, self.last_a) = (gauge.at, gauge.current_a);
+        (self.last, self.last_a, self.last_v) = (gauge.at, gauge.current_a, gauge.voltage_v);
         let block = &mut self.block;
         let (facts, now) = (self.run.model().battery(), &self.run.channels);
         let (series, after) = (f64::from(facts.series), self.run.states()[0]);

@@ -5,13 +5,17 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use energy::Model;
 use indicatif::ProgressBar;
 use lab::ModelSource;
 use lab::compare::compare;
+use lab::fit::calibrated::fit_calibrated;
 use lab::fit::{Step, fit, free_parameters};
+use lab::infer::calibrate::stated_as_rough;
 use lab::model_edit::{Change, edit, ocv_of_file};
 use lab::model_source::{Origin, parse_beside};
 use lab::output::write_whole;
+use lab::prepare::Prepared;
 use lab::report::fitted::FitReport;
 
 use super::case::{origin, same_directory};
@@ -31,6 +35,10 @@ pub(super) struct Args {
     /// Leave this parameter (or all of this effect) as it is, whatever the model says.
     #[arg(long, value_name = "EFFECT.PARAMETER", num_args = 1..)]
     fix: Vec<String>,
+    /// Fit with it the offsets, gains and delays of sensors, how each log begins, the OCV table and the capacity, each within what the model and the
+    /// logs state of it: the numbers are as uncertain as these leave them.
+    #[arg(long)]
+    calibrate: bool,
     #[command(flatten)]
     save: SaveArgs,
 }
@@ -45,13 +53,18 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let logs = args.logs.prepare_train(model)?;
     let before = compare(model, &model.values(), &logs);
     let bar = progress_bar();
-    let fitted = fit(model, &logs, &free, &mut |step: Step| {
-        bar.set_message(format!("step {}, weighted squared error {:.4e}", step.iteration, step.cost));
-    });
+    let mut told = |step: Step| bar.set_message(format!("step {}, weighted squared error {:.4e}", step.iteration, step.cost));
+    let (fitted, logs, words) = if args.calibrate {
+        let calibrated = fit_calibrated(model, &logs, &free, &mut told)?;
+        let words = calibrated.words();
+        (calibrated.fit, calibrated.logs, words)
+    } else {
+        (fit(model, &logs, &free, &mut told)?, logs.clone(), as_exact(model, &logs))
+    };
     bar.finish_and_clear();
-    let fitted = fitted?;
     let after = compare(model, &fitted.values, &logs);
     let mut report = FitReport::of(model, &fitted, &before, &after);
+    report.words.extend(words);
     if let Some(path) = args.save.output() {
         let changes = report.changes(&fitted, &format!("fitted by {}", origin(&logs, args.save.date())));
         write_model(&source, path, &changes)?;
@@ -59,6 +72,13 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     }
     print(format, &report, || report.human())?;
     Ok(if report.converged { Answer::Yes } else { Answer::No })
+}
+
+/// Says what was taken as exact that is stated not to be.
+fn as_exact(model: &Model, logs: &[Prepared]) -> Vec<String> {
+    let stated = stated_as_rough(model, logs);
+    let words = || format!("Taken as exact, though stated to be known only roughly: {}; --calibrate fits it too.", stated.join(", "));
+    (!stated.is_empty()).then(words).into_iter().collect()
 }
 
 /// A spinner on a terminal, and nothing elsewhere.

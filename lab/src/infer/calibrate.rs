@@ -8,6 +8,7 @@ use std::sync::Arc;
 use energy::{Channel, Model};
 
 use super::evidence::{Evidence, Segment};
+use super::floors;
 use super::frame::Frame;
 use super::rough::{Rough, rough};
 use super::state::{State, residual};
@@ -24,6 +25,42 @@ pub fn calibrated(model: &Model, values: &[f64], logs: &[Prepared]) -> Option<St
         return None;
     }
     Some(State::of_model(Arc::new(still), Arc::new(evidence)).told().clone())
+}
+
+/// The state of a model of which these parameters move, and all that model and logs state to be known only roughly; none where that is nothing.
+#[must_use]
+pub fn fitted(model: &Model, free: &[usize], logs: &[Prepared]) -> Option<State> {
+    let named: Vec<(&str, &str)> = free.iter().map(|&index| &model.parameters()[index]).map(|p| (p.effect, p.name)).collect();
+    let moving = Arc::new(model.clone().held().freed(|parameter| named.contains(&(parameter.effect, parameter.name))));
+    let evidence = Evidence::new(&moving, logs.to_vec());
+    if evidence.rows() == 0 || rough(&moving, &evidence.logs).is_empty() {
+        return None;
+    }
+    Some(floors::fitted(&moving, Arc::new(evidence), None).0.told().clone())
+}
+
+/// What model and logs state to be known only roughly, in a few words; empty where that is nothing.
+#[must_use]
+pub fn stated_as_rough(model: &Model, logs: &[Prepared]) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for known in rough(model, logs) {
+        let word = match known.what {
+            Rough::Offset(channel) => format!("the offset of {}", channel.name()),
+            Rough::Gain(channel) => format!("the gain of {}", channel.name()),
+            Rough::Lag(channel) => format!("the delay of {}", channel.name()),
+            Rough::Capacity => "the capacity".to_owned(),
+            Rough::Ocv(_) => "the OCV table".to_owned(),
+            Rough::SocInitial(_) => "the charge at the start".to_owned(),
+            Rough::TemperatureInitial(_) => "the temperature at the start".to_owned(),
+            Rough::Ambient(_) => "the temperature around".to_owned(),
+            Rough::Unmeasured { .. } => "what flowed in gaps".to_owned(),
+            Rough::Clock(_) => "the clock of formulas".to_owned(),
+        };
+        if !words.contains(&word) {
+            words.push(word);
+        }
+    }
+    words
 }
 
 /// RMS of what a state leaves of each channel of each log, row by row, in the channel's unit.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Model};
 use lab::compare::{Comparison, Verdict, calibrate};
+use lab::fit::calibrated::fit_calibrated;
 use lab::measurement::{LogFacts, read_log};
 use lab::predict::predict;
 use lab::prepare::{Prepared, prepare};
@@ -101,4 +102,34 @@ fn a_missing_effect_is_not_explained_by_sensors() {
     // 30 mohm at 1.5 and 0.3 A with 60 s: some 10 mV that no offset follows.
     assert!(left.ratio.unwrap() > 5.0 && left.rms < alone.errors[0].size.rms, "{left:?}");
     assert!(alone.words.iter().any(|words| words.contains("--calibrate shows where")), "{:?}", alone.words);
+}
+
+/// The numbers of a fit that takes stated errors as exact follow them, as surely as all else; with `--calibrate` they are as uncertain as these
+/// leave them.
+#[test]
+fn a_calibrated_fit_is_as_certain_as_what_is_stated_of_sensors_and_starts_leaves_it() {
+    let truth = model("");
+    let (index, resistance_ohm) = (0, 0.08);
+    assert_eq!((truth.parameters()[index].name, truth.parameters()[index].value), ("resistance_ohm", resistance_ohm));
+    let worlds = 60;
+    let (mut inside, mut inside_plain) = (0, 0);
+    let mut random = Pcg64::new(77, 0);
+    let given = Model::clone(&truth).with_values(&{
+        let mut values = truth.values();
+        values[index] = 0.06;
+        values
+    });
+    for seed in 0..worlds {
+        let off: Off = STATED.map(|sigma| Normal::new(0.0, sigma).unwrap().sample(&mut random));
+        let given = Arc::new(given.clone());
+        let logs = vec![log(&truth, &given, seed, off)];
+        let calibrated = fit_calibrated(&given, &logs, &[index], &mut |_| {}).unwrap();
+        let plain = lab::fit::fit(&given, &logs, &[index], &mut |_| {}).unwrap();
+        let holds = |fit: &lab::fit::Fit| (fit.values[index] - resistance_ohm).abs() <= 1.645 * fit.certainty.sigma[0].unwrap();
+        inside += i32::from(holds(&calibrated.fit));
+        inside_plain += i32::from(holds(&plain));
+    }
+    // 90 % of 60 are 54; a binomial count lies within three of its deviations, 2.3 each.
+    assert!((47..=60).contains(&inside), "{inside} of {worlds}");
+    assert!(inside_plain < 40, "{inside_plain} of {worlds}: then there is nothing to calibrate here");
 }

@@ -199,6 +199,12 @@ impl StationBody {
         self.paths.saved_wh()
     }
 
+    /// Robots that its lift cannot let out of their bays, since it has no power.
+    #[must_use]
+    pub fn shut_in(&self) -> usize {
+        if self.powered { 0 } else { self.docked.len() }
+    }
+
     /// What each docked robot takes.
     pub fn draws(&self) -> impl Iterator<Item = (&RobotId, Option<&SimDraw>)> {
         self.docked.iter().map(|(robot, draw)| (robot, draw.as_ref()))

@@ -4,6 +4,7 @@ use super::*;
 
 mod leaving;
 mod refusing;
+mod waiting;
 
 /// The service of robot `n`, which stands before its bay.
 fn waits(n: usize, start_s: f64) -> ServiceRun {

@@ -22,7 +22,7 @@ fn carries(soc: f64) -> bool {
     })
 }
 
-fn station_pack() -> Arc<Model> {
+pub(super) fn station_pack() -> Arc<Model> {
     Arc::new(energy::load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap())
 }
 

@@ -114,10 +114,9 @@ fn chance(station: &StationView, settings: &Settings, grid: Grid, offer: Offer<'
         sum * scales[a] * scales[b]
     };
     let packs: f64 = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum();
-    let quantile = |confidence: f64| Normal::standard().inverse_cdf(confidence);
     Chance {
-        quantile: quantile(settings.confidence),
-        quantile_held: quantile(KEEP_CONFIDENCE),
+        quantile: settings.caution(),
+        quantile_held: Normal::standard().inverse_cdf(KEEP_CONFIDENCE),
         hotel: (hotel.mean_wh * UNITS_PER_WH).round() as i64,
         begun: (begun.mean_wh * UNITS_PER_WH).round() as i64,
         variance: (packs + begun.own_variance) * UNITS_PER_WH.powi(2),

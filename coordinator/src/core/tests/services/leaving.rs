@@ -1,6 +1,8 @@
 //! Services at a station that leaves.
 
 use super::*;
+use crate::models::ShortEnergy;
+use crate::trust::Trust;
 
 #[test]
 fn whoever_charges_is_let_out_before_the_station_leaves() {
@@ -100,9 +102,48 @@ fn whoever_charges_is_let_out_before_the_packs_give_out_unless_something_comes()
     assert_eq!(let_go(0.8, 1.2, None), why, "its gauge is nearer to it");
     assert_eq!(let_go(0.012, 3.0, None), why, "what it says lasts for no service");
     assert_eq!(let_go(0.1, 7.0, None), None);
-    // 1.4 Wh are 84 s, of which 60 are for what nobody knows.
-    assert_eq!(let_go(0.1, 1.4, Some(130.0)), None, "another one comes in time");
+    // 1.6 Wh are surely 1.44, or 86 s, of which 60 are for what nobody knows.
+    assert_eq!(let_go(0.1, 1.6, Some(130.0)), None, "another one comes in time");
     assert_eq!([let_go(0.012, 1.0, Some(500.0)), let_go(0.012, 1.0, Some(30.0))], [why.clone(), why], "too late, or overdue");
+}
+
+#[test]
+fn where_packs_hold_less_than_was_promised_the_one_who_takes_most_is_let_go_before_all_lose_it() {
+    // Two charge, from 80 % and from 30 %; the station's pack turns out to hold a fifth of what was counted.
+    let let_go = |soc: f64, short_energy: ShortEnergy| {
+        let mut core = begun(How::Recharge { bay: id("bay-1"), to_soc: 0.98 }, Stage::Charging);
+        core.settings.short_energy = short_energy;
+        joins(&mut core, 0.0, 1);
+        let other = How::Recharge { bay: id("bay-2"), to_soc: 0.98 };
+        let runs =
+            [core.running.remove(&id::<RobotId>("r0")).unwrap(), ServiceRun { how: other, stage: Stage::Charging, ..waits(1, 100.0) }];
+        for (robot, soc) in [("r0", 0.8), ("r1", 0.3)] {
+            says(&mut core, 110.0, robot, RobotPhase::Charging);
+            core.handle(at(110.0), Input::RobotGauge(id(robot), gauge(110.0, soc, 14.6)));
+        }
+        let state = core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap();
+        let bay = |bay: &str, robot: &str| BayState { bay: id(bay), phase: BayPhase::Occupied, robot: Some(id(robot)) };
+        let bays = vec![bay("bay-1", "r0"), bay("bay-2", "r1")];
+        core.handle(at(110.0), Input::StationState(id("s"), StationState { at: at(110.0), seq: 110_002, bays, ..state }));
+        core.running.extend(runs.map(|run| (run.robot.clone(), run)));
+        // (It has not jumped: nobody had heard it before.)
+        core.trust = Trust::default();
+        core.handle(at(111.0), Input::PackGauge(id("s"), id("p"), gauge(111.0, soc, 84.0)));
+        for time_s in (112..160).step_by(4).map(f64::from) {
+            for (robot, soc) in [("r0", 0.8), ("r1", 0.3)] {
+                let charges = Gauge { power_w: -14.0, current_a: -1.3, ..gauge(time_s, soc, 14.6) };
+                core.handle(at(time_s), Input::RobotGauge(id(robot), charges));
+                says(&mut core, time_s, robot, RobotPhase::Charging);
+            }
+            core.handle(at(time_s), Input::Tick);
+        }
+        ["r0", "r1"].map(|robot| core.running[&id::<RobotId>(robot)].cut_short.is_some())
+    };
+    assert_eq!(let_go(0.9, ShortEnergy::WholeCharges), [false, false]);
+    // By hand: 3 and 10 Wh into the robots are some 6 and 18 Wh of the pack; by the time that the first is charged the second has taken as much.
+    // 15 % of 84 Wh are 12.6.
+    assert_eq!(let_go(0.15, ShortEnergy::WholeCharges), [false, true]);
+    assert_eq!(let_go(0.15, ShortEnergy::MostRobots), [false, false], "there all get something");
 }
 
 /// Who stands before a bay is not lifted in where nobody would get out again, nor sent there again at once.
