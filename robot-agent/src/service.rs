@@ -37,7 +37,7 @@ pub async fn run(
     let (supplies_in, mut supplies) = mpsc::unbounded_channel::<SimSupply>();
     let supplied = move |sample: zenoh::sample::Sample| match decoded::<SimSupply>(sample.payload()) {
         Ok(supply) => drop(supplies_in.send(supply)),
-        Err(error) => warn!("{} was refused: {error}", plain(&sample.key_expr())),
+        Err(error) => warn!("{} was refused: {error}", plain(sample.key_expr())),
     };
     let _supplies = link.listen(&Pattern::SimSupplyTo(robot.clone()), supplied).await?;
     let (lives_in, mut lives) = mpsc::unbounded_channel();

@@ -40,7 +40,7 @@ pub async fn run(
     let (draws_in, mut draws) = mpsc::unbounded_channel::<(RobotId, SimDraw)>();
     let drawn = move |sample: zenoh::sample::Sample| match draw_in(&sample) {
         Ok(draw) => drop(draws_in.send(draw)),
-        Err(why) => warn!("{} was refused: {}", plain(&sample.key_expr()), plain(&why)),
+        Err(why) => warn!("{} was refused: {}", plain(sample.key_expr()), plain(&why)),
     };
     let _draws = link.listen(&Pattern::SimDrawAt(station.clone()), drawn).await?;
     let (lives_in, mut lives) = mpsc::unbounded_channel();

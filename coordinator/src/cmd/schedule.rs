@@ -144,7 +144,7 @@ async fn watch(place: &Place, format: Format) -> anyhow::Result<()> {
     let (heard, mut plans) = tokio::sync::mpsc::unbounded_channel::<Schedule>();
     let plan_heard = move |sample: zenoh::sample::Sample| match node::session::decoded(sample.payload()) {
         Ok(schedule) => drop(heard.send(schedule)),
-        Err(error) => tracing::warn!("{}: {error}", proto::plain(&sample.key_expr())),
+        Err(error) => tracing::warn!("{}: {error}", proto::plain(sample.key_expr())),
     };
     let subscriber = link.session.declare_subscriber(Key::Schedule.build(&link.site)).callback(plan_heard);
     let _subscriber = subscriber.await.map_err(|error| anyhow::anyhow!("{error}"))?;
