@@ -152,6 +152,10 @@ impl Core {
             let Some(asked) = self.asked.get_mut(&id) else { continue };
             if now > asked.deadline {
                 let service = asked.service.clone();
+                let whom = match &asked.command {
+                    AskedCommand::Robot(robot, _) => robot.to_string(),
+                    AskedCommand::Station(station, _) => station.to_string(),
+                };
                 self.asked.remove(&id);
                 self.event(
                     now,
@@ -159,12 +163,12 @@ impl Core {
                     service.as_ref().map(|(robot, _)| robot),
                     None,
                     None,
-                    format!("{id} was not answered"),
+                    format!("{id} was not answered by {whom}"),
                 );
                 if let Some((robot, _)) = service {
                     // It may have been obeyed and the answer lost: robot and station are left as they
                     // are until their own words tell where the robot is.
-                    self.give_up(now, &robot, "a command was not answered");
+                    self.give_up(now, &robot, &format!("{whom} has not answered {id}"));
                 }
                 continue;
             }
