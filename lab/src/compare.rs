@@ -16,6 +16,7 @@ use crate::prepare::{Prepared, Target};
 use crate::regime::{Dimension, dimensions};
 use crate::report::quantity::unit_of;
 use crate::residual::{Residual, Size, residuals};
+use crate::rounding::step_of;
 use crate::whiteness::Whiteness;
 pub use calibration::{Calibrated, Calibration, calibrate};
 
@@ -152,6 +153,7 @@ fn channel_error(log: &Prepared, target: &Target, of_inputs: f64, rows: &[Residu
     let places: Vec<usize> = rows.iter().map(|row| row.row).collect();
     let time_s: Vec<f64> = places.iter().map(|&row| log.time_s[row]).collect();
     let values: Vec<f64> = rows.iter().map(Residual::value).collect();
+    let observed: Vec<f64> = rows.iter().map(|row| row.observed).collect();
     let size = Size::of(values.iter().copied());
     let floor = (target.floor > 0.0).then(|| with_inputs(target.floor, of_inputs));
     ChannelError {
@@ -162,7 +164,7 @@ fn channel_error(log: &Prepared, target: &Target, of_inputs: f64, rows: &[Residu
         floor,
         floor_of_inputs: floor.map_or(0.0, |floor| 1.0 - (target.floor / floor).powi(2)),
         ratio: floor.map(|floor| size.rms / floor),
-        floor_check: FloorCheck::of(&places, &values, floor.unwrap_or(0.0)),
+        floor_check: FloorCheck::of(&places, &values, floor.unwrap_or(0.0), step_of(&observed)),
         whiteness: Whiteness::of(&time_s, &values),
     }
 }

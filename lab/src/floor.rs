@@ -4,6 +4,7 @@ use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 
 use crate::residual::{lag1, noise_between};
+use crate::rounding::{noise_of_rounded, seen};
 
 /// RMS over floor up to which a channel is explained.
 pub(crate) const EXPLAINED: f64 = 1.05;
@@ -48,9 +49,9 @@ const LEAST_NEIGHBOURS: usize = 50;
 impl FloorCheck {
     /// Of residuals at these rows of a log. RMS² n / sigma² is chi-square distributed; squares of
     /// residuals with lag-1 correlation r are worth n (1 - r²) / (1 + r²) of them (Bayley and
-    /// Hammersley 1946, for an AR(1) process).
+    /// Hammersley 1946, for an AR(1) process). `step` is that of the readings, where they are rounded.
     #[must_use]
-    pub fn of(rows: &[usize], residual: &[f64], floor: f64) -> Option<FloorCheck> {
+    pub fn of(rows: &[usize], residual: &[f64], floor: f64, step: Option<f64>) -> Option<FloorCheck> {
         if residual.is_empty() || floor <= 0.0 {
             return None;
         }
@@ -61,7 +62,12 @@ impl FloorCheck {
         let ratio = (squares / n).sqrt() / floor;
         let (low, high) = rms_factors(effective_rows);
         let (ratio_low, ratio_high) = (ratio * low, ratio * high);
-        let noise_seen = noise_between(rows, residual, LEAST_NEIGHBOURS);
+        let between = noise_between(rows, residual, LEAST_NEIGHBOURS);
+        let noise_seen = match between.and_then(|noise| seen(step, noise)) {
+            // Rounding errors may alternate, and then the second differences of rows make more of them than there is.
+            Some(step) => noise_of_rounded(rows, residual, step, LEAST_NEIGHBOURS).map(|noise| noise.min((squares / n).sqrt())),
+            None => between,
+        };
         let opinion = if ratio_high < TRIFLE {
             FloorOpinion::FloorTooLarge
         } else if noise_seen.is_some_and(|noise| noise > CLEARLY * floor) {
@@ -89,7 +95,7 @@ mod tests {
 
     fn check(residual: &[f64], floor: f64) -> FloorCheck {
         let rows: Vec<usize> = (0..residual.len()).collect();
-        FloorCheck::of(&rows, residual, floor).unwrap()
+        FloorCheck::of(&rows, residual, floor, None).unwrap()
     }
 
     #[test]

@@ -48,6 +48,7 @@ pub mod prepare;
 pub mod regime;
 pub mod report;
 pub mod residual;
+mod rounding;
 pub mod whiteness;
 
 pub use compare::{Comparison, compare};

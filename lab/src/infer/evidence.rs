@@ -8,7 +8,7 @@ use super::course::Course;
 pub use super::segment::Segment;
 use super::steady::{HOLDS, Steady};
 use crate::prepare::Prepared;
-use crate::residual::noise_between;
+use crate::rounding::floor_between;
 
 /// The logs, and what of them is judged.
 #[derive(Debug, Clone)]
@@ -314,13 +314,13 @@ fn both_temperatures(log: &Prepared) -> Option<&[f64]> {
     input(Channel::AmbientDegc).and(input(Channel::TemperatureDegc))
 }
 
-/// Noise of a channel as its measurements show it from row to row, in the channel's unit: the mean
+/// Noise of a channel as its measurements show it from row to row, in the channel's unit, with what is rounded away: the mean
 /// of its logs. Never zero, so that a likelihood exists for readings that never change.
 fn roughness<'a>(segments: impl Iterator<Item = &'a Segment>) -> f64 {
     let (mut squares, mut rows, mut scale) = (0.0, 0.0, 0.0_f64);
     for segment in segments {
         let count = segment.rows.len() as f64;
-        squares += count * noise_between(&segment.rows, &segment.observed, 1).unwrap_or(0.0).powi(2);
+        squares += count * floor_between(&segment.rows, &segment.observed).powi(2);
         rows += count;
         scale = segment.observed.iter().fold(scale, |scale, value| scale.max(value.abs()));
     }

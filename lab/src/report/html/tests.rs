@@ -100,7 +100,7 @@ pub(crate) fn full(name: &str) -> Page {
         floor: Some(0.001),
         floor_of_inputs: 0.0,
         ratio: Some(4.0),
-        floor_check: FloorCheck::of(&rows, &noise, 0.001),
+        floor_check: FloorCheck::of(&rows, &noise, 0.001, None),
         whiteness: crate::whiteness::Whiteness::of(&time_s, &noise),
     };
     let band = |band: &str, share| RegimeError {
