@@ -4,7 +4,10 @@
 //! ```text
 //!   counted    a log as charge drawn and voltage of one cell
 //!     |
-//!   passage    where logs are full and empty: the capacity, and every row's state of charge
+//!   anchor     where logs are stated to begin, full and empty
+//!     |
+//!   passage    what lies between: the capacity
+//!   course     every row's state of charge
 //!     |
 //!   shown      what rests and slow currents show of the open-circuit voltage
 //!     |   step     resistance, in steps of the current
@@ -19,7 +22,9 @@
 //! roughly its table is known, and is where `discover` begins. A state of charge is a share of what lies between a charge
 //! to the full voltage and a slow discharge to the voltage at which it ends.
 
+mod anchor;
 mod counted;
+mod course;
 mod noise;
 mod passage;
 mod shown;
@@ -31,7 +36,7 @@ use energy::Estimate;
 
 use crate::measurement::Log;
 use counted::Counted;
-pub use passage::{Beginning, Passage};
+pub use passage::{Beginning, Doubted, Passage};
 pub use shown::Kind;
 pub use solve::{Branch, Table};
 pub use text::model_text;
@@ -202,6 +207,8 @@ pub struct FirstModel {
     pub voltage_noise: noise::Noise,
     /// What each log gave.
     pub used: Vec<Used>,
+    /// Logs that begin elsewhere than is stated.
+    pub doubted: Vec<Doubted>,
 }
 
 /// Makes a battery's first model of its logs, in canonical channels.
@@ -243,6 +250,7 @@ pub fn first_model(sheet: &Sheet, logs: &[Log]) -> Result<FirstModel, OcvError> 
         step_ohm,
         voltage_noise: noise,
         used,
+        doubted: known.doubted,
     })
 }
 

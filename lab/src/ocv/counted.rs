@@ -20,6 +20,8 @@ pub(super) struct Counted<'a> {
     pub(super) cell_v: Vec<f64>,
     /// Charge drawn since the first row, Ah.
     pub(super) drawn_ah: Vec<f64>,
+    /// Charge that went in or out since the first row, Ah.
+    pub(super) moved_ah: Vec<f64>,
 }
 
 impl<'a> Counted<'a> {
@@ -45,11 +47,13 @@ impl<'a> Counted<'a> {
             let (eod_v, full_v) = (sheet.eod_v_per_cell, sheet.full_v_per_cell);
             return Err(OcvError::OtherCells { file: log.file.clone(), low_v, high_v, series: sheet.series, eod_v, full_v });
         }
-        let mut drawn_ah = vec![0.0; log.rows()];
+        let (mut drawn_ah, mut moved_ah) = (vec![0.0; log.rows()], vec![0.0; log.rows()]);
         for row in 1..log.rows() {
-            drawn_ah[row] = drawn_ah[row - 1] + current_a[row] * (log.time_s[row] - log.time_s[row - 1]) * H_PER_S;
+            let flowed_ah = current_a[row] * (log.time_s[row] - log.time_s[row - 1]) * H_PER_S;
+            drawn_ah[row] = drawn_ah[row - 1] + flowed_ah;
+            moved_ah[row] = moved_ah[row - 1] + flowed_ah.abs();
         }
-        Ok(Counted { log, current_a, cell_v, drawn_ah })
+        Ok(Counted { log, current_a, cell_v, drawn_ah, moved_ah })
     }
 
     pub(super) fn time_s(&self) -> &[f64] {
@@ -60,6 +64,16 @@ impl<'a> Counted<'a> {
     pub(super) fn range_ah(&self) -> f64 {
         let (low, high) = self.drawn_ah.iter().fold((0.0_f64, 0.0_f64), |(low, high), &ah| (low.min(ah), high.max(ah)));
         high - low
+    }
+
+    /// Whether the last charge that flowed went in, by row.
+    pub(super) fn went_in(&self) -> Vec<bool> {
+        let mut charged = false;
+        let last = |current_a: &f64| {
+            charged = if *current_a == 0.0 { charged } else { *current_a < 0.0 };
+            charged
+        };
+        self.current_a.iter().map(last).collect()
     }
 
     /// Runs of rows of which this is true, as ranges; a run's current flowed from the row before its first.

@@ -3,37 +3,32 @@
 use energy::Estimate;
 use energy::units::H_PER_S;
 
+use super::anchor::{Anchor, COUNTED, EXACT, anchors};
 use super::counted::Counted;
-use super::shown::rest_a;
+use super::course::{begins, course};
+use super::shown::{REST_S, rest_a};
 use super::{OcvError, Sheet};
 
-/// A charge has ended full if it reached the full voltage within this share of it: chargers hold theirs to half a per cent.
-const AT_FULL: f64 = 0.005;
-/// And with at most this current, as a share of the capacity an hour: above, a cell takes more once its voltage is held.
-const FULL_PER_HOUR: f64 = 0.1;
-/// A discharge ends empty at most so fast, as a share of the capacity an hour: above, the resistance ends it early.
-const EMPTY_PER_HOUR: f64 = 0.2;
-/// A cell that is full and has rested shows its full voltage less at most this share of what lies between full and end.
-const RESTED: f64 = 0.02;
 /// A log that is stated to begin full, and rests, shows its full voltage less at most this share of what lies between; one that begins empty is
 /// at most [`RECOVERED`] above its end. Guesses, wide enough for a flat voltage.
 const SAGGED: f64 = 0.2;
 /// See [`SAGGED`].
 const RECOVERED: f64 = 0.5;
-/// What is charged by less than this share of the capacity was not charged full by that.
-const LITTLE: f64 = 0.01;
+/// A way over less than this of the state of charge does not say what a battery holds.
+const LONG: f64 = 0.5;
 /// Passages at more than so many times the slowest one's current say less of what a battery holds, and are not asked.
 const AS_SLOW: f64 = 2.0;
-/// What is not known of one passage, as a share: the gain of an ammeter and what its current leaves in the cell. A guess.
+/// What is not known of all passages, as a share: the gain of their ammeter. A guess.
 const PASSAGE_SIGMA: f64 = 0.01;
-/// How well a state of charge is known that was counted from full or empty, at best. A guess.
-const COUNTED: f64 = 2e-3;
 /// As much charge is given to a capacity that was stated: it is taken at its word, but for that ammeter.
 const STATED_SIGMA: f64 = PASSAGE_SIGMA;
+/// A current less than this share of the capacity an hour, for as long as a rest, is what the ammeter is off by, for all that is known. A
+/// guess: no test is as slow.
+const QUIET_PER_HOUR: f64 = 5e-3;
+/// Ways that differ by more than so many of their deviations do not do so by chance. A guess.
+const BY_FAR: f64 = 3.0;
 /// A state of charge may come out so far beyond full and empty.
 const BEYOND: f64 = 0.1;
-/// A stated state of charge this near to full or empty is that.
-const EXACT: f64 = 5e-4;
 
 /// A way of a log between full and empty.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,7 +37,9 @@ pub struct Passage {
     pub log: String,
     /// Whether it ends empty.
     pub discharge: bool,
-    /// Charge that passed, Ah.
+    /// State of charge that passed.
+    pub share: f64,
+    /// Charge that passed, Ah, over that share: what passes between full and empty.
     pub charge_ah: f64,
     /// Mean current while one flowed, as a share of that charge an hour.
     pub per_hour: f64,
@@ -59,63 +56,174 @@ pub enum Beginning {
     Counted,
 }
 
+/// A log that begins elsewhere than is stated, by what was counted to where it is full or empty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Doubted {
+    /// Name of the log.
+    pub log: String,
+    /// State of charge that is stated, with its deviation.
+    pub stated: Estimate,
+    /// That which was counted.
+    pub counted: Estimate,
+}
+
 /// What is known of where logs are.
 pub(super) struct Known {
     pub(super) capacity_ah: Estimate,
     pub(super) passages: Vec<Passage>,
-    /// How well a state of charge is known, by log.
-    pub(super) sigmas: Vec<f64>,
+    /// State of charge where it is least and most while, or after, a battery was discharged, and charged, and how well it is known there, by log.
+    pub(super) ends: Vec<[[Estimate; 2]; 2]>,
     /// State of charge of every row of every log.
     pub(super) soc: Vec<Vec<f64>>,
     pub(super) beginnings: Vec<Beginning>,
+    pub(super) doubted: Vec<Doubted>,
 }
 
-/// A row at which it is known how full the battery is.
-#[derive(Clone, Copy)]
-struct Anchor {
-    row: usize,
-    soc: f64,
+/// How charge is counted, so that the state of charge falls by `per_ah` times what flowed out, less `offset_per_h` times how long.
+pub(super) struct Counting {
+    /// One over what the battery holds as the ammeter counts, 1/Ah: its gain is not in the deviation.
+    per_ah: f64,
+    /// What the ammeter is off by, as a share of that an hour.
+    offset_per_h: f64,
+    /// Variances of both, and covariance.
+    variances: [f64; 2],
+    covariance: f64,
+    /// How much worse than they say ways agree, and so what is known of their ends, >= 1.
+    pub(super) worse: f64,
+}
+
+impl Counting {
+    /// Of a capacity, by an ammeter that is not off.
+    fn by(held_ah: Estimate) -> Counting {
+        let per_ah = held_ah.value.recip();
+        let variance = (per_ah * held_ah.sigma / held_ah.value).powi(2);
+        Counting { per_ah, offset_per_h: 0.0, variances: [variance, 0.0], covariance: 0.0, worse: 1.0 }
+    }
+
+    /// What the battery holds as the ammeter counts, Ah.
+    fn held_ah(&self) -> Estimate {
+        Estimate::new(self.per_ah.recip(), self.variances[0].sqrt() / self.per_ah.powi(2))
+    }
+
+    /// What the state of charge rises by from one row to another.
+    pub(super) fn between(&self, log: &Counted<'_>, from: usize, to: usize) -> f64 {
+        let hours = (log.time_s()[to] - log.time_s()[from]) * H_PER_S;
+        -(log.drawn_ah[to] - log.drawn_ah[from]) * self.per_ah + hours * self.offset_per_h
+    }
+
+    /// The same with its deviation.
+    pub(super) fn way(&self, log: &Counted<'_>, from: usize, to: usize) -> Estimate {
+        let hours = (log.time_s()[to] - log.time_s()[from]) * H_PER_S;
+        let drawn_ah = log.drawn_ah[to] - log.drawn_ah[from];
+        let known = drawn_ah.powi(2) * self.variances[0] + hours.powi(2) * self.variances[1] - 2.0 * drawn_ah * hours * self.covariance;
+        let moved = (log.moved_ah[to] - log.moved_ah[from]).abs() * self.per_ah;
+        Estimate::new(self.between(log, from, to), (COUNTED * moved).hypot(known.max(0.0).sqrt()))
+    }
 }
 
 pub(super) fn known(sheet: &Sheet, logs: &[Counted<'_>]) -> Result<Known, OcvError> {
     let nominal_ah = sheet.capacity_ah.unwrap_or_else(|| logs.iter().map(Counted::range_ah).fold(0.0, f64::max));
     let anchors: Vec<(Vec<Anchor>, Beginning)> = logs.iter().map(|log| anchors(log, sheet, nominal_ah)).collect();
-    let found = logs.iter().zip(&anchors).flat_map(|(log, (anchors, _))| passages(log, anchors));
-    let found: Vec<Passage> = found.collect();
-    let slowest = found.iter().map(|passage| passage.per_hour).fold(f64::INFINITY, f64::min);
-    let slow: Vec<Passage> = found.into_iter().filter(|passage| passage.per_hour <= AS_SLOW * slowest).collect();
-    let measured = (!slow.is_empty()).then(|| mean(&slow));
-    let capacity_ah = match (sheet.capacity_ah, measured) {
+    let found: Vec<Way> = logs.iter().zip(&anchors).flat_map(|(log, (anchors, _))| ways(log, anchors)).collect();
+    let slowest = found.iter().map(|way| way.passage.per_hour).fold(f64::INFINITY, f64::min);
+    let slow: Vec<Way> = found.into_iter().filter(|way| way.passage.per_hour <= AS_SLOW * slowest).collect();
+    let measured = (!slow.is_empty()).then(|| held(&slow, quiet_a(logs, nominal_ah)));
+    let (capacity_ah, counting) = match (sheet.capacity_ah, measured) {
         // It is taken at its word, but is known no better than it agrees with what was measured.
         (Some(stated_ah), measured) => {
-            let off_ah = measured.map_or(0.0, |measured| (measured.value - stated_ah).abs());
-            Estimate::new(stated_ah, (STATED_SIGMA * stated_ah).max(off_ah))
+            let off_ah = measured.map_or(0.0, |(counting, _)| (counting.held_ah().value - stated_ah).abs());
+            let capacity_ah = Estimate::new(stated_ah, (STATED_SIGMA * stated_ah).max(off_ah));
+            (capacity_ah, Counting::by(Estimate::new(stated_ah, off_ah)))
         }
-        (None, Some(measured)) => measured,
+        (None, Some((counting, spread_ah))) => {
+            let Estimate { value, sigma } = counting.held_ah();
+            (Estimate::new(value, sigma.hypot(PASSAGE_SIGMA * value).max(spread_ah)), counting)
+        }
         (None, None) => return Err(OcvError::NoCapacity),
     };
-    // Rows between full and empty are counted by what passed there: they are as uncertain as ways there differ.
-    let own_ah = measured.map_or(capacity_ah.value, |measured| measured.value);
-    let spread = slow.iter().map(|passage| (passage.charge_ah / own_ah - 1.0).abs()).fold(COUNTED, f64::max);
-    let stated = |(log, (anchors, beginning)): (&Counted<'_>, &(Vec<Anchor>, Beginning))| {
-        let sigma = log.log.facts.soc_initial_sigma.filter(|_| *beginning == Beginning::Stated && anchors.len() == 1);
-        spread.hypot(sigma.unwrap_or(0.0))
-    };
-    let sigmas = logs.iter().zip(&anchors).map(stated).collect();
     for log in logs {
         begins_as_stated(log, sheet, rest_a(nominal_ah))?;
     }
-    let soc = logs.iter().zip(&anchors).map(|(log, (anchors, _))| soc(log, anchors, capacity_ah.value)).collect::<Result<_, _>>()?;
-    Ok(Known { capacity_ah, passages: slow, sigmas, soc, beginnings: anchors.into_iter().map(|(_, beginning)| beginning).collect() })
+    let (mut soc, mut ends, mut doubted) = (Vec::new(), Vec::new(), Vec::new());
+    for (log, (anchors, beginning)) in logs.iter().zip(&anchors) {
+        let no_start = || OcvError::NoStart { file: log.log.file.clone(), facts: format!("{}.toml", log.log.name) };
+        let course = course(log, anchors, &counting).ok_or_else(no_start)?;
+        if let Some(&to) = course.soc.iter().find(|soc| !(-BEYOND..=1.0 + BEYOND).contains(*soc)) {
+            return Err(OcvError::Overrun { file: log.log.file.clone(), from: 100.0 * course.soc[anchors[0].row], to: 100.0 * to });
+        }
+        let stated = anchors[0].soc;
+        let counted = begins(log, &anchors[1..], &counting).filter(|_| *beginning == Beginning::Stated);
+        if let Some(counted) = counted.filter(|counted| (counted.value - stated.value).abs() > stated.sigma + counted.sigma) {
+            doubted.push(Doubted { log: log.log.name.clone(), stated, counted });
+        }
+        soc.push(course.soc);
+        ends.push(course.ends);
+    }
+    let beginnings = anchors.into_iter().map(|(_, beginning)| beginning).collect();
+    Ok(Known { capacity_ah, passages: slow.into_iter().map(|way| way.passage).collect(), ends, soc, beginnings, doubted })
 }
 
-/// The mean of what passed. Passages that differ by more than each may be off say how well it is known.
-fn mean(passages: &[Passage]) -> Estimate {
-    let count = passages.len() as f64;
-    let mean_ah = passages.iter().map(|passage| passage.charge_ah).sum::<f64>() / count;
-    let spread_ah = (passages.iter().map(|passage| (passage.charge_ah - mean_ah).powi(2)).sum::<f64>() / (count - 1.0).max(1.0)).sqrt();
-    // One ammeter counted them all.
-    Estimate::new(mean_ah, (PASSAGE_SIGMA * mean_ah).max(spread_ah))
+/// A passage as it was counted.
+struct Way {
+    passage: Passage,
+    /// State of charge that went out.
+    out: Estimate,
+    /// Charge that went out, Ah.
+    out_ah: f64,
+    /// For so long, h.
+    hours: f64,
+}
+
+/// What an ammeter may be off by, A: what it reads, on average, where it is quietest for as long as a rest. 0 where it never is.
+fn quiet_a(logs: &[Counted<'_>], nominal_ah: f64) -> f64 {
+    let quiet = logs.iter().flat_map(|log| {
+        let runs = log.runs(|current_a| current_a.abs() <= QUIET_PER_HOUR * nominal_ah);
+        let mean_a = |run: std::ops::Range<usize>| {
+            let (from, to) = (run.start - 1, run.end - 1);
+            let length_s = log.time_s()[to] - log.time_s()[from];
+            (length_s >= REST_S).then(|| (log.drawn_ah[to] - log.drawn_ah[from]).abs() / (length_s * H_PER_S))
+        };
+        runs.into_iter().filter_map(mean_a).collect::<Vec<_>>()
+    });
+    let least = quiet.fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
+}
+
+/// What a battery holds, and what its ammeter is off by, from ways between full and empty: least squares of
+/// `out = per_ah out_ah - offset_per_h hours`, with the offset as well known before as `offset_a` says. And by how much the ways differ, Ah,
+/// where that is more than each may be off.
+fn held(ways: &[Way], offset_a: f64) -> (Counting, f64) {
+    let before = offset_a * ways.len() as f64 / ways.iter().map(|way| way.passage.charge_ah).sum::<f64>();
+    let weighted = |of: &dyn Fn(&Way) -> f64| ways.iter().map(|way| of(way) / way.out.sigma.powi(2)).sum::<f64>();
+    let (charge, both) = (weighted(&|way| way.out_ah.powi(2)), weighted(&|way| -way.out_ah * way.hours));
+    let (right, right_hours) = (weighted(&|way| way.out_ah * way.out.value), weighted(&|way| -way.hours * way.out.value));
+    let mut counting = if before > 0.0 {
+        let hours = weighted(&|way| way.hours.powi(2)) + before.powi(-2);
+        let determinant = charge * hours - both.powi(2);
+        Counting {
+            per_ah: (hours * right - both * right_hours) / determinant,
+            offset_per_h: (charge * right_hours - both * right) / determinant,
+            variances: [hours / determinant, charge / determinant],
+            covariance: -both / determinant,
+            worse: 1.0,
+        }
+    } else {
+        Counting { per_ah: right / charge, offset_per_h: 0.0, variances: [charge.recip(), 0.0], covariance: 0.0, worse: 1.0 }
+    };
+    let own_ah = |way: &Way| way.out_ah / (way.out.value + counting.offset_per_h * way.hours);
+    let off = |way: &Way| (way.out.value - counting.per_ah * way.out_ah + counting.offset_per_h * way.hours).powi(2);
+    let squared = weighted(&off) + if before > 0.0 { (counting.offset_per_h / before).powi(2) } else { 0.0 };
+    let others = (ways.len() as f64 - 1.0).max(1.0);
+    let spread_ah = (ways.iter().map(|way| (own_ah(way) - counting.held_ah().value).powi(2)).sum::<f64>() / others).sqrt();
+    if squared <= others {
+        return (counting, 0.0);
+    }
+    counting.worse = (squared / others).sqrt();
+    if counting.worse > BY_FAR {
+        // Nothing says which of them is wrong: charge is not counted better than they differ.
+        counting.variances[0] = counting.variances[0].max((spread_ah * counting.per_ah.powi(2)).powi(2));
+    }
+    (counting, spread_ah)
 }
 
 /// Refuses a log that is stated to begin full or empty and shows another voltage at rest.
@@ -127,96 +235,26 @@ fn begins_as_stated(log: &Counted<'_>, sheet: &Sheet, rest_a: f64) -> Result<(),
     if wrong { Err(OcvError::Begins { file: log.log.file.clone(), soc: 100.0 * soc, shown_v }) } else { Ok(()) }
 }
 
-/// Where this log is known to be full or empty, in order; else where it is stated to begin.
-fn anchors(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> (Vec<Anchor>, Beginning) {
-    let stated = log.log.facts.soc_initial;
-    let rows = log.current_a.len();
-    let rest_a = rest_a(nominal_ah);
-    let mut anchors = Vec::new();
-    let mut beginning = Beginning::Counted;
-    let rested_v = sheet.full_v_per_cell - RESTED * sheet.span_v();
-    match stated {
-        Some(soc) if soc >= 1.0 - EXACT || soc <= EXACT => {
-            anchors.push(Anchor { row: 0, soc });
-            beginning = Beginning::Stated;
-        }
-        None if log.cell_v[0] >= rested_v && log.current_a[0].abs() <= rest_a => {
-            anchors.push(Anchor { row: 0, soc: 1.0 });
-            beginning = Beginning::Full;
-        }
-        _ => {}
-    }
-    let full_v = sheet.full_v_per_cell * (1.0 - AT_FULL);
-    for run in log.runs(|current_a| current_a < -rest_a) {
-        let (most_v, last) = (log.cell_v[run.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max), run.end - 1);
-        let moved_ah = log.drawn_ah[run.start - 1] - log.drawn_ah[last];
-        let tapered = -log.current_a[last] <= FULL_PER_HOUR * nominal_ah;
-        // A log that ends within a charge does not say whether that charge had ended.
-        let ended = run.end < rows || -log.current_a[last] < -log.current_a[run.start] / 2.0 || log.cell_v[last] >= full_v;
-        // A slow charge beyond the full voltage was full where it passed that.
-        let beyond = most_v > sheet.full_v_per_cell * (1.0 + AT_FULL);
-        let passed = run.clone().find(|&row| log.cell_v[row] >= sheet.full_v_per_cell && -log.current_a[row] <= FULL_PER_HOUR * nominal_ah);
-        if most_v >= full_v && moved_ah > LITTLE * nominal_ah && (beyond || tapered && ended) {
-            let row = if beyond { passed } else { Some(last) };
-            anchors.extend(row.map(|row| Anchor { row, soc: 1.0 }));
-        }
-    }
-    for run in log.runs(|current_a| current_a > rest_a) {
-        // A discharge ends between two readings: at the last one before its end the next would be beyond it.
-        let next_v = |row: usize| log.cell_v[row] + if row > run.start { (log.cell_v[row] - log.cell_v[row - 1]).min(0.0) } else { 0.0 };
-        let end_v = sheet.eod_v_per_cell + AT_FULL * sheet.span_v();
-        let slow = |&row: &usize| next_v(row) <= end_v && log.current_a[row] <= EMPTY_PER_HOUR * nominal_ah;
-        anchors.extend(run.clone().find(slow).map(|row| Anchor { row, soc: 0.0 }));
-    }
-    anchors.sort_by_key(|anchor| anchor.row);
-    if anchors.is_empty()
-        && let Some(soc) = stated
-    {
-        return (vec![Anchor { row: 0, soc }], Beginning::Stated);
-    }
-    (anchors, beginning)
-}
-
-/// The ways between neighbours of which one is full and the other empty.
-fn passages(log: &Counted<'_>, anchors: &[Anchor]) -> Vec<Passage> {
+/// The ways between neighbours that lie far apart.
+fn ways(log: &Counted<'_>, anchors: &[Anchor]) -> Vec<Way> {
     let between = |pair: &[Anchor]| {
         let [from, to] = [pair[0], pair[1]];
-        let charge_ah = log.drawn_ah[to.row] - log.drawn_ah[from.row];
-        let whole = (from.soc - to.soc).abs() > 1.0 - 2.0 * EXACT && charge_ah * (from.soc - to.soc) > 0.0;
+        let out = from.soc.value - to.soc.value;
+        let out_ah = log.drawn_ah[to.row] - log.drawn_ah[from.row];
         let flowed_h: f64 = (from.row + 1..=to.row)
-            .filter(|&row| log.current_a[row] * charge_ah > 0.0)
+            .filter(|&row| log.current_a[row] * out_ah > 0.0)
             .map(|row| (log.time_s()[row] - log.time_s()[row - 1]) * H_PER_S)
             .sum();
-        whole.then(|| Passage {
+        let passage = Passage {
             log: log.log.name.clone(),
-            discharge: charge_ah > 0.0,
-            charge_ah: charge_ah.abs(),
-            per_hour: 1.0 / flowed_h,
-        })
+            discharge: out_ah > 0.0,
+            share: out.abs(),
+            charge_ah: (out_ah / out).abs(),
+            per_hour: out.abs() / flowed_h,
+        };
+        let hours = (log.time_s()[to.row] - log.time_s()[from.row]) * H_PER_S;
+        let out = Estimate::new(out, from.soc.sigma.hypot(to.soc.sigma).hypot(COUNTED));
+        (out.value.abs() >= LONG && out_ah * out.value > 0.0).then_some(Way { passage, out, out_ah, hours })
     };
     anchors.windows(2).filter_map(between).collect()
-}
-
-/// The state of charge of every row: between full and empty by the charge that passed there, else by the capacity.
-fn soc(log: &Counted<'_>, anchors: &[Anchor], capacity_ah: f64) -> Result<Vec<f64>, OcvError> {
-    let [first, ..] = anchors else {
-        return Err(OcvError::NoStart { file: log.log.file.clone(), facts: format!("{}.toml", log.log.name) });
-    };
-    let counted = |from: &Anchor, row: usize, capacity_ah: f64| from.soc - (log.drawn_ah[row] - log.drawn_ah[from.row]) / capacity_ah;
-    let mut soc: Vec<f64> = Vec::with_capacity(log.drawn_ah.len());
-    let (mut last, mut next) = (first, 0);
-    for row in 0..log.drawn_ah.len() {
-        while next < anchors.len() && anchors[next].row <= row {
-            last = &anchors[next];
-            next += 1;
-        }
-        let passed_ah = anchors.get(next).map(|to| ((last.soc - to.soc), log.drawn_ah[to.row] - log.drawn_ah[last.row]));
-        let own_ah = match passed_ah {
-            Some((share, passed_ah)) if share.abs() > 1.0 - 2.0 * EXACT && share * passed_ah > 0.0 => passed_ah / share,
-            _ => capacity_ah,
-        };
-        soc.push(counted(last, row, own_ah));
-    }
-    let far = soc.iter().copied().find(|soc| !(-BEYOND..=1.0 + BEYOND).contains(soc));
-    far.map_or(Ok(soc), |to| Err(OcvError::Overrun { file: log.log.file.clone(), from: 100.0 * first.soc, to: 100.0 * to }))
 }

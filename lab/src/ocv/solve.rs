@@ -9,6 +9,7 @@ use energy::{Estimate, OcvTable};
 use nalgebra::{DMatrix, DVector};
 
 use super::OcvError;
+use super::anchor::{COUNTED, HYSTERESIS_V};
 use super::passage::Known;
 use super::shown::{Kind, Shown, place};
 
@@ -92,14 +93,18 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
         return Ok(None);
     }
     let (times, of) = step_ohm.map_or((UNSEEN_V, 1.0 / known.capacity_ah.value), |ohm| (OF_STEP, ohm.value));
-    let equations = Equations::of(shown, &knots, Estimate::new(times.0 * of, times.1 * of));
+    let before = Estimate::new(times.0 * of, (times.1 * of).hypot(half_of_hysteresis(shown)));
+    let equations = Equations::of(shown, &knots, before);
     // How steep the table is tells what the state of charge, which is not exact, does to a voltage.
     let Some(rough) = equations.solved(&shown.iter().map(|shown| shown.sigma_v).collect::<Vec<_>>()) else { return Ok(None) };
-    let steep_v = |soc: f64| {
-        let [(low, _), (high, _)] = shares(&knots, soc, true);
+    // Of each point, and between them as the table itself: a shift of all rows is then one of all points, which no row contradicts.
+    let at_knot = |knot: usize| {
+        let (low, high) = (knot.saturating_sub(1), (knot + 1).min(knots.len() - 1));
         ((rough.answer[high] - rough.answer[low]) / (knots[high] - knots[low])).abs()
     };
-    let sigmas: Vec<f64> = shown.iter().map(|shown| shown.sigma_v.hypot(known.sigmas[shown.log] * steep_v(shown.soc))).collect();
+    let steep_v = |soc: f64| shares(&knots, soc, false).map(|(knot, share)| share * at_knot(knot)).iter().sum::<f64>();
+    let sigmas: Vec<f64> = shown.iter().map(|shown| shown.sigma_v.hypot(COUNTED * steep_v(shown.soc))).collect();
+    let equations = equations.shifted(shown, known, steep_v);
     let Some(solved) = equations.solved(&sigmas) else { return Ok(None) };
     let sigma_v: Vec<f64> = (0..knots.len()).map(|knot| solved.covariance[(knot, knot)].sqrt()).collect();
     let found = &solved.answer.as_slice()[..knots.len()];
@@ -118,11 +123,22 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
         (false, false) => Branch::Unknown,
     };
     let slow = shown.iter().any(|shown| shown.kind == Kind::Slow);
-    let rms_sigma_v = deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V);
     let left_v =
         (shown.len() > volts.len()).then(|| (solved.off.iter().map(|off| off * off).sum::<f64>() / solved.off.len() as f64).sqrt());
+    // What was shown and lies elsewhere may be right: no table is known better.
+    let rms_sigma_v = deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V).max(left_v.unwrap_or(0.0));
     let slow_ohm = slow.then(|| equations.cost(&solved, 0.5));
     Ok(OcvTable::new(knots, volts).ok().map(|ocv| Table { ocv, sigma_v, rms_sigma_v, left_v, slow_ohm, branch }))
+}
+
+/// By how much more a current may seem to cost where a battery went both ways, ohm: half of a hysteresis is in that.
+fn half_of_hysteresis(shown: &[Shown]) -> f64 {
+    let mean_a = |discharged: bool| {
+        let slow = shown.iter().filter(|shown| shown.kind == Kind::Slow && shown.discharged == Some(discharged));
+        let (sum, count) = slow.fold((0.0, 0.0), |(sum, count), shown| (sum + shown.current_a.abs(), count + 1.0));
+        (count > 0.0).then(|| sum / count)
+    };
+    mean_a(true).zip(mean_a(false)).map_or(0.0, |(out_a, in_a)| HYSTERESIS_V / f64::midpoint(out_a, in_a))
 }
 
 /// What was shown, as linear equations in the points of the table and in what a slow current costs at its turns.
@@ -132,6 +148,14 @@ struct Equations {
     volts: Vec<f64>,
     points: usize,
     before: Estimate,
+    shifts: Vec<Shift>,
+}
+
+/// A state of charge that is off for many rows together.
+struct Shift {
+    sigma: f64,
+    /// What one of it does to each thing shown, V.
+    does_v: Vec<f64>,
 }
 
 struct Solved {
@@ -153,7 +177,23 @@ impl Equations {
             volts: shown.iter().map(|shown| shown.cell_v).collect(),
             points: knots.len(),
             before,
+            shifts: Vec::new(),
         }
+    }
+
+    /// The same where the state of charge of all of a log's ways out, or in, may be off, as a straight line between its least and its most.
+    fn shifted(mut self, shown: &[Shown], known: &Known, steep_v: impl Fn(f64) -> f64) -> Equations {
+        let ends = known.ends.iter().flatten().flatten();
+        self.shifts = ends.map(|end| Shift { sigma: end.sigma, does_v: vec![0.0; shown.len()] }).collect();
+        for (row, shown) in shown.iter().enumerate() {
+            let way = usize::from(shown.discharged == Some(false));
+            let [least, most] = known.ends[shown.log][way].map(|end| end.value);
+            let share = ((shown.soc - least) / (most - least).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let (steep_v, low) = (steep_v(shown.soc), 4 * shown.log + 2 * way);
+            self.shifts[low].does_v[row] = (1.0 - share) * steep_v;
+            self.shifts[low + 1].does_v[row] = share * steep_v;
+        }
+        self
     }
 
     fn solved(&self, sigma_v: &[f64]) -> Option<Solved> {
@@ -185,6 +225,15 @@ impl Equations {
         let squared: f64 = off.iter().zip(sigma_v).map(|(off, sigma_v)| (off / sigma_v).powi(2)).sum();
         // Where rows agree worse than they say, nothing is known as well as they say.
         covariance *= (squared / (self.rows.len() as f64 - self.points as f64).max(1.0)).max(1.0);
+        // A shift is not solved for: what a current costs is too roughly known to tell it from that. It moves the answer by as much as if it were there.
+        for shift in &self.shifts {
+            let mut moves = DVector::<f64>::zeros(unknowns);
+            for ((row, does_v), sigma_v) in self.rows.iter().zip(&shift.does_v).zip(sigma_v) {
+                row.iter().for_each(|&(i, of_i)| moves[i] += of_i * does_v / sigma_v.powi(2));
+            }
+            let moved = factor.solve(&moves) * shift.sigma;
+            covariance += &moved * moved.transpose();
+        }
         Some(Solved { answer, covariance, off })
     }
 

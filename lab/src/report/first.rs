@@ -1,5 +1,6 @@
 //! A first model for people and for JSON.
 
+use energy::Estimate;
 use serde::Serialize;
 
 use crate::ocv::{Beginning, Branch, FirstModel};
@@ -14,7 +15,9 @@ pub struct PassageReport {
     pub log: String,
     /// `charge` or `discharge`.
     pub direction: &'static str,
-    /// Charge that passed, Ah.
+    /// State of charge that passed.
+    pub share: f64,
+    /// Charge that passed, Ah, over that share.
     pub charge_ah: f64,
     /// Mean current as a share of that charge an hour.
     pub c_rate: f64,
@@ -104,6 +107,7 @@ impl FirstReport {
                 .map(|passage| PassageReport {
                     log: passage.log.clone(),
                     direction: if passage.discharge { "discharge" } else { "charge" },
+                    share: passage.share,
                     charge_ah: passage.charge_ah,
                     c_rate: passage.per_hour,
                 })
@@ -255,6 +259,13 @@ fn words(found: &FirstModel) -> Vec<String> {
         if low < -BEYOND || high > 1.0 + BEYOND {
             let (low, high) = (100.0 * low, 100.0 * high);
             words.push(format!("{} goes from {low:.0} to {high:.0} %: its current is off, or what is known of the battery", used.log));
+        }
+        if let Some(doubted) = found.doubted.iter().find(|doubted| doubted.log == used.log) {
+            let per_cent = |soc: Estimate| format!("{:.1} +- {:.1} %", 100.0 * soc.value, 100.0 * soc.sigma);
+            let (log, stated, counted) = (&used.log, per_cent(doubted.stated), per_cent(doubted.counted));
+            words.push(format!(
+                "{log} is stated to begin at {stated}, and at {counted} by what was counted to where it is full or empty: both count by how well they are known"
+            ));
         }
         if used.beginning != Beginning::Stated {
             let log = &used.log;

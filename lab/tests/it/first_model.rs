@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use energy::{Channel, Model, OcvTable, Run, Start};
 use lab::measurement::{Log, LogFacts, read_log};
-use lab::ocv::{Branch, FirstModel, OcvError, Sheet, first_model, model_text};
+use lab::ocv::{Beginning, Branch, FirstModel, OcvError, Sheet, first_model, model_text};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
@@ -109,6 +109,52 @@ fn slow_ways_down_and_up_give_capacity_and_table() {
     // What a slow discharge leaves in the cell is not taken for its own.
     assert!((found.capacity_ah.value / CAPACITY_AH - 1.0).abs() < 0.01, "{:?}", found.capacity_ah);
     assert!(table.0 < 2.0 * found.table.rms_sigma_v, "{table:?}, {}", found.table.rms_sigma_v);
+}
+
+/// A discharge to the end at a tenth of the capacity an hour and a charge back to the full voltage, and how full the charge begins and ends.
+fn down_and_up(stated: impl Fn(f64) -> f64) -> ([Log; 2], f64, f64) {
+    let c10 = CAPACITY_AH / 10.0;
+    let moved = |log: &Log| log.channels[&Channel::CurrentA].iter().sum::<f64>() * 30.0 / 3600.0 / CAPACITY_AH;
+    let down = driven("down", 1.0, &[(0.0, 600.0), (c10, 45_000.0), (0.0, 1800.0)], 30.0, full());
+    let empty = 1.0 - moved(&down);
+    let facts = LogFacts { soc_initial: Some(stated(empty)), ..LogFacts::default() };
+    let up = driven("up", empty, &[(0.0, 600.0), (-c10, 45_000.0), (0.0, 1800.0)], 30.0, facts);
+    let end = empty - moved(&up);
+    ([down, up], empty, end)
+}
+
+/// What a current costs ends a charge early, here by the 30 mV that the full voltage is stated lower: that it touches the full voltage says less of where it began than what is stated of that.
+#[test]
+fn a_stated_start_counts_beside_a_charge_that_ends_early() {
+    let (logs, empty, end) = down_and_up(|empty| empty);
+    let sheet = Sheet { full_v_per_cell: 4.17, ..sheet() };
+    let found = first_model(&sheet, &logs).unwrap();
+    let (used, table) = (&found.used[1], off(&found.table.ocv, &truth().battery().ocv, 0.05, 0.95));
+    told("stated", &found, table);
+    assert_eq!(used.beginning, Beginning::Stated);
+    assert!((used.soc_initial - empty).abs() < 5e-3 && (used.range.1 - end).abs() < 0.01, "{used:?}, {empty} to {end}");
+    assert!(table.0 < 1.5 * found.table.rms_sigma_v, "{table:?}, {}", found.table.rms_sigma_v);
+    let (logs, ..) = down_and_up(|empty| empty + 0.035);
+    let doubted = first_model(&self::sheet(), &logs).unwrap().doubted;
+    assert!(doubted.len() == 1 && doubted[0].log == "up" && doubted[0].counted.value < 0.02, "{doubted:?}");
+}
+
+/// An ammeter that is off shows it at rest, and where what went out differs from what went in: 8 % here.
+#[test]
+fn an_ammeter_that_is_off_is_taken_out_of_ways_both_ways() {
+    let (mut logs, ..) = down_and_up(|empty| empty);
+    for log in &mut logs {
+        log.channels.get_mut(&Channel::CurrentA).unwrap().iter_mut().for_each(|amps| *amps += 0.004 * CAPACITY_AH);
+    }
+    let found = first_model(&sheet(), &logs).unwrap();
+    let table = off(&found.table.ocv, &truth().battery().ocv, 0.05, 0.95);
+    told("offset", &found, table);
+    let error_ah = (found.capacity_ah.value - CAPACITY_AH).abs();
+    assert!(error_ah < 0.02 * CAPACITY_AH && error_ah < 1.645 * found.capacity_ah.sigma, "{:?}", found.capacity_ah);
+    assert!(table.0 < 1.5 * found.table.rms_sigma_v, "{table:?}, {}", found.table.rms_sigma_v);
+    // One way alone cannot tell, and says so.
+    let one = first_model(&sheet(), &logs[..1]).unwrap().capacity_ah;
+    assert!((one.value - CAPACITY_AH).abs() > 0.03 * CAPACITY_AH && one.sigma > 0.03 * CAPACITY_AH, "{one:?}");
 }
 
 /// Pulses of half the capacity an hour, each of a twentieth of it, with rests of an hour.
