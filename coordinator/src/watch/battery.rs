@@ -45,6 +45,9 @@ const AMBIENT_TAU_S: f64 = 1800.0;
 /// slow part of a cell's polarisation makes of it (guess).
 const SLOW_SHARE: f64 = 0.05;
 
+/// Least current, in capacities per hour, whose drop tells a resistance: a guess, at which a tenth of a volt of drop at 1C is as large as what tables are off by.
+const DRAWN_LEAST_PER_H: f64 = 0.05;
+
 const SOC: usize = 0;
 const COUNT: usize = 1;
 const CURRENT: usize = 2;
@@ -63,6 +66,8 @@ pub(super) struct BatteryWatch {
     last: Timestamp,
     last_a: f64,
     last_v: f64,
+    /// Resistance that the pack showed beyond its model when it was first judged, ohm: a wrong count shows later.
+    further_ohm: Option<f64>,
     block: Block,
 }
 
@@ -74,12 +79,13 @@ struct Block {
     residual_v: f64,
     slope_v: f64,
     drop_v: f64,
+    current_a: f64,
     moved: f64,
 }
 
 impl Block {
     fn begin(begin: Timestamp) -> Self {
-        Self { begin, rows: 0.0, residual_v: 0.0, slope_v: 0.0, drop_v: 0.0, moved: 0.0 }
+        Self { begin, rows: 0.0, residual_v: 0.0, slope_v: 0.0, drop_v: 0.0, current_a: 0.0, moved: 0.0 }
     }
 }
 
@@ -103,6 +109,7 @@ impl BatteryWatch {
             last: gauge.at,
             last_a: gauge.current_a,
             last_v: gauge.voltage_v,
+            further_ohm: None,
             block: Block::begin(gauge.at),
         }
     }
@@ -112,13 +119,14 @@ impl BatteryWatch {
         self.run.model()
     }
 
-    /// State of charge that the voltage alone shows, by the drop that the model makes of the current; none before drops are judged. A pack
-    /// that has aged shows where it ends before its count does.
+    /// State of charge that the voltage alone shows, by the drop that the model makes of the current and the resistance that the pack showed
+    /// beyond it at first; none before that. A pack that has aged shows where it ends before its count does.
     pub(super) fn shown_soc(&self) -> Option<f64> {
         let (facts, now) = (self.run.model().battery(), &self.run.channels);
-        let drop_v = now[Channel::OcvV] - now[Channel::VoltageV] / f64::from(facts.series);
-        let is_settled = self.last.seconds_since(self.begun) >= SETTLE_S;
-        is_settled.then(|| facts.ocv.soc(self.last_v / f64::from(facts.series) + drop_v))
+        let series = f64::from(facts.series);
+        let drop_v = now[Channel::OcvV] - now[Channel::VoltageV] / series;
+        let further_v = self.further_ohm? * self.last_a / series;
+        Some(facts.ocv.soc(self.last_v / series + drop_v + further_v))
     }
 
     /// Takes in a message; at the end of a block its begin and its innovation in sigma.
@@ -149,6 +157,7 @@ impl BatteryWatch {
         block.residual_v += gauge.voltage_v - now[Channel::VoltageV];
         block.slope_v += facts.ocv.slope_v(after) * series;
         block.drop_v += now[Channel::OcvV] * series - now[Channel::VoltageV];
+        block.current_a += current_a;
         block.moved += soc - after;
         let length_s = gauge.at.seconds_since(block.begin);
         (length_s >= BLOCK_S).then(|| self.judge(gauge.at, length_s, capacity_as)).flatten()
@@ -176,6 +185,9 @@ impl BatteryWatch {
             return None;
         }
         let mean = |sum: f64| sum / block.rows;
+        if self.further_ohm.is_none() && mean(block.current_a) * S_PER_H > DRAWN_LEAST_PER_H * capacity_as {
+            self.further_ohm = Some(-mean(block.residual_v) / mean(block.current_a));
+        }
         let slope_v = mean(block.slope_v);
         let noise_v = self.model().sensor(Channel::VoltageV).floor() / block.rows.sqrt();
         // The table bends: a wrong state of charge is off by more than its slope there says.
