@@ -1,8 +1,8 @@
 //! Commands: sent with an id, sent again until answered, given up at their deadline.
 
 use proto::{
-    Command, CommandId, CommandReply, EventKind, Outcome, Rejection, RobotAction, RobotCommand, RobotId, StationAction, StationCommand,
-    StationId, Timestamp,
+    Command, CommandId, CommandReply, EventKind, Outcome, Rejection, RobotAction, RobotCommand, RobotId, RobotPhase, StationAction,
+    StationCommand, StationId, Timestamp,
 };
 
 use super::{Core, Output};
@@ -115,8 +115,10 @@ impl Core {
 
     /// A command of a service was refused. What cannot be done at the moment is asked again; else robot and station are not brought together for a while.
     fn refused(&mut self, now: Timestamp, robot: &RobotId, reason: Rejection, detail: &str, whom: String, id: &CommandId) {
+        use RobotPhase::{Charged, Charging, Docked};
+        let is_in_a_bay = matches!(self.fleet.robots.get(robot).and_then(Robot::phase), Some(Docked | Charging | Charged));
         let Some(run) = self.running.get_mut(robot) else { return };
-        let (station, at_place) = (run.station.clone(), run.at_place());
+        let (station, at_place) = (run.station.clone(), run.at_place() || is_in_a_bay);
         let times = run.again.as_ref().map_or(1, |again| again.times + 1);
         let is_news = run.again.as_ref().is_none_or(|again| again.why != detail);
         if reason == Rejection::Busy {
@@ -152,10 +154,7 @@ impl Core {
             let Some(asked) = self.asked.get_mut(&id) else { continue };
             if now > asked.deadline {
                 let service = asked.service.clone();
-                let whom = match &asked.command {
-                    AskedCommand::Robot(robot, _) => robot.to_string(),
-                    AskedCommand::Station(station, _) => station.to_string(),
-                };
+                let whom = asked.command.whom();
                 self.asked.remove(&id);
                 self.event(
                     now,

@@ -90,7 +90,8 @@ impl Core {
             }
             let draw = |run: &&ServiceRun| {
                 let ends_s = basis.ends_s(run);
-                let may_end = (charges(run.stage) || run.under_way()) && run.asked.is_none();
+                let is_heard = self.fleet.robots.get(&run.robot).is_some_and(|robot| robot.heard().is_some());
+                let may_end = (charges(run.stage) || run.under_way()) && run.asked.is_none() && is_heard;
                 Draw { ends_s, need: basis.still_needs(run, models, ends_s), may_end }
             };
             let draws: Vec<Draw> = runs.iter().map(draw).collect();

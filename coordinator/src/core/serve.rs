@@ -140,6 +140,8 @@ impl Core {
             }
             match run.next(belief, place) {
                 Step::AskRobot(..) | Step::AskStation(..) if is_early => {}
+                // Somebody else stands in it, though the station calls it free.
+                Step::AskStation(StationAction::Dock { ref bay, .. }, _) if self.stands_in(&robot, &station, bay) => {}
                 Step::Wait => {}
                 Step::Enter(stage) => self.enter(now, &robot, stage),
                 Step::AskRobot(action, stage) => self.ask_robot(now, &robot, action, Some((robot.clone(), stage))),
@@ -163,11 +165,19 @@ impl Core {
         (works_on && is_due).then(|| format!("{} agreed to come and is still at work", run.robot))
     }
 
+    /// Whether another robot's service has its place in that bay.
+    fn stands_in(&self, robot: &RobotId, station: &StationId, bay: &BayId) -> bool {
+        self.running.values().any(|other| other.robot != *robot && other.at_place() && other.is_in(station, bay))
+    }
+
     /// Why a service is given up that nobody ends: an exchange, or a bay that is to be emptied.
     fn does_not_end(&self, now: Timestamp, run: &ServiceRun) -> Option<String> {
         let what = match run.stage {
             Stage::Swapping => "its exchange",
             Stage::Unloading | Stage::LetOut => "its way out of the bay",
+            Stage::ChargingItself if self.fleet.robots.get(&run.robot).and_then(Robot::phase) == Some(RobotPhase::Charged) => {
+                "its way out of a bay that its station calls free"
+            }
             _ => return None,
         };
         let late_s = now.seconds_since(run.end);

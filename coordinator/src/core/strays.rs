@@ -98,8 +98,9 @@ impl Core {
             // Who was just let out says so a moment later.
             (Charged, Held::Nowhere) if settled => self.adopt_unseen(now, robot, Stage::ChargingItself),
             (Travelling, _) => {
-                // Without a bay it goes by its own rule, and plans when it is there.
-                if let Some((station, bay)) = self.says_bay(robot) {
+                // Without a bay it goes by its own rule, and plans when it is there. Who was just called back says so a moment later.
+                let Some((station, bay)) = self.says_bay(robot) else { return };
+                if settled || self.refusals.holds(now, robot, &station).is_none() {
                     self.adopt(now, robot, station, bay, Stage::Travelling);
                 }
             }

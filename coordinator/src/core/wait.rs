@@ -30,8 +30,14 @@ impl Core {
     /// Whether a station has a bay to spare for a robot that comes from another.
     fn has_room(&self, now: Timestamp, run: &ServiceRun, station: &StationId) -> bool {
         let Some(state) = self.fleet.stations.get(station).and_then(|known| known.known()) else { return false };
-        let is_taken = |bay: &proto::BayState| self.running.values().any(|other| other.is_in(station, &bay.bay));
+        let is_taken = |bay: &proto::BayState| {
+            let is_promised =
+                || self.plan.planned.iter().any(|planned| planned.station == *station && planned.bay.as_ref() == Some(&bay.bay));
+            self.running.values().any(|other| other.is_in(station, &bay.bay)) || is_promised()
+        };
         state.powered
+            && state.arrives.is_none()
+            && state.away.is_empty()
             && self.refusals.holds(now, &run.robot, station).is_none()
             && state.bays.iter().any(|bay| bay.phase == BayPhase::Free && !is_taken(bay))
     }

@@ -32,6 +32,9 @@ pub fn shed(station: &StationView, draws: &[Draw], asked: f64) -> Option<usize> 
     // Who goes is one that does not get it.
     let mut best = None;
     let mut fewest = with_all - 1.0 - (1.0 - asked);
+    if fewest <= 0.0 {
+        return None;
+    }
     for (index, _) in draws.iter().enumerate().filter(|(_, draw)| draw.may_end) {
         let others: Vec<&Draw> = draws.iter().enumerate().filter(|(other, _)| *other != index).map(|(_, draw)| draw).collect();
         if let Some(without) = broken(station, &others, fewest).filter(|without| *without < fewest) {

@@ -11,7 +11,7 @@ use lab::ModelSource;
 use lab::compare::compare;
 use lab::fit::calibrated::fit_calibrated;
 use lab::fit::{Step, fit, free_parameters};
-use lab::infer::calibrate::stated_as_rough;
+use lab::infer::calibrate::taken_as_exact;
 use lab::model_edit::{Change, edit, ocv_of_file};
 use lab::model_source::{Origin, parse_beside};
 use lab::output::write_whole;
@@ -35,8 +35,8 @@ pub(super) struct Args {
     /// Leave this parameter (or all of this effect) as it is, whatever the model says.
     #[arg(long, value_name = "EFFECT.PARAMETER", num_args = 1..)]
     fix: Vec<String>,
-    /// Fit with it the offsets, gains and delays of sensors, how each log begins, the OCV table and the capacity, each within what the model and the
-    /// logs state of it: the numbers are as uncertain as these leave them.
+    /// Fit with it the offsets, gains and delays of sensors and how each log begins, within what the model and the logs state of them: the numbers are
+    /// as uncertain as these leave them.
     #[arg(long)]
     calibrate: bool,
     #[command(flatten)]
@@ -56,10 +56,10 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let mut told = |step: Step| bar.set_message(format!("step {}, weighted squared error {:.4e}", step.iteration, step.cost));
     let (fitted, logs, words) = if args.calibrate {
         let calibrated = fit_calibrated(model, &logs, &free, &mut told)?;
-        let words = calibrated.words();
+        let words = calibrated.words().into_iter().chain(as_exact(model, &logs, true)).collect();
         (calibrated.fit, calibrated.logs, words)
     } else {
-        (fit(model, &logs, &free, &mut told)?, logs.clone(), as_exact(model, &logs))
+        (fit(model, &logs, &free, &mut told)?, logs.clone(), as_exact(model, &logs, false))
     };
     bar.finish_and_clear();
     let after = compare(model, &fitted.values, &logs);
@@ -75,9 +75,14 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
 }
 
 /// Says what was taken as exact that is stated not to be.
-fn as_exact(model: &Model, logs: &[Prepared]) -> Vec<String> {
-    let stated = stated_as_rough(model, logs);
-    let words = || format!("Taken as exact, though stated to be known only roughly: {}; --calibrate fits it too.", stated.join(", "));
+fn as_exact(model: &Model, logs: &[Prepared], is_calibrated: bool) -> Vec<String> {
+    let stated = taken_as_exact(model, logs, is_calibrated);
+    let who = if is_calibrated {
+        "discover moves them"
+    } else {
+        "--calibrate fits what is known of sensors and starts, discover the table and the capacity too"
+    };
+    let words = || format!("Taken as exact, though stated to be known only roughly: {} ({who}).", stated.join(", "));
     (!stated.is_empty()).then(words).into_iter().collect()
 }
 

@@ -1,5 +1,5 @@
-//! A fit beside which all that is known only roughly is at its best too: offsets, gains and delays of sensors, how logs begin, the OCV
-//! table and the capacity, each held by the deviation that the model or the log states for it.
+//! A fit beside which all that is known only roughly of sensors and logs is at its best too: offsets, gains and delays, and how logs
+//! begin, each held by the deviation that the model or the log states for it.
 //!
 //! The sigma of a number that hangs on them is as wide as they leave it. A fit that takes them as exact gives each of their errors to the
 //! parameters, and is as certain of that as of all else.
@@ -38,8 +38,8 @@ impl CalibratedFit {
 /// Distance from a bound, as a share of the range, at which a number rests on it.
 const ON_BOUND: f64 = 1e-9;
 
-/// Fits the parameters of the given indices together with all that model and logs state to be known only roughly; as [`fit`] where that
-/// is nothing.
+/// Fits the parameters of the given indices together with all that model and logs state to be known only roughly of sensors and starts; as
+/// [`fit`] where that is nothing.
 ///
 /// # Errors
 /// As [`fit`].

@@ -10,7 +10,7 @@ use energy::{Channel, Model};
 use super::evidence::{Evidence, Segment};
 use super::floors;
 use super::frame::Frame;
-use super::rough::{Rough, rough};
+use super::rough::{Known, Rough, rough};
 use super::state::{State, residual};
 use crate::prepare::Prepared;
 
@@ -18,8 +18,7 @@ use crate::prepare::Prepared;
 /// that is known exactly.
 #[must_use]
 pub fn calibrated(model: &Model, values: &[f64], logs: &[Prepared]) -> Option<State> {
-    let mut still = model.clone().with_values(values).held();
-    (still.uncertainty.ocv_sigma_v, still.uncertainty.capacity_relative_sigma) = (0.0, 0.0);
+    let still = with_exact_table(model.clone().with_values(values).held());
     let evidence = Evidence::new(&still, logs.to_vec());
     if evidence.rows() == 0 || rough(&still, &evidence.logs).is_empty() {
         return None;
@@ -27,11 +26,13 @@ pub fn calibrated(model: &Model, values: &[f64], logs: &[Prepared]) -> Option<St
     Some(State::of_model(Arc::new(still), Arc::new(evidence)).told().clone())
 }
 
-/// The state of a model of which these parameters move, and all that model and logs state to be known only roughly; none where that is nothing.
+/// The state of a model of which these parameters move, and all that is known of sensors and starts only roughly; none where that is known exactly. A
+/// parameter belongs to a table and a capacity: these hold still.
 #[must_use]
 pub fn fitted(model: &Model, free: &[usize], logs: &[Prepared]) -> Option<State> {
     let named: Vec<(&str, &str)> = free.iter().map(|&index| &model.parameters()[index]).map(|p| (p.effect, p.name)).collect();
-    let moving = Arc::new(model.clone().held().freed(|parameter| named.contains(&(parameter.effect, parameter.name))));
+    let moving = model.clone().held().freed(|parameter| named.contains(&(parameter.effect, parameter.name)));
+    let moving = Arc::new(with_exact_table(moving));
     let evidence = Evidence::new(&moving, logs.to_vec());
     if evidence.rows() == 0 || rough(&moving, &evidence.logs).is_empty() {
         return None;
@@ -39,11 +40,18 @@ pub fn fitted(model: &Model, free: &[usize], logs: &[Prepared]) -> Option<State>
     Some(floors::fitted(&moving, Arc::new(evidence), None).0.told().clone())
 }
 
-/// What model and logs state to be known only roughly, in a few words; empty where that is nothing.
+fn with_exact_table(mut model: Model) -> Model {
+    (model.uncertainty.ocv_sigma_v, model.uncertainty.capacity_relative_sigma) = (0.0, 0.0);
+    model
+}
+
+/// What model and logs state to be known only roughly, in a few words, and a fit takes as exact: but for the table and the capacity nothing, if
+/// it is calibrated; empty where that is nothing.
 #[must_use]
-pub fn stated_as_rough(model: &Model, logs: &[Prepared]) -> Vec<String> {
+pub fn taken_as_exact(model: &Model, logs: &[Prepared], is_calibrated: bool) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
-    for known in rough(model, logs) {
+    let is_taken = |known: &Known| !is_calibrated || matches!(known.what, Rough::Capacity | Rough::Ocv(_));
+    for known in rough(model, logs).into_iter().filter(is_taken) {
         let word = match known.what {
             Rough::Offset(channel) => format!("the offset of {}", channel.name()),
             Rough::Gain(channel) => format!("the gain of {}", channel.name()),
