@@ -72,7 +72,7 @@ fn without_a_coordinator_the_schedule_comes_from_the_store_or_says_that_there_is
     coordinator.kill();
     let stored = fleet.schedule(&["show"])?;
     assert!(stored.status.success(), "{}", text(&stored.stderr));
-    assert!(text(&stored.stderr).contains("no coordinator answers"), "{}", text(&stored.stderr));
+    assert!(text(&stored.stderr).contains("no coordinator of site test answers"), "{}", text(&stored.stderr));
     assert!(text(&stored.stdout).contains("explorer-1"), "{}", text(&stored.stdout));
     let explained = fleet.schedule(&["explain", "explorer-1"])?;
     assert!(explained.status.success(), "{}", text(&explained.stderr));
