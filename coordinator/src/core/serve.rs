@@ -165,9 +165,12 @@ impl Core {
         (works_on && is_due).then(|| format!("{} agreed to come and is still at work", run.robot))
     }
 
-    /// Whether another robot's service has its place in that bay.
+    /// Whether another robot says that it stands in that bay.
     fn stands_in(&self, robot: &RobotId, station: &StationId, bay: &BayId) -> bool {
-        self.running.values().any(|other| other.robot != *robot && other.at_place() && other.is_in(station, bay))
+        self.fleet.robots.iter().filter(|(other, _)| *other != robot).filter_map(|(_, other)| other.heard()).any(|(_, state)| {
+            let is_in_a_bay = matches!(state.phase, RobotPhase::Docked | RobotPhase::Charging | RobotPhase::Charged);
+            is_in_a_bay && state.station.as_ref() == Some(station) && state.bay.as_ref() == Some(bay)
+        })
     }
 
     /// Why a service is given up that nobody ends: an exchange, or a bay that is to be emptied.

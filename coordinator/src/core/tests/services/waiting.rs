@@ -82,8 +82,35 @@ fn no_one_is_sent_into_a_bay_in_which_another_says_that_it_stands() {
             core.handle(at(time_s), Input::Tick);
         });
         let run = core.running.get(&id::<RobotId>("r0")).unwrap_or_else(|| panic!("{phase:?}: nobody looks after it"));
-        assert!(run.is_in(&id("s"), &id("bay-1")) && run.at_place() || run.asked.is_some(), "{phase:?}: {run:?}");
+        // Until it has agreed to how far it is charged, it counts as one that comes.
+        assert!(run.is_in(&id("s"), &id("bay-1")), "{phase:?}: {run:?}");
+        assert_eq!((run.at_place(), run.asked.is_some()), if phase == RobotPhase::Charged { (true, false) } else { (false, true) });
         let sent = core.running.get(&id::<RobotId>("r1")).map(|run| run.start);
         assert!(sent.is_none_or(|start| start > at(f64::from(until))), "{phase:?}: {sent:?}");
+    }
+}
+
+/// One waits before a bay that its station calls free, and hears first, or never, that another one stands in it.
+#[test]
+fn no_one_is_lifted_into_a_bay_in_which_another_says_that_it_stands() {
+    for is_taken in [false, true] {
+        let mut core = begun(recharge(), Stage::Waiting);
+        joins(&mut core, 0.0, 1);
+        let run = core.running.remove(&id::<RobotId>("r0")).unwrap();
+        says(&mut core, 110.0, "r0", RobotPhase::Waiting);
+        if is_taken {
+            says(&mut core, 110.0, "r1", RobotPhase::Charging);
+        }
+        core.running.insert(id("r0"), run);
+        for time_s in (111..140).map(f64::from) {
+            holds(&mut core, time_s, BayPhase::Free, None);
+            says(&mut core, time_s, "r0", RobotPhase::Waiting);
+            says(&mut core, time_s, "r1", if is_taken { RobotPhase::Charging } else { RobotPhase::Working });
+        }
+        let lifts = |output: &Output| {
+            let Output::ToStation(_, command) = output else { return false };
+            matches!(&command.action, proto::StationAction::Dock { robot, .. } if *robot == id("r0"))
+        };
+        assert_eq!(std::iter::from_fn(|| core.poll()).any(|output| lifts(&output)), !is_taken);
     }
 }
