@@ -7,10 +7,13 @@
 //!
 //! One input, then poll until nothing is left. The same inputs give the same outputs.
 //! `hear.rs` takes in what is said, `plan.rs` plans, `serve.rs` carries services on, `ask.rs` sends commands
-//! and waits for their answers, `strays.rs` finds robots that are somewhere without a service.
+//! and waits for their answers, `strays.rs` finds robots that are somewhere without a service, `before.rs` knows what the
+//! coordinator before this one had promised.
 
 mod ask;
+mod before;
 mod hear;
+mod input;
 mod leave;
 mod plan;
 mod serve;
@@ -26,11 +29,12 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use proto::{
-    Capacity, CommandId, CommandReply, Event, EventKind, Explanation, Gauge, PackId, RobotCommand, RobotId, RobotState, Schedule,
-    StationCommand, StationId, StationState, Timestamp,
+    Capacity, CommandId, Event, EventKind, Explanation, PackId, RobotCommand, RobotId, Schedule, StationCommand, StationId, Timestamp,
 };
 
 use ask::Asked;
+use before::Before;
+pub use input::Input;
 pub use study::Study;
 use untold::Untold;
 
@@ -48,56 +52,6 @@ use crate::watch::{Standing, Watch};
 
 /// How many different refusals are told; a flood of bad messages must not fill the memory.
 const REFUSED_MAX: usize = 1000;
-
-/// What reaches the coordinator.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Input {
-    /// A robot's gauge spoke.
-    RobotGauge(RobotId, Gauge),
-    /// A robot reported its state.
-    RobotState(RobotId, RobotState),
-    /// A robot appeared (true) or was lost (false).
-    RobotAlive(RobotId, bool),
-    /// A station reported its state.
-    StationState(StationId, StationState),
-    /// The gauge of a station's pack spoke.
-    PackGauge(StationId, PackId, Gauge),
-    /// A station appeared (true) or was lost (false).
-    StationAlive(StationId, bool),
-    /// A command was answered.
-    Reply(CommandReply),
-    /// Time passed. To be given about once a second.
-    Tick,
-    /// Something came that says nothing new, an old copy say: in a journal that is told again.
-    Nothing,
-    /// Something came that could not be read.
-    Refused(String),
-    /// Somebody asks for a new plan, and says why.
-    Replan(String),
-    /// The study that was given out is done.
-    Studied,
-}
-
-impl Input {
-    /// What it is, for logs.
-    #[must_use]
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::RobotGauge(..) => "a robot's gauge",
-            Self::RobotState(..) => "a robot's state",
-            Self::RobotAlive(..) => "a robot that came or went",
-            Self::StationState(..) => "a station's state",
-            Self::PackGauge(..) => "a pack's gauge",
-            Self::StationAlive(..) => "a station that came or went",
-            Self::Reply(_) => "an answer to a command",
-            Self::Tick => "the clock",
-            Self::Nothing => "an old copy",
-            Self::Refused(_) => "what could not be read",
-            Self::Replan(_) => "a wish for a new plan",
-            Self::Studied => "a whole plan that was made beside the core",
-        }
-    }
-}
 
 /// Whose services a message may carry on.
 enum Concerned {
@@ -156,6 +110,8 @@ pub struct Core {
     changed: BTreeMap<RobotId, Vec<String>>,
     schedule: Arc<Schedule>,
     promised: BTreeSet<RobotId>,
+    /// What the coordinator before this one had promised.
+    before: Before,
     /// Robots that are somewhere without a service, since when.
     strays: BTreeMap<RobotId, Timestamp>,
     refusals: Refusals,
@@ -188,7 +144,7 @@ impl Core {
             at: Timestamp::from_unix_ms(0),
             plan: 0,
             policy: settings.policy.name().to_owned(),
-            trigger: "no plan yet".to_owned(),
+            trigger: "nobody has spoken yet".to_owned(),
             services: Vec::new(),
             unserved: Vec::new(),
             doubts: Vec::new(),
@@ -209,6 +165,7 @@ impl Core {
             changed: BTreeMap::new(),
             schedule: Arc::new(schedule),
             promised: BTreeSet::new(),
+            before: Before::default(),
             strays: BTreeMap::new(),
             refusals: Refusals::default(),
             started: None,
@@ -247,6 +204,10 @@ impl Core {
         }
         let due = self.plan_due(now);
         if due {
+            // The first plan knows of what the coordinator before has begun.
+            if self.planned.is_none() {
+                self.find_strays(now);
+            }
             self.make_plan(now);
         }
         if due || everybody {
@@ -280,6 +241,10 @@ impl Core {
             Input::Studied => self.studied(now).then_some(Concerned::Everybody),
             Input::Refused(what) => {
                 self.refuse(now, what);
+                None
+            }
+            Input::Before(schedule) => {
+                self.take_over(now, &schedule);
                 None
             }
             Input::Nothing => None,

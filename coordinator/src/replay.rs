@@ -167,6 +167,7 @@ impl Inputs {
             What::Nothing => Input::Nothing,
             What::Tick => Input::Tick,
             What::Studied => Input::Studied,
+            What::Before(schedule) => Input::Before(schedule),
             What::RobotAlive(robot, alive) => Input::RobotAlive(robot, alive),
             What::StationAlive(station, alive) => Input::StationAlive(station, alive),
             What::Reply(reply) => Input::Reply(reply),

@@ -79,6 +79,8 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         () = &mut stop => return Ok(()),
     };
     let numbering = Numbering { epoch: store.epoch(), event: store.next_event_seq().await?, plan: store.next_plan().await? };
+    // Without it the fleet is served all the same.
+    let before = store.latest_schedule().await.inspect_err(|failure| warn!("what was promised before is not known: {failure}"));
     // Before anybody hears of this coordinator: a port that another has ends it.
     let listener = if config.web.enabled { Some(web::bind(&config.web).await?) } else { None };
     let mut network = config.network.clone();
@@ -128,6 +130,9 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
         patience_s,
         past: Past::default(),
     };
+    if let Ok(Some(schedule)) = before {
+        service.take(Input::Before(Arc::new(schedule))).await;
+    }
     let (desk, mut asked) = web::desk();
     let _web = listener.map(|listener| serve_web(listener, &config.web, desk)).transpose()?;
     let mut ticks = tokio::time::interval(clock.real(1.0).max(Duration::from_millis(5)));

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use proto::{EventKind, RobotId, Schedule, Timestamp};
+use proto::{EventKind, RobotId, Schedule, StationId, Timestamp};
 
 use super::study::Study;
 use super::{Core, Output};
@@ -14,9 +14,13 @@ use crate::answers;
 use crate::scheduler::{Effort, Plan, Solved, View, WHOLE_FLEET_MAX, crowds, solve, solve_side_by_side};
 use crate::store::Record;
 use crate::view::Basis;
+use crate::when::second_from;
 
 /// The trigger of a plan that nothing but the clock asked for.
 const TIME_PASSED: &str = "time passed";
+
+/// So many are named for whom the first plan waits.
+const SILENT_NAMED: usize = 5;
 
 /// Shortest time between two plans, s: a burst of news is one trigger. It is several times what a plan of
 /// a small fleet takes, and what a mended plan of a large one takes.
@@ -38,10 +42,16 @@ impl Core {
     /// everybody who is configured has spoken, but not for ever.
     pub(super) fn plan_due(&mut self, now: Timestamp) -> bool {
         if self.planned.is_none() {
-            let all = self.models.stations.keys().all(|id| self.fleet.stations.get(id).is_some_and(|s| s.known().is_some()))
-                && self.models.robots.keys().all(|id| self.fleet.robots.get(id).is_some_and(|r| r.known().is_some()));
-            let waited_s = self.started.map_or(0.0, |started| now.seconds_since(started));
-            return self.trigger.is_some() && (all || waited_s >= self.settings.patience_s);
+            let silent = self.silent();
+            let until = self.started.unwrap_or(now).plus_s(self.settings.patience_s);
+            let is_due = self.trigger.is_some() && (silent.is_empty() || now >= until);
+            if !is_due {
+                let trigger = waits_for(now, &silent, until);
+                if self.schedule.trigger != trigger {
+                    self.schedule = Arc::new(Schedule { trigger, ..Schedule::clone(&self.schedule) });
+                }
+            }
+            return is_due;
         }
         if self.is_old(now) {
             self.replan(TIME_PASSED.to_owned());
@@ -50,6 +60,13 @@ impl Core {
         let (apart_s, at_once) = if mended { (MENDED_APART_S, MENDED_AT_ONCE) } else { (APART_S, 1) };
         let first = self.lately.iter().rev().nth(at_once - 1);
         self.trigger.is_some() && first.is_none_or(|first| now.seconds_since(*first) >= apart_s * at_once as f64)
+    }
+
+    /// Who is configured and has not said yet how it stands.
+    fn silent(&self) -> Vec<&str> {
+        let stations = self.models.stations.keys().filter(|id| self.fleet.stations.get(id).is_none_or(|one| one.known().is_none()));
+        let robots = self.models.robots.keys().filter(|id| self.fleet.robots.get(id).is_none_or(|one| one.known().is_none()));
+        stations.map(StationId::as_str).chain(robots.map(RobotId::as_str)).collect()
     }
 
     /// Whether plans of this fleet are mended, and made beside the core.
@@ -162,6 +179,7 @@ impl Core {
                 self.event(now, EventKind::PromiseBroken, Some(&unserved.robot), None, None, format!("{}: {why}", unserved.robot));
             }
         }
+        self.settle_promises(&schedule);
         let said = |schedule: &Schedule| (schedule.services.len(), schedule.unserved.len());
         if said(&schedule) != said(&self.schedule) || self.schedule.plan == 0 {
             let text =
@@ -216,5 +234,15 @@ impl Core {
     pub(super) fn refresh_schedule(&mut self, now: Timestamp) {
         let (number, trigger) = (self.schedule.plan, self.schedule.trigger.clone());
         self.schedule = Arc::new(answers::schedule(&self.basis(self.planned.unwrap_or(now)), &self.plan, number, trigger));
+    }
+}
+
+/// What stands in the place of a plan while the first one waits for these.
+fn waits_for(now: Timestamp, silent: &[&str], until: Timestamp) -> String {
+    let until = if silent.is_empty() || now >= until { String::new() } else { format!(", until {} at most", second_from(now, until)) };
+    match (silent, silent.len().saturating_sub(SILENT_NAMED)) {
+        ([], _) => "nobody has spoken yet".to_owned(),
+        (all, 0) => format!("waits for {}{until}", all.join(", ")),
+        (all, more) => format!("waits for {} and {more} others{until}", all[..SILENT_NAMED].join(", ")),
     }
 }

@@ -1,11 +1,14 @@
 //! A fleet that is too large to be planned as a whole while somebody waits.
 
+mod before;
 mod capacity;
 mod joining;
 mod packs;
 mod services;
 
-use proto::{BayId, BayPhase, BayState, Estimate, Mission, PackState, RobotPhase, SpareId, SpareState, Travel};
+use proto::{
+    BayId, BayPhase, BayState, Estimate, Gauge, Mission, PackState, RobotPhase, RobotState, SpareId, SpareState, StationState, Travel,
+};
 
 use super::*;
 use crate::config::Config;

@@ -11,7 +11,9 @@ impl Core {
     /// gauge is sure of.
     pub(super) fn waits_in_vain(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<String> {
         let late_s = now.seconds_since(run.start);
-        if run.stage != Stage::Waiting || late_s <= self.settings.deadline_s {
+        // The next plan may give that bay to somebody who gave up waiting a moment ago.
+        let somebody_gave_up = self.planned.is_some_and(|planned| self.refusals.any_after(planned));
+        if run.stage != Stage::Waiting || late_s <= self.settings.deadline_s || somebody_gave_up {
             return None;
         }
         let (gauge, state) = robot.known()?;

@@ -1,7 +1,9 @@
 //! The coordinator's process: the production core and outbox over a simulated disk. It may be killed
 //! before its records are kept, after that, or between two of its commands.
 
-use proto::Timestamp;
+use std::sync::Arc;
+
+use proto::{Schedule, Timestamp};
 
 use super::disk::Disk;
 use super::faults::HostClock;
@@ -14,6 +16,8 @@ use crate::store::Record;
 struct Process {
     core: Core,
     outbox: Outbox,
+    /// The last plan of the process before, until this one was told of it.
+    before: Option<Arc<Schedule>>,
 }
 
 /// The coordinator's host.
@@ -40,9 +44,9 @@ impl Desk {
         if self.process.is_some() || self.disk.full {
             return false;
         }
-        let numbering = self.disk.start();
+        let (numbering, before) = (self.disk.start(), self.disk.latest_schedule());
         let core = Core::new(self.settings, self.models.clone(), numbering);
-        self.process = Some(Process { core, outbox: Outbox::new(numbering.epoch) });
+        self.process = Some(Process { core, outbox: Outbox::new(numbering.epoch), before });
         true
     }
 
@@ -98,6 +102,9 @@ impl Desk {
         let Some(process) = &mut self.process else { return Vec::new() };
         let flush = input == Input::Tick;
         let before = process.outbox.records().len();
+        if let Some(schedule) = process.before.take() {
+            process.outbox.handle(&mut process.core, now, Input::Before(schedule));
+        }
         // Whole plans are done with the next tick; the core runs what nobody ran beside it.
         if flush && !process.outbox.take_studies().is_empty() {
             process.outbox.handle(&mut process.core, now, Input::Studied);

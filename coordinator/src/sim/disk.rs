@@ -51,6 +51,11 @@ impl Disk {
         numbering
     }
 
+    /// The plan kept last.
+    pub(super) fn latest_schedule(&self) -> Option<Arc<proto::Schedule>> {
+        self.plans.values().next_back().cloned()
+    }
+
     /// Keeps a batch.
     pub(super) fn append(&mut self, records: &[Record]) -> Result<(), Full> {
         if self.full {

@@ -1,6 +1,8 @@
 //! What the core was told, one line of the journal each, so that it can be told the same again.
 
-use proto::{CommandReply, EventKind, PackId, RobotId, StationId, Timestamp};
+use std::sync::Arc;
+
+use proto::{CommandReply, EventKind, PackId, RobotId, Schedule, StationId, Timestamp};
 
 use super::Record;
 use crate::core::Input;
@@ -45,6 +47,8 @@ pub enum What {
     Replan(String),
     /// A plan was made beside the core.
     Studied,
+    /// The last plan of the coordinator before.
+    Before(Arc<Schedule>),
 }
 
 impl Heard {
@@ -60,6 +64,7 @@ impl Heard {
             Input::Refused(_) => refused(came),
             Input::Replan(why) => What::Replan(why),
             Input::Studied => What::Studied,
+            Input::Before(schedule) => What::Before(schedule),
             Input::RobotGauge(robot, gauge) if came.iter().any(|record| matches!(record, Record::RobotGauge { .. })) => {
                 What::RobotGauge(robot, gauge.at, gauge.seq)
             }

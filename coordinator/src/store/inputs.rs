@@ -1,6 +1,8 @@
 //! What the core was told, as rows and back.
 
-use proto::{CommandReply, PackId, RobotId, StationId, Timestamp, decode, encode};
+use std::sync::Arc;
+
+use proto::{CommandReply, Message, PackId, RobotId, Schedule, StationId, Timestamp, decode, encode};
 use sqlx::Row as _;
 use sqlx::any::AnyRow;
 
@@ -20,6 +22,11 @@ struct Line<'a> {
     body: Option<String>,
 }
 
+/// A message as it stands in a row.
+fn text<M: Message>(message: &M) -> String {
+    String::from_utf8(encode(message)).expect("JSON is UTF-8")
+}
+
 /// A line as a row.
 pub(super) fn row(heard: &Heard) -> Vec<Value> {
     let none = Line::default();
@@ -36,8 +43,9 @@ pub(super) fn row(heard: &Heard) -> Vec<Value> {
             ("pack_gauge", Line { pack: Some(pack), message: Some((*at, *seq)), ..of_station(station) })
         }
         What::StationAlive(station, alive) => (if *alive { "station_there" } else { "station_lost" }, of_station(station)),
-        What::Reply(reply) => ("reply", Line { body: Some(String::from_utf8(encode(reply)).expect("JSON is UTF-8")), ..none }),
+        What::Reply(reply) => ("reply", Line { body: Some(text(reply)), ..none }),
         What::Studied => ("studied", none),
+        What::Before(schedule) => ("before", Line { body: Some(text(schedule.as_ref())), ..none }),
         What::Replan(why) => ("replan", Line { body: Some(why.clone()), ..none }),
         What::Refused(text) => ("refused", Line { body: Some(text.clone()), ..none }),
     };
@@ -77,6 +85,7 @@ pub(super) fn heard(row: &AnyRow) -> Result<Heard, sqlx::Error> {
         "station_there" => What::StationAlive(station()?, true),
         "station_lost" => What::StationAlive(station()?, false),
         "reply" => What::Reply(decode::<CommandReply>(need("body")?.as_bytes()).map_err(|error| wrong(error.into()))?),
+        "before" => What::Before(Arc::new(decode::<Schedule>(need("body")?.as_bytes()).map_err(|error| wrong(error.into()))?)),
         "replan" => What::Replan(need("body")?),
         "studied" => What::Studied,
         "refused" => What::Refused(need("body")?),

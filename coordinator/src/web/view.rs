@@ -164,7 +164,7 @@ impl View {
 fn headline(core: &Core) -> String {
     let schedule = core.schedule();
     if schedule.plan == 0 {
-        return "No plan yet: robots and stations that are configured have not all spoken.".to_owned();
+        return format!("No plan yet: {}", schedule.trigger);
     }
     format!("Plan {} of {} by {} ({})", schedule.plan, minute(schedule.at), schedule.policy, schedule.trigger)
 }

@@ -29,9 +29,8 @@ pub(super) async fn plan(link: &Link) -> Finding {
 
 fn of(schedule: &Schedule) -> Finding {
     if schedule.plan == 0 {
-        let advice =
-            "robots and stations that are configured have not all spoken; the first plan waits for them, at most policy.patience_s";
-        return Finding::note("fleet", "no plan has been made yet", advice);
+        let found = format!("no plan has been made yet: {}", schedule.trigger);
+        return Finding::note("fleet", found, "the first plan waits for all who are configured, at most for policy.patience_s");
     }
     let empty: Vec<&str> =
         schedule.unserved.iter().filter(|unserved| unserved.runs_empty).map(|unserved| unserved.robot.as_str()).collect();

@@ -42,7 +42,7 @@ pub(in crate::cmd) fn show(schedule: &Schedule) {
 /// What stands above every form of a schedule; false when there is none.
 pub(super) fn begin(schedule: &Schedule) -> bool {
     if schedule.plan == 0 {
-        say!("no plan has been made yet: robots and stations that are configured have not all spoken");
+        say!("no plan has been made yet: {}", schedule.trigger);
         return false;
     }
     say!("plan {} of {} by {} ({})", schedule.plan, schedule.at, schedule.policy, schedule.trigger);

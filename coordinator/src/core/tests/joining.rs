@@ -24,6 +24,20 @@ fn a_robot_that_counts_by_another_battery_model_than_it_is_planned_with_is_told_
     assert!(both, "{told}");
 }
 
+#[test]
+fn for_whom_the_first_plan_waits_is_named() {
+    let mut core = core();
+    let model = core.models.built_in["explorer-3s1p-1320mah"].clone();
+    (0..9).for_each(|n| drop(core.models.robots.insert(id(&format!("r{n}")), model.clone())));
+    core.handle(at(0.0), Input::Tick);
+    assert_eq!(core.schedule().trigger, "waits for s, r0, r1, r2, r3 and 5 others, until 00:01:00 at most");
+    (0..8).for_each(|n| joins(&mut core, 1.0, n));
+    core.handle(at(2.0), Input::Tick);
+    assert_eq!(core.schedule().trigger, "waits for s, r8, until 00:01:00 at most");
+    core.handle(at(61.0), Input::Tick);
+    assert!(core.schedule().plan > 0 && !core.schedule().trigger.contains("waits"), "{}", core.schedule().trigger);
+}
+
 /// Milliseconds that were meant, or a planet away: who says that it is on its way for a thousand years holds nobody up, and no memory.
 #[test]
 fn a_way_without_an_end_harms_no_plan() {

@@ -1,0 +1,83 @@
+//! A coordinator that starts where another has promised something.
+
+use proto::{Mode, Service, ServiceStatus};
+
+use super::*;
+
+/// A service at `s` that the coordinator before had planned until then.
+fn service(robot: &str, to_soc: f64, end_s: f64) -> Service {
+    Service {
+        robot: id(robot),
+        station: id("s"),
+        mode: Mode::Recharge { to_soc },
+        bay: Some(id("bay-1")),
+        packs: vec![id("p")],
+        leave: at(-200.0),
+        start: at(-100.0),
+        end: at(end_s),
+        pack_energy_wh: Estimate::new(12.0, 1.0),
+        probability: Some(0.97),
+        status: ServiceStatus::Planned,
+        why: [].into(),
+    }
+}
+
+/// A core that was told of these, and then hears of a robot that charges in the bay.
+fn takes_over(services: Vec<Service>) -> Core {
+    let mut core = core();
+    let schedule = Schedule { services, ..core.schedule().clone() };
+    core.handle(at(0.0), Input::Before(Arc::new(schedule)));
+    joins(&mut core, 0.0, 0);
+    let charges =
+        RobotState { phase: RobotPhase::Charging, station: Some(id("s")), bay: Some(id("bay-1")), seq: 2000, ..working(1.0, &["s"]) };
+    core.handle(at(1.0), Input::RobotState(id("r0"), charges));
+    let bays = vec![BayState { bay: id("bay-1"), phase: BayPhase::Occupied, robot: Some(id("r0")) }];
+    core.handle(at(1.0), Input::StationState(id("s"), StationState { bays, ..ready(1.0) }));
+    core.handle(at(1.0), Input::PackGauge(id("s"), id("p"), gauge(1.0, 1.0, 84.0)));
+    core
+}
+
+#[test]
+fn a_charge_that_goes_on_ends_where_it_was_promised() {
+    for (before, to_soc) in [
+        (vec![service("r0", 0.8, 1800.0)], 0.8),
+        // It should have been over for longer than anybody is waited for: that was another one.
+        (vec![service("r0", 0.8, -7200.0)], 0.98),
+        (vec![service("r1", 0.8, 1800.0)], 0.98),
+        (Vec::new(), 0.98),
+    ] {
+        let mut core = takes_over(before);
+        core.handle(at(2.0), Input::Tick);
+        let How::Recharge { to_soc: taken, .. } = core.running[&id::<RobotId>("r0")].how else { panic!() };
+        assert_eq!(taken, to_soc);
+        core.handle(at(3.0), Input::Tick);
+        let told = std::iter::from_fn(|| core.poll()).find_map(|output| match output {
+            Output::ToRobot(_, command) => Some(command.action),
+            _ => None,
+        });
+        assert_eq!(told, Some(proto::RobotAction::ChargeTo { soc: to_soc }));
+    }
+}
+
+#[test]
+fn a_promise_of_the_coordinator_before_is_kept_or_told_to_be_broken() {
+    // The one in the bay keeps it; of those at work one is full, and one would have been taken in now and is far away.
+    let mut core = takes_over(vec![service("r0", 0.8, 1800.0), service("r1", 0.9, 3000.0), service("r2", 0.9, 5000.0)]);
+    core.handle(at(2.0), Input::RobotState(id("r1"), working(2.0, &["s"])));
+    core.handle(at(2.0), Input::RobotGauge(id("r1"), gauge(2.0, 1.0, 14.6)));
+    core.handle(at(2.0), Input::RobotState(id("r2"), working(2.0, &[])));
+    core.handle(at(2.0), Input::RobotGauge(id("r2"), gauge(2.0, 0.2, 14.6)));
+    (3..20).for_each(|tick| core.handle(at(f64::from(tick)), Input::Tick));
+    core.handle(at(20.0), Input::Replan("asked".to_owned()));
+    let broken: Vec<_> = std::iter::from_fn(|| core.poll())
+        .filter_map(|output| match output {
+            Output::Record(Record::Event(event)) if event.kind == EventKind::PromiseBroken => event.robot,
+            _ => None,
+        })
+        .collect();
+    assert_eq!(broken, [id::<RobotId>("r2")], "{:?}", core.schedule());
+    assert!(core.promised.contains(&id::<RobotId>("r0")) && !core.promised.contains(&id::<RobotId>("r2")), "{:?}", core.promised);
+    // Should it not be serviced when it needs to be, some day, that breaks no promise.
+    let is_planned = core.schedule().services.iter().any(|service| service.robot == id("r1"));
+    assert_eq!(core.promised.contains(&id::<RobotId>("r1")), is_planned);
+}
