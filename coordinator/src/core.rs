@@ -333,6 +333,9 @@ impl Core {
         self.refusals.set_back(by_ms);
         let gone = self.fleet.robots.values_mut().map(|robot| &mut robot.gone);
         gone.chain(self.fleet.stations.values_mut().map(|station| &mut station.gone)).flatten().for_each(earlier);
+        for station in self.fleet.stations.values_mut() {
+            station.left.values_mut().map(|left| &mut left.since).chain(station.relieved.iter_mut().map(|(_, at)| at)).for_each(earlier);
+        }
         for run in self.running.values_mut() {
             let again = run.again.as_mut().map(|again| &mut again.at);
             [&mut run.left, &mut run.start, &mut run.end].into_iter().chain(again).chain(&mut run.takes_none_since).for_each(earlier);

@@ -138,7 +138,8 @@ impl Watch {
     pub(crate) fn station_changed(&mut self, id: &StationId, before: &StationState, state: &StationState) -> News {
         let mut news = News::new();
         self.settled.insert(id.clone(), state.at.plus_s(SETTLE_S));
-        for (was, is) in before.packs.iter().zip(&state.packs) {
+        for was in &before.packs {
+            let Some(is) = state.packs.iter().find(|is| is.pack == was.pack) else { continue };
             if was.connected != is.connected {
                 self.packs.remove(&(id.clone(), is.pack.clone()));
                 self.forget(Subject::Pack(id.clone(), is.pack.clone()), &mut news);

@@ -9,6 +9,10 @@
 //! Before it makes the new contact, a selector breaks the old one (a gap, carried by the
 //! capacitor), or it makes first (no gap, but the two packs are in parallel for a moment).
 
+/// State of charge at which a pack that gave out feeds the station again, where it is charged. A guess: what a lift and a few minutes of service
+/// take is there by then.
+pub const RELEASED_SOC: f64 = 0.1;
+
 /// How the selector changes from one pack to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Change {

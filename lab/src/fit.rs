@@ -10,7 +10,7 @@ mod bounded;
 pub mod calibrated;
 mod certainty;
 mod choice;
-mod count;
+pub(crate) mod count;
 mod dilution;
 mod step;
 

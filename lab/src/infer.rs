@@ -22,6 +22,7 @@
 //!     |          other_numbers  or one number that the model states
 //!     |          stated     or all that it states roughly, within their deviations
 //!     |          certainty  how well the numbers are known; uneven  where rows do not all err alike
+//!     |          count      what the noise of a current adds up to
 //!     |          told       the numbers that are told and written
 //!     |          dilution   without what the noise of inputs does to them
 //!     |
@@ -55,6 +56,7 @@ pub mod answer;
 pub mod calibrate;
 pub mod candidate;
 pub(crate) mod certainty;
+mod count;
 mod course;
 mod delays;
 mod descent;

@@ -74,6 +74,43 @@ pub fn floor_between(rows: &[usize], readings: &[f64]) -> f64 {
     wide.max(varies.sqrt()).max(rounding.sqrt().hypot(behind))
 }
 
+/// How many independent readings each of these is worth, where they are rounded to this step and their noise is of deviation `sigma` before
+/// that. What is read errs by the same while what it is of moves within a step, but for its noise: of the variance of a reading the share s stays, and of
+/// L readings that stay each is worth 1 / (1 + s (L - 1)).
+#[must_use]
+pub fn worth(readings: &[f64], step: f64, sigma: f64) -> Vec<f64> {
+    let share = stays(step, sigma);
+    let mut worth = vec![1.0; readings.len()];
+    let mut from = 0;
+    while share > NEGLIGIBLE && from < readings.len() {
+        let (mut low, mut high, mut until) = (readings[from], readings[from], from + 1);
+        while until < readings.len() && readings[until].max(high) - readings[until].min(low) < 1.5 * step {
+            (low, high, until) = (readings[until].min(low), readings[until].max(high), until + 1);
+        }
+        // Where what is read passes from one level to the next it is half as long in each; where it lies between the two it stays.
+        let (before, after) = readings[from..until].split_at((until - from) / 2);
+        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;
+        let passes = !before.is_empty() && (mean(after) - mean(before)).abs() > 0.5 * step;
+        let long = ((until - from) as f64 / if passes { 2.0 } else { 1.0 }).max(1.0);
+        worth[from..until].fill((1.0 + share * (long - 1.0)).recip());
+        from = until;
+    }
+    worth
+}
+
+/// A share that makes nothing of as many readings as a mean takes.
+const NEGLIGIBLE: f64 = 2e-3;
+/// Harmonics of a saw tooth that are looked at: of what is left out the greatest adds 1/400 of the first.
+const HARMONICS: u32 = 20;
+
+/// Share of the variance of a rounded reading, noise included, that is the same for all values within a step: the error of rounding is a saw tooth of the value, and noise
+/// before it smooths harmonic k of that by exp(-2 pi² k² (sigma/step)²) (Widrow and Kollár, Quantization Noise, 2008, section 19.3).
+fn stays(step: f64, sigma: f64) -> f64 {
+    let noise = 2.0 * std::f64::consts::PI * sigma / step;
+    let harmonic = |k: u32| 0.5 * (step / (std::f64::consts::PI * f64::from(k))).powi(2) * (-(noise * f64::from(k)).powi(2)).exp();
+    (1..=HARMONICS).map(harmonic).sum::<f64>() / (sigma.powi(2) + step.powi(2) / 12.0)
+}
+
 /// Second differences of neighbouring rows.
 fn bends(rows: &[usize], values: &[f64]) -> impl Iterator<Item = f64> {
     let thirds = rows.windows(3).zip(values.windows(3)).filter(|(rows, _)| rows[2] == rows[0] + 2);
@@ -136,6 +173,28 @@ mod tests {
                 assert!((0.9..1.15).contains(&found), "{step} {fall}: {found}");
             }
         }
+    }
+
+    /// Fifty readings of a value that stays somewhere between two levels: what their mean errs by, over many values, against what they are worth.
+    #[test]
+    fn means_of_rounded_readings_err_as_their_worth_says() {
+        for (step, at_most) in [(1.0, 50.0), (3.0, 50.0), (5.0, 25.0), (10.0, 5.0), (20.0, 3.0)] {
+            let (mut squares, mut expected, mut most) = (0.0, 0.0, 0.0_f64);
+            let (mut random, noise) = (Pcg64Mcg::seed_from_u64(3), Normal::new(0.0, 1.0).unwrap());
+            for value in 0..1000 {
+                let was = step * f64::from(value) / 1000.0;
+                let read: Vec<f64> = (0..50).map(|_| ((was + noise.sample(&mut random)) / step).round() * step).collect();
+                let worth: f64 = worth(&read, step, 1.0).iter().sum();
+                squares += (read.iter().sum::<f64>() / 50.0 - was).powi(2);
+                expected += (1.0 + step * step / 12.0) / worth;
+                most = most.max(worth);
+            }
+            assert!((0.5..1.3).contains(&(squares / expected)) && most <= at_most + 1e-9, "{step}: {squares} {expected}, {most}");
+        }
+        assert!((stays(1.0, 0.0) - 1.0).abs() < 0.04 && stays(1.0, 0.5) < 1e-4, "{} {}", stays(1.0, 0.0), stays(1.0, 0.5));
+        // What moves through its levels row by row stays at none.
+        let moves: Vec<f64> = (0..100).map(|k| 10.0 * f64::from(k)).collect();
+        assert_eq!(worth(&moves, 10.0, 0.0), [1.0; 100]);
     }
 
     #[test]

@@ -153,7 +153,7 @@ impl Core {
                 let gauged = || Some(from_wire(self.fleet.robots.get(&run.robot)?.gauge.as_ref()?.soc));
                 run.hands_over.or_else(gauged)
             };
-            station.left.entry(spare.spare.clone()).or_insert_with(|| LeftPack { since: state.at, soc: soc() });
+            station.left.entry(spare.spare.clone()).or_insert_with(|| LeftPack { since: now, soc: soc() });
         }
         for away in state.packs.iter().filter(|pack| !pack.connected) {
             let owner = Owner::Pack(id.clone(), away.pack.clone());

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use energy::Estimate;
+use energy::selector::RELEASED_SOC;
 use energy::units::{REFERENCE_DEGC, S_PER_H};
 use proto::{PackId, StationId, StationState, Timestamp};
 
@@ -18,8 +19,6 @@ use crate::watch::Subject;
 /// A pack that rests is charged from outside where so much of an equal share of the supply goes into it by its gauge: less is noise, or the end
 /// of a charge. A guess; a charger's current falls to a tenth or a twentieth before it ends.
 const IS_CHARGING: f64 = 0.05;
-/// State of charge at which a pack that gave out feeds the station again, where it is charged: a guess, that of the simulated station.
-pub(super) const RELEASED_SOC: f64 = 0.1;
 /// A pack that was relieved so lately counts as charged before its gauge shows it, s: what is counted on beyond the turn of the one that is charged now
 /// is what goes into it.
 const JUST_FED_S: f64 = 60.0;

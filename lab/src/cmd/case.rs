@@ -59,9 +59,13 @@ impl<'a> Case<'a> {
         }
         let evidence = |logs: &[Log]| {
             let prepared = inputs.ready(&source.model, logs)?;
-            anyhow::Ok(Arc::new(Evidence::new(&source.model, prepared)))
+            anyhow::Ok(Evidence::new(&source.model, prepared))
         };
-        let (seen, held) = (evidence(&train)?, if holdout.is_empty() { None } else { Some(evidence(&holdout)?) });
+        let (seen, held) = (evidence(&train)?, if holdout.is_empty() { None } else { Some(Arc::new(evidence(&holdout)?)) });
+        let seen = Arc::new(match &held {
+            Some(held) => seen.judged_by(held),
+            None => seen,
+        });
         // Where every number can be fitted exactly, nothing is ever seen to be missing.
         let rows: usize = seen.segments.iter().map(|segment| segment.rows.len()).sum();
         let unknowns = Frame::new(Arc::clone(&source.model), Arc::clone(&seen)).unknowns();

@@ -64,7 +64,7 @@ pub fn fit_calibrated(
     let segments = problem.segments();
     let mut certainty = certainty(&jacobian, &residual, &segments, &bounds, false, &problem.walks(&segments, &at));
     certainty.sigma = free.iter().map(|index| of(index).and_then(|(_, sigma)| sigma)).collect();
-    certainty.correlation = correlation(&state.covariance(), &state.frame.free, free, &certainty.sigma);
+    certainty.correlation = correlation(&state.covariance_by_rows(), &state.frame.free, free, &certainty.sigma);
     let bound = |(&value, &(min, max)): (&f64, &(f64, f64))| {
         let near = ON_BOUND * (max - min);
         (value - min <= near).then_some(Side::Min).or_else(|| (max - value <= near).then_some(Side::Max))

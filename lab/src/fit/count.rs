@@ -18,9 +18,9 @@ use crate::predict::predict;
 use crate::prepare::Prepared;
 
 /// Step of the state of charge by which its influence on a row is taken.
-const STEP_SOC: f64 = 1e-3;
+pub(crate) const STEP_SOC: f64 = 1e-3;
 /// A walk that has come to less than this part of a row's deviation by the end of a log is none: what it does to parameters is less than what the rows do.
-const NOTHING: f64 = 0.05;
+pub(crate) const NOTHING: f64 = 0.05;
 
 /// The walk of one log.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,7 +64,7 @@ impl Problem<'_> {
 }
 
 /// By row: deviation of the charge that its reading of the current counts, as state of charge.
-fn steps(model: &Model, log: &Prepared, capacity_ah: f64) -> Vec<f64> {
+pub(crate) fn steps(model: &Model, log: &Prepared, capacity_ah: f64) -> Vec<f64> {
     let sigma_a = model.sensor(Channel::CurrentA).floor();
     let readings = |row: usize| log.readings.get(row).copied().unwrap_or(1.0);
     let step = |row: usize| match row.checked_sub(1) {

@@ -77,11 +77,13 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
                 continue;
             }
         };
+        let made = |wanted| crate::prepare::predicted_channels(&model).contains(&wanted) || model.system.computed().contains(&wanted);
+        let needs = || spec.needs.iter().copied().filter(|&channel| !made(channel));
         let missing = frame.evidence.logs.iter().find_map(|log| {
             let input = |wanted| log.inputs.iter().any(|(channel, _)| *channel == wanted);
-            let made = |wanted| crate::prepare::predicted_channels(&model).contains(&wanted) || model.system.computed().contains(&wanted);
-            spec.needs.iter().find(|&&channel| !input(channel) && !made(channel)).map(|channel| (channel, &log.name))
+            needs().find(|&channel| !input(channel)).map(|channel| (channel, log.name.as_str()))
         });
+        let missing = missing.or_else(|| needs().find_map(|channel| Some((channel, frame.evidence.lacking(channel)?))));
         if let Some((channel, log)) = missing {
             unable.push(Untested { effect: spec.id, reason: format!("needs the column {}, which {log} lacks", channel.name()) });
             continue;

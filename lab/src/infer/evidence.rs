@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model, Parameter, System, catalogue};
+use energy::{Channel, EffectSpec, Model, Parameter, Sensor, System, catalogue};
 
 use super::course::Course;
 pub use super::segment::Segment;
 use super::steady::{HOLDS, Steady};
 use crate::prepare::Prepared;
-use crate::rounding::floor_between;
+use crate::rounding::{floor_between, seen, step_of, worth};
 
 /// The logs, and what of them is judged.
 #[derive(Debug, Clone)]
@@ -34,6 +34,8 @@ pub struct Evidence {
     pub(super) coarse: Option<Arc<Evidence>>,
     /// Whether it is such evidence.
     pub(super) shows_the_way: bool,
+    /// Inputs of these logs that a log lacks by which what is found is to be judged, and which one.
+    pub(super) lacks: Arc<Vec<(Channel, String)>>,
 }
 
 /// How many rows go into a mean, and into a step of a walk.
@@ -83,6 +85,7 @@ impl Evidence {
                     channel,
                     block_of: (0..count).collect(),
                     counts: vec![1.0; count],
+                    worth: vec![1.0; count],
                     rows,
                     time_s,
                     observed,
@@ -100,6 +103,10 @@ impl Evidence {
                 own_floors.push((segment.channel, white));
             }
         }
+        for segment in &mut segments {
+            let floor = own_floors.iter().find(|(channel, _)| *channel == segment.channel).map_or(0.0, |(_, floor)| *floor);
+            segment.worth = worth_of_rounded(model.sensor(segment.channel), floor, &segment.observed);
+        }
         let courses = || logs.iter().enumerate().map(|(index, log)| Course::row_by_row(index, log, &segments)).collect();
         let (courses, fine) = (courses(), courses());
         let mut evidence = Evidence {
@@ -113,6 +120,7 @@ impl Evidence {
             whole: None,
             coarse: None,
             shows_the_way: false,
+            lacks: Arc::default(),
         };
         evidence.floors = evidence.floors_of(&Arc::new(model.clone()), &model.values());
         evidence
@@ -123,6 +131,31 @@ impl Evidence {
     pub(super) fn with_floors(&self, floors: &[(Channel, f64)]) -> Evidence {
         let with = |evidence: &Option<Arc<Evidence>>| evidence.as_ref().map(|evidence| Arc::new(evidence.with_floors(floors)));
         Evidence { floors: floors.to_vec(), whole: with(&self.whole), coarse: with(&self.coarse), ..self.clone() }
+    }
+
+    /// The same evidence where what is found is also judged by other logs: what needs an input that one of these lacks cannot be.
+    #[must_use]
+    pub fn judged_by(self, held: &Evidence) -> Evidence {
+        let has = |log: &Prepared, channel: Channel| log.inputs.iter().any(|(known, _)| *known == channel);
+        let mut lacks: Vec<(Channel, String)> = Vec::new();
+        for &(channel, _) in self.logs.iter().flat_map(|log| &log.inputs) {
+            if !lacks.iter().any(|(known, _)| *known == channel)
+                && let Some(log) = held.logs.iter().find(|log| !has(log, channel))
+            {
+                lacks.push((channel, log.name.clone()));
+            }
+        }
+        self.with_lacks(&Arc::new(lacks))
+    }
+
+    fn with_lacks(self, lacks: &Arc<Vec<(Channel, String)>>) -> Evidence {
+        let with = |evidence: Option<Arc<Evidence>>| evidence.map(|evidence| Arc::new(Evidence::clone(&evidence).with_lacks(lacks)));
+        Evidence { lacks: Arc::clone(lacks), whole: with(self.whole), coarse: with(self.coarse), ..self }
+    }
+
+    /// The log to judge by that lacks this input of the logs to learn from, if any does.
+    pub(super) fn lacking(&self, channel: Channel) -> Option<&str> {
+        self.lacks.iter().find(|(lacked, _)| *lacked == channel).map(|(_, log)| log.as_str())
     }
 
     /// The same rows, walked with other inputs: those of the same logs otherwise disturbed.
@@ -293,20 +326,31 @@ fn in_means(segment: &Segment, jumps: &[bool], grain: Grain) -> Segment {
 
 /// A segment in means of rows; told of every row, one after the other, whether a mean begins there.
 fn in_blocks(segment: &Segment, mut begins: impl FnMut(usize) -> bool) -> Segment {
-    let (mut block_of, mut counts, mut time_s, mut observed) = (Vec::new(), Vec::<f64>::new(), Vec::<f64>::new(), Vec::<f64>::new());
+    let mut block_of = Vec::new();
+    let [mut counts, mut worth, mut time_s, mut observed] = [const { Vec::<f64>::new() }; 4];
     for place in 0..segment.rows.len() {
         if begins(place) {
             counts.push(0.0);
+            worth.push(0.0);
             time_s.push(0.0);
             observed.push(0.0);
         }
         let block = counts.len() - 1;
         block_of.push(block);
         counts[block] += 1.0;
+        worth[block] += segment.worth[place];
         time_s[block] += (segment.time_s[place] - time_s[block]) / counts[block];
         observed[block] += (segment.observed[place] - observed[block]) / counts[block];
     }
-    Segment { block_of, counts, time_s, observed, ..segment.clone() }
+    Segment { block_of, counts, worth, time_s, observed, ..segment.clone() }
+}
+
+/// How many independent readings each is worth of a sensor whose noise and rounding come to that floor, by its stated step or the one that its readings
+/// show.
+fn worth_of_rounded(sensor: Sensor, floor: f64, readings: &[f64]) -> Vec<f64> {
+    let step = if sensor.quantum > 0.0 { Some(sensor.quantum) } else { seen(step_of(readings), floor) };
+    let noise = |step: f64| (floor.powi(2) - step.powi(2) / 12.0).max(0.0).sqrt();
+    step.map_or_else(|| vec![1.0; readings.len()], |step| worth(readings, step, noise(step)))
 }
 
 fn both_temperatures(log: &Prepared) -> Option<&[f64]> {

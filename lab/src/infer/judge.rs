@@ -200,12 +200,23 @@ pub fn leaves_little(state: &State) -> bool {
     })
 }
 
+/// How many independent readings of a channel there are.
+fn readings(evidence: &Evidence, channel: Channel) -> f64 {
+    let own = evidence.segments.iter().filter(|segment| segment.channel == channel);
+    own.flat_map(|segment| &segment.worth).sum::<f64>().max(1.0)
+}
+
+/// Deviations of chance by which an RMS may be above the floor of the right model.
+const CHANCE: f64 = 2.0;
+
 /// Whether every channel is at its floor, or leaves less beyond it than so many times what matters.
 fn at_most(state: &State, times: impl Fn(Channel) -> f64) -> bool {
     state.rms().iter().all(|&(channel, rms)| {
         let floor = state.frame.evidence.floor(channel);
         let beyond = (rms * rms - floor * floor).max(0.0).sqrt();
-        rms <= EXPLAINED * floor || beyond < times(channel) * matters(state.frame.model.system, channel)
+        // The RMS of n readings is off by 1 / sqrt(2 n) of itself by chance: of rounded ones that stay for long there are few.
+        let chance = 1.0 + CHANCE / (2.0 * readings(&state.frame.evidence, channel)).sqrt();
+        rms <= EXPLAINED.max(chance) * floor || beyond < times(channel) * matters(state.frame.model.system, channel)
     })
 }
 

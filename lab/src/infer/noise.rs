@@ -57,7 +57,7 @@ impl Noise {
     }
 
     /// Multiplies many columns at once, whose values of one row lie behind one another, by the covariance
-    /// of rows at these times, s, increasing; each is the mean of so many readings.
+    /// of rows at these times, s, increasing; each is worth so many independent readings.
     pub fn spread_all(&self, time_s: &[f64], counts: &[f64], values: &mut [f64], columns: usize) {
         let own: Vec<f64> = values.to_vec();
         let kept = |row: usize| if row == 0 { 0.0 } else { (-(time_s[row] - time_s[row - 1]) / self.tau_s).exp() };
@@ -82,7 +82,7 @@ impl Noise {
         }
     }
 
-    /// The filter for rows at these times, s, increasing; each is the mean of so many readings.
+    /// The filter for rows at these times, s, increasing; each is worth so many independent readings.
     #[must_use]
     pub fn filter(&self, time_s: &[f64], counts: &[f64]) -> Filter {
         let rows = time_s.len();

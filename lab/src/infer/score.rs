@@ -324,7 +324,7 @@ pub(super) fn left_cost(state: &State, left: &DVector<f64>, change: &DVector<f64
     let mut residual = left.as_slice().to_vec();
     for segment in &evidence.segments {
         let floor = evidence.floor(segment.channel);
-        residual[segment.range()].iter_mut().zip(&segment.counts).for_each(|(r, count)| *r *= floor / count.sqrt());
+        residual[segment.range()].iter_mut().zip(&segment.worth).for_each(|(r, worth)| *r *= floor / worth.sqrt());
     }
     let noise = noises(frame, &residual);
     let free = frame.free.len();

@@ -15,6 +15,8 @@ pub struct Segment {
     pub(in crate::infer) block_of: Vec<usize>,
     /// How many of them each judged row is the mean of.
     pub counts: Vec<f64>,
+    /// How many independent readings it is worth: fewer where readings are rounded and stay (see [`crate::rounding::worth`]).
+    pub worth: Vec<f64>,
     /// Time of each judged row, s.
     pub time_s: Vec<f64>,
     /// What was measured.

@@ -370,7 +370,7 @@ pub(super) fn residual(frame: &Frame, x: &[f64]) -> Vec<f64> {
 
 pub(super) fn filters(frame: &Frame, noise: &[(Channel, Noise)]) -> Vec<Filter> {
     let of = |wanted| noise.iter().find(|(channel, _)| *channel == wanted).map_or(Noise::white(1.0), |(_, noise)| *noise);
-    frame.evidence.segments.iter().map(|segment| of(segment.channel).filter(&segment.time_s, &segment.counts)).collect()
+    frame.evidence.segments.iter().map(|segment| of(segment.channel).filter(&segment.time_s, &segment.worth)).collect()
 }
 
 /// The most likely noise of every channel.
@@ -378,7 +378,7 @@ pub(super) fn noises(frame: &Frame, residual: &[f64]) -> Vec<(Channel, Noise)> {
     let of = |&(channel, floor): &(Channel, f64)| {
         let segments = frame.evidence.segments.iter().filter(|segment| segment.channel == channel);
         let logs: Vec<Rows<'_>> =
-            segments.map(|segment| (segment.time_s.as_slice(), segment.counts.as_slice(), &residual[segment.range()])).collect();
+            segments.map(|segment| (segment.time_s.as_slice(), segment.worth.as_slice(), &residual[segment.range()])).collect();
         (channel, estimate(floor, &logs))
     };
     frame.evidence.floors.iter().map(of).collect()

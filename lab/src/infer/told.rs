@@ -97,7 +97,7 @@ fn information(state: &State, weighed: &Lens, slopes: DMatrix<f64>) -> DMatrix<f
     for segment in &frame.evidence.segments {
         let Some((_, noise)) = state.noise.iter().find(|(channel, _)| *channel == segment.channel) else { continue };
         let range = segment.range().start * columns..segment.range().end * columns;
-        noise.spread_all(&segment.time_s, &segment.counts, &mut spread.as_mut_slice()[range], columns);
+        noise.spread_all(&segment.time_s, &segment.worth, &mut spread.as_mut_slice()[range], columns);
     }
     let meat = super::lens::product(&weighted, &spread) + (&weighed.normal - square(&weighed.design));
     let inverse = pseudo_inverse(&meat, &weighed.normal);

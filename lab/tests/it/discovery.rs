@@ -269,6 +269,33 @@ fn an_unknown_effect_and_one_without_its_column_are_refused() {
     refuses(run(&["discover"], &["-o", "no/such/place.toml"]), "there is no directory no/such");
 }
 
+/// What is found is written with its error on the logs that are held out: an effect whose column these lack is not looked for.
+#[test]
+fn what_a_held_out_log_lacks_the_column_for_is_not_tried() {
+    let directory = tempfile::tempdir().unwrap();
+    for name in ["discharge-0p5c", "discharge-1c", "discharge-0p1c"] {
+        let text = fs::read_to_string(measured().join(format!("{name}.csv"))).unwrap();
+        let is_held = name == "discharge-0p1c";
+        let line = |line: &str| match line {
+            _ if is_held || line.starts_with('#') => format!("{line}\n"),
+            _ if line.starts_with("time_s") => format!("{line},cycle_count\n"),
+            _ => format!("{line},100\n"),
+        };
+        fs::write(directory.path().join(format!("{name}.csv")), text.lines().map(line).collect::<String>()).unwrap();
+        let facts = measured().join(format!("{name}.toml"));
+        if facts.exists() {
+            fs::copy(facts, directory.path().join(format!("{name}.toml"))).unwrap();
+        }
+    }
+    let told = "needs the column cycle_count, which discharge-0p1c lacks";
+    let added = lab_in(directory.path(), &[&["add", "capacity_fade"], &MODEL[..], &LOGS].concat());
+    assert!(added.code == 2 && added.stderr.contains(told), "{}", added.stderr);
+    let looked = lab_in(directory.path(), &[&["diagnose", "--format", "json"], &MODEL[..], &LOGS].concat());
+    let untested =
+        looked.json()["untested"].as_array().unwrap().iter().any(|one| one["effect"] == "capacity_fade" && one["reason"] == told);
+    assert!(untested, "{}", looked.stdout);
+}
+
 #[test]
 fn a_log_with_fewer_rows_than_unknowns_is_refused() {
     let directory = tempfile::tempdir().unwrap();

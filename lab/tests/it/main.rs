@@ -23,6 +23,7 @@ mod recovery;
 mod regimes;
 mod report;
 mod robot_sheet;
+mod rounded;
 mod sets;
 mod stored;
 mod surroundings;

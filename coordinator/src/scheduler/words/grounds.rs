@@ -108,7 +108,9 @@ impl Grounds {
         };
         let tenths = |figure: i64| format!("{:.1}", figure as f64 / 10.0);
         let from = list(packs.iter().map(AsRef::as_ref), "no pack");
-        let (need, covered) = (tenths(self.need), tenths(self.covered));
+        // Nothing is certain.
+        let covered = if self.covered > 999 { "> 99.9".to_owned() } else { tenths(self.covered) };
+        let need = tenths(self.need);
         let only = self.only_to.map(|percent| {
             format!("is charged to {percent} % only: a whole charge would take place or energy from others, or more than there is")
         });

@@ -3,7 +3,7 @@
 
 use energy::Channel;
 use energy::charger::{fair_level, share_fairly};
-use energy::selector::{Change, PackSeen};
+use energy::selector::{Change, PackSeen, RELEASED_SOC};
 use energy::service::{Situation, charge_w_within};
 use node::UNTIL_EMPTY;
 use node::body::Task;
@@ -12,8 +12,6 @@ use super::recharge::label;
 use super::{Pack, StationBody};
 use crate::source::PackReading;
 
-/// A pack that gave out counts again when its charger has brought it back to this state of charge.
-const RELEASE_SOC: f64 = 0.1;
 /// A robot that takes at least this share of its limit might take more.
 const AT_LIMIT: f64 = 0.98;
 
@@ -150,7 +148,7 @@ impl StationBody {
             for ((pack, sample), &given_w) in self.packs.iter_mut().zip(samples.iter_mut()).zip(&given_w[left..]) {
                 if here(pack, sample) {
                     *sample = Some(pack.charger.step(&mut pack.body, given_w, dt_s));
-                    pack.depleted &= pack.body.truth(Channel::Soc) < RELEASE_SOC;
+                    pack.depleted &= pack.body.truth(Channel::Soc) < RELEASED_SOC;
                 }
             }
         } else {

@@ -1,0 +1,88 @@
+//! What the noise of a current adds up to in the count of charge, and what that does to what was found.
+//!
+//! The same as [`crate::fit::count`] says of a plain fit, through the noise of a state: with q_j the deviation of the charge that row j
+//! counts, D what a step of charge does to every judged row, W what turns rows into innovations, and G what each innovation moves the unknowns by,
+//!
+//! `Cov = Σ_j q_j² g_j g_jᵀ`,  `g_j = G W (D after j)`.
+//!
+//! Rows that follow each other are taken together, as many as count a like part of the walk.
+
+use std::sync::Arc;
+
+use energy::{Facts, Model};
+use nalgebra::{DMatrix, DVector};
+
+use super::evidence::Evidence;
+use super::frame::Frame;
+use super::lens::Lens;
+use super::state::State;
+use crate::fit::count::{NOTHING, STEP_SOC, steps};
+use crate::prepare::Prepared;
+
+/// Parts of which a walk is made, at most. That a part begins all at once, and not row by row, is a 24th of it early.
+const PARTS: usize = 24;
+
+/// A part of a walk: from when on its charge is counted, s, and its variance, as state of charge squared.
+type Part = (f64, f64);
+
+impl State {
+    /// What the walks of all logs add to the covariance of the unknowns; `influence` is what each innovation of the lens moves each of them by.
+    pub(super) fn of_counts(&self, lens: &Lens, influence: &DMatrix<f64>) -> DMatrix<f64> {
+        let evidence = &self.frame.evidence;
+        let mut sum = DMatrix::zeros(influence.nrows(), influence.nrows());
+        let walks: Vec<Vec<Part>> = evidence.logs.iter().map(|log| self.walk(log)).collect();
+        if walks.iter().all(Vec::is_empty) {
+            return sum;
+        }
+        let slopes = self.by_charge();
+        for (log, parts) in walks.iter().enumerate() {
+            for &(from_s, variance) in parts {
+                let mut moved = DVector::zeros(influence.nrows());
+                for (segment, filter) in evidence.segments.iter().zip(&lens.filters).filter(|(segment, _)| segment.log == log) {
+                    let own = segment.time_s.iter().zip(&slopes[segment.range()]);
+                    let mut after: Vec<f64> = own.map(|(&time_s, slope)| if time_s >= from_s { *slope } else { 0.0 }).collect();
+                    filter.apply(&mut after);
+                    moved.gemv(1.0, &influence.columns(segment.begin, after.len()), &DVector::from_vec(after), 1.0);
+                }
+                sum.ger(variance, &moved, &moved, 1.0);
+            }
+        }
+        sum
+    }
+
+    /// The walk of one log; empty where it comes to nothing beside the noise of its rows.
+    fn walk(&self, log: &Prepared) -> Vec<Part> {
+        let model: &Model = &self.frame.model;
+        let Facts::Battery(facts) = &model.facts else { return Vec::new() };
+        let steps = steps(model, log, facts.capacity_ah);
+        let whole: f64 = steps.iter().map(|step| step * step).sum();
+        let volts_per_soc = facts.stored_wh() / facts.capacity_ah;
+        let most = |target: &crate::prepare::Target| whole.sqrt() * volts_per_soc / self.frame.evidence.floor(target.channel);
+        if log.targets.iter().map(most).fold(0.0, f64::max) < NOTHING {
+            return Vec::new();
+        }
+        let (mut parts, mut variance, mut from): (Vec<Part>, f64, usize) = (Vec::new(), 0.0, 0);
+        for (row, step) in steps.iter().enumerate() {
+            variance += step * step;
+            if variance * PARTS as f64 >= whole {
+                parts.push((log.time_s[from], variance));
+                (variance, from) = (0.0, row + 1);
+            }
+        }
+        parts.extend((variance > 0.0).then(|| (log.time_s[from], variance)));
+        parts
+    }
+
+    /// What a step of charge at the start of its log does to every judged row, in the channel's unit.
+    fn by_charge(&self) -> Vec<f64> {
+        let evidence = &self.frame.evidence;
+        let fuller = |log: &Prepared| {
+            let mut log = log.clone();
+            log.start.soc += STEP_SOC;
+            log
+        };
+        let moved: Evidence = evidence.with_inputs_of(evidence.logs.iter().map(fuller).collect());
+        let moved = Frame::new(Arc::clone(&self.frame.model), Arc::new(moved));
+        moved.predict(&self.x).iter().zip(self.frame.predict(&self.x)).map(|(fuller, as_it_is)| (fuller - as_it_is) / STEP_SOC).collect()
+    }
+}
