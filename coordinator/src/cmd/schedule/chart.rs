@@ -34,7 +34,7 @@ impl<'a> Chart<'a> {
             };
             rows.entry(place).or_default().push(service);
         }
-        let from = schedule.services.iter().map(|service| service.leave).min()?.min(schedule.at);
+        let from = schedule.services.iter().map(leaves).min()?.min(schedule.at);
         let to = schedule.services.iter().map(|service| service.end).max()?;
         Some(Self { rows, from, to: to.max(from.plus_s(60.0)), seen: schedule.at })
     }
@@ -43,6 +43,11 @@ impl<'a> Chart<'a> {
     fn share(&self, at: Timestamp) -> f64 {
         (at.seconds_since(self.from) / self.to.seconds_since(self.from)).clamp(0.0, 1.0)
     }
+}
+
+/// When a robot leaves its work. Who is said to do so only after its begin is drawn without a way.
+fn leaves(service: &Service) -> Timestamp {
+    service.leave.min(service.start)
 }
 
 /// Prints the chart.
@@ -65,7 +70,7 @@ fn terminal(chart: &Chart<'_>) -> String {
     for (place, services) in &chart.rows {
         let mut line = vec!['·'; COLUMNS];
         for service in services {
-            let [leave, start, end] = [service.leave, service.start, service.end].map(column);
+            let [leave, start, end] = [leaves(service), service.start, service.end].map(column);
             line[leave..start].fill('-');
             line[start..=end].fill('█');
             // The name stands in the bar, and beyond it where nothing else stands.
@@ -102,7 +107,7 @@ pub(super) fn svg(schedule: &Schedule) -> String {
         let line = top + ROW - 2.0;
         let _ = writeln!(svg, "<line x1=\"{NAMES}\" x2=\"{WIDTH}\" y1=\"{line:.1}\" y2=\"{line:.1}\" stroke=\"#dddddd\"/>");
         for service in services {
-            let [leave, start, end] = [service.leave, service.start, service.end].map(x);
+            let [leave, start, end] = [leaves(service), service.start, service.end].map(x);
             let colour = if matches!(service.mode, Mode::Swap { .. }) { "#f4a582" } else { "#92c5de" };
             let (y, tall, middle) = (top + 4.0, ROW - 10.0, top + ROW / 2.0 - 1.0);
             let _ = writeln!(
@@ -126,4 +131,46 @@ pub(super) fn svg(schedule: &Schedule) -> String {
     let _ =
         writeln!(svg, "<text x=\"{end}\" y=\"{y:.1}\" text-anchor=\"end\" fill=\"#666666\">{}</text>", second_from(chart.seen, chart.to));
     svg + "</svg>\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use proto::{Estimate, ServiceStatus};
+
+    use super::*;
+    use crate::store::tests::schedule;
+
+    /// A service that says when it leaves, starts and ends, s after the plan was made.
+    fn service([leave_s, start_s, end_s]: [f64; 3]) -> Schedule {
+        let plan = schedule(1);
+        let at = |after_s: f64| plan.at.plus_s(after_s);
+        let service = Service {
+            robot: "r1".parse().unwrap(),
+            station: "north".parse().unwrap(),
+            mode: Mode::Recharge { to_soc: 1.0 },
+            bay: Some("b1".parse().unwrap()),
+            packs: Vec::new(),
+            leave: at(leave_s),
+            start: at(start_s),
+            end: at(end_s),
+            pack_energy_wh: Estimate::new(20.0, 1.0),
+            probability: None,
+            status: ServiceStatus::Planned,
+            why: Vec::new().into(),
+        };
+        Schedule { services: vec![service], ..plan }
+    }
+
+    #[test]
+    fn a_way_leads_up_to_the_bar_and_one_that_begins_after_it_is_left_out() {
+        let bars = |times: [f64; 3]| terminal(&Chart::new(&service(times)).unwrap()).lines().nth(1).unwrap().replace('·', " ");
+        let told = bars([475.0, 950.0, 1900.0]);
+        assert!(told.contains("-----█r1████") && !told.contains("█-"), "{told}");
+        let (late, early) = (service([1_500.0, 950.0, 1_900.0]), bars([1_500.0, 950.0, 1_900.0]));
+        assert!(early.contains("  █r1████") && !early.contains('-'), "{early}");
+        let drawing = svg(&late);
+        let line = drawing.lines().find(|line| line.contains("stroke-dasharray")).unwrap();
+        let x = |name: &str| line.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().to_owned();
+        assert_eq!(x("x1"), x("x2"), "{line}");
+    }
 }
