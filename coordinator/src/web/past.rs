@@ -43,6 +43,12 @@ impl Series {
         [&mut self.time_s, &mut self.value, &mut self.sigma]
     }
 
+    /// Lets go of the oldest: what is from before `from_s` (Unix seconds), and what is too much.
+    fn shorten(&mut self, from_s: f64) {
+        let old = self.time_s.iter().take_while(|time_s| **time_s <= from_s).count().max(self.time_s.len().saturating_sub(POINTS_MAX));
+        self.columns().into_iter().for_each(|column| drop(column.drain(..old)));
+    }
+
     fn thin(&mut self) {
         for column in self.columns() {
             let mut keep = false;
@@ -123,26 +129,31 @@ impl Past {
                 self.packs.entry((id.clone(), pack.clone())).or_default().push(now, gauge.remaining_wh);
             }
         }
+        self.make_room(now);
+    }
+
+    /// A sample was taken: where the series are full, every second point goes, or what is older than they span.
+    fn make_room(&mut self, now: Timestamp) {
         self.points += 1;
         if self.points < POINTS_MAX {
             return;
         }
-        let whole = self.period_s * POINTS_MAX as f64 >= SPAN_S;
-        for series in self.robots.values_mut().chain(self.packs.values_mut()) {
-            if whole {
-                series.columns().into_iter().for_each(|column| {
-                    column.pop_front();
-                });
-            } else {
-                series.thin();
-            }
-        }
-        if whole {
-            self.points -= 1;
-        } else {
+        let spanned_s = self.period_s * POINTS_MAX as f64;
+        if spanned_s < SPAN_S {
+            self.robots.values_mut().chain(self.packs.values_mut()).for_each(Series::thin);
             self.points = POINTS_MAX / 2;
             self.period_s *= 2.0;
+            return;
         }
+        let from_s = now.plus_s(-spanned_s).unix_ms() as f64 / 1000.0;
+        // Whoever came later has fewer points, and keeps them; who has none left was gone for all that time.
+        let is_left = |series: &mut Series| {
+            series.shorten(from_s);
+            !series.time_s.is_empty()
+        };
+        self.robots.retain(|_, series| is_left(series));
+        self.packs.retain(|_, series| is_left(series));
+        self.points -= 1;
     }
 
     fn remember_running(&mut self, schedule: &Schedule) {
@@ -204,6 +215,37 @@ mod tests {
         assert_eq!(series.time_s, [0.0, 2.0, 4.0, 6.0, 8.0]);
         assert_eq!(series.value, [0.0, 2.0, 4.0, 6.0, 8.0]);
         assert_eq!(series.sigma.len(), 5);
+    }
+
+    /// Samples until `to_s`, from where it stands: the robots that `joined` says are there, with when they joined, s.
+    fn sampled(past: &mut Past, from_s: &mut f64, to_s: f64, joined: &[(&str, f64, f64)]) {
+        while *from_s < to_s {
+            let now = Timestamp::from_unix_ms(0).plus_s(*from_s);
+            for (robot, _, _) in joined.iter().filter(|(_, begin_s, end_s)| (*begin_s..*end_s).contains(from_s)) {
+                past.robots.entry(robot.parse().unwrap()).or_default().push(now, Estimate::new(0.5, 0.1));
+            }
+            past.make_room(now);
+            *from_s += past.period_s;
+        }
+    }
+
+    #[test]
+    fn who_joins_after_days_has_a_past_from_then_on_and_who_left_has_none_in_the_end() {
+        const DAY_S: f64 = 86_400.0;
+        let (mut past, mut time_s) = (Past::default(), 0.0);
+        let fleet = [("first", 0.0, f64::INFINITY), ("late", 3.0 * DAY_S, f64::INFINITY), ("left", 0.0, 2.0 * DAY_S)];
+        let points = |past: &Past, robot: &str| past.robots.get(&robot.parse::<RobotId>().unwrap()).map_or(0, |series| series.time_s.len());
+        sampled(&mut past, &mut time_s, 3.5 * DAY_S, &fleet);
+        // Half a day of a point in 160 s.
+        assert_eq!((points(&past, "late"), past.period_s), (270, 160.0));
+        sampled(&mut past, &mut time_s, 10.0 * DAY_S, &fleet);
+        assert_eq!(["first", "late", "left"].map(|robot| points(&past, robot)), [POINTS_MAX, POINTS_MAX, 0]);
+        let first = &past.robots[&"first".parse::<RobotId>().unwrap()];
+        assert!(first.time_s[0] > time_s - 160.0 * (POINTS_MAX as f64 + 1.0), "{} of {time_s}", first.time_s[0]);
+        // A clock that is set back makes no series grow.
+        time_s = 0.0;
+        sampled(&mut past, &mut time_s, 2.0 * DAY_S, &fleet);
+        assert_eq!(["first", "late"].map(|robot| points(&past, robot) <= POINTS_MAX), [true, true]);
     }
 
     #[test]
