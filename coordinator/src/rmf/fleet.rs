@@ -85,7 +85,9 @@ impl Fleet {
             ensure!(number > 0.0, "{} = {number}: must be above 0", node.place());
             Ok(number)
         };
-        let name = fleet.need("name")?.text()?.to_owned();
+        let name = fleet.need("name")?;
+        let (place, name) = (name.place(), name.text()?.to_owned());
+        ensure!(!name.contains(char::is_control), "{place} = {name:?}: must be one line, without control characters");
         let read = Self {
             linear: pair(&limits.need("linear")?)?,
             angular: pair(&limits.need("angular")?)?,
@@ -135,14 +137,22 @@ fn robots(root: &Node<'_>, fleet: &Node<'_>) -> anyhow::Result<Vec<Robot>> {
     for (name, robot) in entries.entries()? {
         let older = || robot.get("rmf_config").and_then(|config| config.get("charger"));
         let charger = match robot.get("charger").or_else(older) {
-            Some(charger) if charger.is_text() => Some(charger.text()?.to_owned()),
-            Some(charger) => Some(charger.need("waypoint")?.text()?.to_owned()),
+            Some(charger) if charger.is_text() => Some(charger),
+            Some(charger) => Some(charger.need("waypoint")?),
             None => None,
         };
+        let charger = charger.map(|charger| waypoint(&charger)).transpose()?;
         read.push(Robot { name: name.to_owned(), charger });
     }
     ensure!(!read.is_empty(), "{}: at least one robot is needed", entries.place());
     Ok(read)
+}
+
+/// The name of a charger's waypoint.
+fn waypoint(charger: &Node<'_>) -> anyhow::Result<String> {
+    let name = charger.text()?;
+    ensure!(!name.is_empty(), "{}: must name a waypoint; a robot that may charge anywhere has none", charger.place());
+    Ok(name.to_owned())
 }
 
 fn unused(root: &Node<'_>, fleet: &Node<'_>) -> Vec<String> {

@@ -51,9 +51,10 @@ impl Graph {
     fn lane(&mut self, lane: &Node<'_>, first: usize) -> anyhow::Result<()> {
         let ends = lane.list()?;
         let [begin, end, options @ ..] = ends.as_slice() else { bail!("{}: must be [from, to, {{...}}]", lane.place()) };
-        let last = self.waypoints.len() - 1;
+        let vertices = self.waypoints.len() - first;
+        ensure!(vertices > 0, "{}: a lane joins two vertices, and this level has none", lane.place());
         let index = |node: &Node<'_>| -> anyhow::Result<usize> {
-            let index = node.number(0.0..=(last - first) as f64)?;
+            let index = node.number(0.0..=(vertices - 1) as f64)?;
             ensure!(index.fract() == 0.0, "{} = {index}: must be a whole number", node.place());
             Ok(first + index as usize)
         };

@@ -154,7 +154,40 @@ fn a_wrong_configuration_is_refused_with_the_place_and_what_was_meant() {
     assert!(error.starts_with("fleet.yaml: ") && error.contains("line"), "{error}");
     let wrong = Graph::parse("graph.yaml", GRAPH).unwrap().distance_m("tinyRobot1_chargr").unwrap_err().to_string();
     assert!(wrong.contains("did you mean `tinyRobot1_charger`?"), "{wrong}");
+    let charger = "charger: \"tinyRobot2_charger\"";
+    assert_eq!(
+        refused(charger, "charger: \"\""),
+        "fleet.yaml: rmf_fleet.robots.tinyRobot2.charger: must name a waypoint; a robot that may charge anywhere has none"
+    );
+    assert_eq!(
+        refused(charger, "charger: { waypoint: \"\" }"),
+        "fleet.yaml: rmf_fleet.robots.tinyRobot2.charger.waypoint: must name a waypoint; a robot that may charge anywhere has none"
+    );
+    assert_eq!(
+        refused("\"tinyRobot\"", "\"tiny\\nRobot\""),
+        "fleet.yaml: rmf_fleet.name = \"tiny\\nRobot\": must be one line, without control characters"
+    );
     let lane = GRAPH.replace("- [0, 1, {}]", "- [0, 3, {}]");
     let error = Graph::parse("graph.yaml", &lane).unwrap_err().to_string();
     assert_eq!(error, "graph.yaml: levels.L1.lanes[0][1] = 3: must be between 0 and 2");
+}
+
+#[test]
+fn a_lane_on_a_level_without_vertices_is_refused_wherever_that_level_stands() {
+    let graph = |levels: &str| Graph::parse("graph.yaml", &format!("levels:\n{levels}"));
+    let [empty, used] = ["{vertices: [], lanes: [[0, 1, {}]]}", "{vertices: [[0, 0, {}]], lanes: []}"];
+    for (levels, level) in [(format!("  L1: {empty}\n  L2: {used}\n"), "L1"), (format!("  L1: {used}\n  L2: {empty}\n"), "L2")] {
+        let error = graph(&levels).unwrap_err().to_string();
+        assert_eq!(error, format!("graph.yaml: levels.{level}.lanes[0]: a lane joins two vertices, and this level has none"));
+    }
+    assert_eq!(graph(&format!("  L1: {{vertices: [], lanes: []}}\n  L2: {used}\n")).unwrap().chargers().count(), 0);
+}
+
+#[test]
+fn a_fleet_may_have_any_name_of_one_line() {
+    // A character that Rust would show by its number, in words that TOML does not know.
+    let fleet = Fleet::parse("fleet.yaml", &FLEET.replace("\"tinyRobot\"", "\"tiny \\\"Robot\\\" \\u200b\"")).unwrap();
+    let import = import(&fleet, None, WISHES).unwrap();
+    let scenario = Scenario::parse(Path::new(&import.scenario), file(&import, &import.scenario)).unwrap();
+    assert_eq!(scenario.name, "tiny \"Robot\" \u{200b} (Open-RMF)");
 }

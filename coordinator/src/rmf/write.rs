@@ -259,9 +259,9 @@ fn scenario(
     }
     let _ = write!(
         text,
-        "schema = 1\nname = {:?}\nnote = \"Imported from Open-RMF.\"\nduration_s = {:?}\n\n\
+        "schema = 1\nname = {}\nnote = \"Imported from Open-RMF.\"\nduration_s = {:?}\n\n\
          [policy]\nserve_below_soc = {:?}\ncharge_to_soc = {:?}\n",
-        format!("{} (Open-RMF)", fleet.name),
+        toml::Value::String(format!("{} (Open-RMF)", fleet.name)),
         wishes.hours * S_PER_H,
         fleet.recharge_threshold,
         fleet.recharge_soc
