@@ -198,6 +198,12 @@ fn place(args: &Args) -> anyhow::Result<Place> {
         (None, Some(config)) => config.site.clone(),
         (None, None) => SiteId::new("site")?,
     };
+    // A store does not change while no coordinator writes it.
+    anyhow::ensure!(
+        !connect.is_empty() || !matches!(args.what, Some(What::Watch)),
+        "watch follows a running coordinator: say where by --connect, or name its configuration by --config; \
+         `schedule show --store FILE` shows what a store holds"
+    );
     let tls = config.as_ref().and_then(|config| config.network.tls.clone());
     let network = NetworkConfig { connect, tls, ..NetworkConfig::agent() };
     if !network.connect.is_empty() {
@@ -269,5 +275,27 @@ fn print<M: Message>(format: Format, message: &M, show: impl Fn(&M)) {
     match format {
         Format::Table => show(message),
         Format::Json => say!("{}", proto::encode_pretty(message)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn who_watches_has_to_say_where_a_coordinator_runs() {
+        let place = |words: &[&str]| place(&Command::parse_from(["schedule"].iter().chain(words)).args);
+        let refused = place(&["watch", "--store", "tender.db"]).err().unwrap().to_string();
+        assert!(refused.contains("--connect") && refused.contains("--config") && refused.contains("show --store"), "{refused}");
+        assert!(place(&["watch", "--store", "tender.db", "--connect", "tcp/127.0.0.1:7447"]).is_ok());
+        assert!(place(&["show", "--store", "tender.db"]).is_ok());
     }
 }
