@@ -7,6 +7,7 @@ use energy::Estimate;
 use proto::{Gauge, PackId, RobotId, StationId, Timestamp};
 
 use crate::models::from_wire;
+use crate::when::second_from;
 
 /// A gauge that has not been heard for so long is stale, s, and for so many of its periods.
 const SILENT_S: f64 = 120.0;
@@ -65,10 +66,19 @@ impl Fault {
     }
 }
 
-impl std::fmt::Display for Fault {
+/// A fault, as it is told at `now`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// What is wrong.
+    pub fault: Fault,
+    /// When it is told, by the coordinator's clock.
+    pub now: Timestamp,
+}
+
+impl std::fmt::Display for Found {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let time = |at: &Timestamp| at.to_string().chars().skip(11).take(8).collect::<String>();
-        match self {
+        let time = |at: &Timestamp| second_from(self.now, *at);
+        match &self.fault {
             Fault::Silent(since) => write!(f, "has not been heard since {}", time(since)),
             Fault::Frozen(since) => write!(f, "has said the same since {}, though its battery is drawn from", time(since)),
             Fault::Jumped(at, by) => {
@@ -184,7 +194,11 @@ impl Trust {
 
     /// What is wrong with a gauge now, if anything is.
     #[must_use]
-    pub fn fault(&self, now: Timestamp, owner: &Owner) -> Option<Fault> {
+    pub fn fault(&self, now: Timestamp, owner: &Owner) -> Option<Found> {
+        self.wrong(now, owner).map(|fault| Found { fault, now })
+    }
+
+    fn wrong(&self, now: Timestamp, owner: &Owner) -> Option<Fault> {
         let track = self.gauges.get(owner)?;
         let arrived = track.arrived?;
         let silent_s = if matches!(owner, Owner::Pack(..)) { PACK_SILENT_S } else { SILENT_S };
@@ -202,13 +216,13 @@ impl Trust {
 
     /// What is to be told of a gauge, if that is something else than before: its fault, or that it has
     /// none any more.
-    pub fn news(&mut self, now: Timestamp, owner: &Owner) -> Option<Option<Fault>> {
-        let fault = self.fault(now, owner);
+    pub fn news(&mut self, now: Timestamp, owner: &Owner) -> Option<Option<Found>> {
+        let fault = self.wrong(now, owner);
         let track = self.gauges.get_mut(owner)?;
         if matches!(fault, Some(Fault::Silent(_))) && track.excused.is_some_and(|until| now < until) {
             return None;
         }
-        (std::mem::replace(&mut track.told, fault) != fault).then_some(fault)
+        (std::mem::replace(&mut track.told, fault) != fault).then_some(fault.map(|fault| Found { fault, now }))
     }
 
     /// Gauges that were heard.
@@ -221,7 +235,7 @@ impl Trust {
     #[must_use]
     pub fn belief(&self, now: Timestamp, owner: &Owner, gauge: &Gauge, stored_wh: f64) -> (Estimate, Estimate) {
         let (soc, remaining_wh) = (from_wire(gauge.soc), from_wire(gauge.remaining_wh));
-        match self.fault(now, owner) {
+        match self.wrong(now, owner) {
             None => (soc, remaining_wh),
             Some(Fault::Jumped(_, by)) => {
                 // It was wrong before or is wrong now.
@@ -267,8 +281,8 @@ mod tests {
             let time_s = f64::from(n);
             trust.heard(at(time_s), &robot(), &gauge(time_s, 0.5 - 8e-5 * time_s, 11.1 - 1e-5 * time_s), true, false);
         }
-        assert_eq!(trust.fault(at(300.0), &robot()), None);
-        assert_eq!(trust.fault(at(600.0), &robot()), Some(Fault::Silent(at(299.0))));
+        assert_eq!(trust.wrong(at(300.0), &robot()), None);
+        assert_eq!(trust.wrong(at(600.0), &robot()), Some(Fault::Silent(at(299.0))));
     }
 
     #[test]
@@ -278,12 +292,12 @@ mod tests {
         (0..10).for_each(|n| heard(f64::from(n)));
         heard(43_200.0);
         heard(43_201.0);
-        assert_eq!(trust.fault(at(43_400.0), &robot()), Some(Fault::Silent(at(43_201.0))));
+        assert_eq!(trust.wrong(at(43_400.0), &robot()), Some(Fault::Silent(at(43_201.0))));
         // One that speaks every ten minutes is silent after two hours.
         let mut trust = Trust::default();
         (0..10).for_each(|n| trust.heard(at(600.0 * f64::from(n)), &robot(), &gauge(600.0 * f64::from(n), 0.5, 11.1), false, false));
-        assert_eq!(trust.fault(at(5_400.0 + 7_000.0), &robot()), None);
-        assert!(trust.fault(at(5_400.0 + 7_300.0), &robot()).is_some());
+        assert_eq!(trust.wrong(at(5_400.0 + 7_000.0), &robot()), None);
+        assert!(trust.wrong(at(5_400.0 + 7_300.0), &robot()).is_some());
     }
 
     #[test]
@@ -318,7 +332,7 @@ mod tests {
         assert_eq!(trust.news(at(3_601.0), &robot()), None);
         // 3.65 of 14.6 Wh are a quarter.
         assert!((trust.belief(at(3_601.0), &robot(), &gauge(0.0, 0.5, 11.1), 14.6).0.value - 0.25).abs() < 1e-12);
-        assert!(matches!(trust.news(at(3_800.0), &robot()), Some(Some(Fault::Silent(since))) if since == at(0.0)));
+        assert!(matches!(trust.news(at(3_800.0), &robot()), Some(Some(found)) if found.fault == Fault::Silent(at(0.0))));
     }
 
     #[test]
@@ -326,15 +340,24 @@ mod tests {
         let mut trust = Trust::default();
         trust.heard(at(0.0), &robot(), &gauge(3600.0, 0.5, 11.1), true, false);
         trust.heard(at(1.0), &robot(), &gauge(1.0, 0.4999, 11.1), true, false);
-        assert_eq!(trust.fault(at(2.0), &robot()), None);
+        assert_eq!(trust.wrong(at(2.0), &robot()), None);
     }
 
     #[test]
     fn a_jump_is_never_told_as_none() {
-        let told = |by: f64| Fault::Jumped(at(0.0), by).to_string();
+        let told = |by: f64| Found { fault: Fault::Jumped(at(0.0), by), now: at(0.0) }.to_string();
         assert!(told(0.12).starts_with("jumped by +12 %"), "{}", told(0.12));
         assert!(told(-0.0031).starts_with("jumped by -0.3 %"), "{}", told(-0.0031));
         assert!(told(0.0001).starts_with("jumped by +0.01 %"), "{}", told(0.0001));
+    }
+
+    #[test]
+    fn a_fault_since_another_day_is_told_with_its_date() {
+        let mut trust = Trust::default();
+        trust.heard(at(0.0), &robot(), &gauge(0.0, 0.5, 11.1), true, false);
+        let told = |now_s: f64| trust.fault(at(now_s), &robot()).unwrap().to_string();
+        assert_eq!(told(3_600.0), "has not been heard since 00:00:00");
+        assert_eq!(told(90_000.0), "has not been heard since 1970-01-01 00:00:00");
     }
 
     #[test]
@@ -342,14 +365,14 @@ mod tests {
         let mut trust = Trust::default();
         trust.heard(at(0.0), &robot(), &gauge(0.0, 0.5, 11.1), true, false);
         trust.heard(at(1.0), &robot(), &gauge(1.0, 0.8, 11.1), true, false);
-        assert!(matches!(trust.fault(at(2.0), &robot()), Some(Fault::Jumped(..))));
+        assert!(matches!(trust.wrong(at(2.0), &robot()), Some(Fault::Jumped(..))));
         for n in 2..1000 {
             trust.heard(at(f64::from(n)), &robot(), &gauge(f64::from(n), 0.8, 11.1 + 1e-4 * f64::from(n % 3)), true, false);
         }
-        assert_eq!(trust.fault(at(1000.0), &robot()), None);
+        assert_eq!(trust.wrong(at(1000.0), &robot()), None);
         // A new pack is a new gauge.
         trust.heard(at(1001.0), &robot(), &gauge(1001.0, 0.1, 11.0), true, true);
-        assert_eq!(trust.fault(at(1002.0), &robot()), None);
+        assert_eq!(trust.wrong(at(1002.0), &robot()), None);
     }
 
     #[test]
@@ -357,7 +380,7 @@ mod tests {
         for (drawn, frozen) in [(true, true), (false, false)] {
             let mut trust = Trust::default();
             (0..200).for_each(|n| trust.heard(at(f64::from(n)), &robot(), &gauge(f64::from(n), 0.5, 11.1), drawn, false));
-            assert_eq!(trust.fault(at(200.0), &robot()).is_some(), frozen);
+            assert_eq!(trust.wrong(at(200.0), &robot()).is_some(), frozen);
             assert_eq!(trust.news(at(200.0), &robot()).is_some(), frozen);
             assert!(trust.news(at(201.0), &robot()).is_none(), "told once");
         }
