@@ -91,14 +91,6 @@ pub fn refill_j(capacitance_f: f64, from_v: f64, to_v: f64) -> f64 {
 }
 
 impl Selector {
-    /// Capacitance that carries `power_w` over `gap_s` from `from_v` without falling below
-    /// [`Selector::least_v`], F; infinite when `from_v` is not above it.
-    #[must_use]
-    pub fn capacitance_needed_f(&self, from_v: f64, power_w: f64, gap_s: f64) -> f64 {
-        let span_v2 = from_v * from_v - self.least_v * self.least_v;
-        if from_v > self.least_v { 2.0 * power_w * gap_s / span_v2 } else { f64::INFINITY }
-    }
-
     /// What a change from a pack at `from_v` to one at `to_v` does while the station takes
     /// `power_w` (voltages under that load, V; power in W, >= 0).
     #[must_use]
@@ -186,8 +178,8 @@ mod tests {
         // 10 mF from 9 V to 8 V under 75 W: 0.01 x 17 / 150 = 1.13 ms; the gap is 5 ms.
         let lost = BREAKS.transition(9.0, 12.0, 75.0);
         assert!(!lost.survives && (lost.hold_up_s - 0.01 * 17.0 / 150.0).abs() < 1e-12);
-        let needed_f = BREAKS.capacitance_needed_f(9.0, 75.0, 0.005);
-        assert!((needed_f - 0.75 / 17.0).abs() < 1e-12);
+        // So 2 x 75 x 0.005 / 17 = 44 mF are needed.
+        let needed_f = 0.75 / 17.0;
         assert!(Selector { capacitance_f: 1.001 * needed_f, ..BREAKS }.transition(9.0, 12.0, 75.0).survives);
         assert!(!Selector { capacitance_f: 0.999 * needed_f, ..BREAKS }.transition(9.0, 12.0, 75.0).survives);
     }

@@ -103,18 +103,6 @@ impl<S: Real> Motor<S> {
     pub fn electrical_time_s(&self) -> S {
         self.inductance_h / self.resistance_ohm
     }
-
-    /// `R_a J_m / (k_w k_tau)`, s: time to 63 % of a step of speed, without load.
-    #[must_use]
-    pub fn mechanical_time_s(&self) -> S {
-        self.resistance_ohm * self.inertia_kg_m2 / (self.back_emf_v_s_per_rad * self.torque_nm_per_a)
-    }
-
-    /// Slope of the speed-torque line, `R_a / (k_w k_tau)`, rad/s per N m.
-    #[must_use]
-    pub fn speed_torque_slope(&self) -> S {
-        self.resistance_ohm / (self.back_emf_v_s_per_rad * self.torque_nm_per_a)
-    }
 }
 
 impl<S: Real> Gearmotor<S> {
@@ -206,10 +194,11 @@ mod tests {
         assert!((drive.stall_nm(12.0) / 9.90e-3 - 1.0).abs() < 0.02, "{}", drive.stall_nm(12.0));
         // Friction torque 0.12 mN m.
         assert!((motor.friction_nm / 0.12e-3 - 1.0).abs() < 0.01);
-        // Slope of the n-M curve 1000 rpm per mN m.
-        assert!((motor.speed_torque_slope() / RADPS_PER_RPM * 1e-3 / 1000.0 - 1.0).abs() < 0.02);
-        // Mechanical time constant 7 ms.
-        assert!((motor.mechanical_time_s() / 7e-3 - 1.0).abs() < 0.02, "{}", motor.mechanical_time_s());
+        // Slope of the n-M curve 1000 rpm per mN m: R_a / (k_w k_tau).
+        let slope_radps_per_nm = motor.resistance_ohm / (motor.back_emf_v_s_per_rad * motor.torque_nm_per_a);
+        assert!((slope_radps_per_nm / RADPS_PER_RPM * 1e-3 / 1000.0 - 1.0).abs() < 0.02);
+        // Mechanical time constant 7 ms: that slope times J_m.
+        assert!((slope_radps_per_nm * motor.inertia_kg_m2 / 7e-3 - 1.0).abs() < 0.02);
         // Greatest efficiency 80 %, greatest output 2.57 W.
         let points: Vec<_> = (1..1000)
             .map(|i| {
