@@ -6,6 +6,7 @@
 //!                                          └─ failed: the fleet is served on, records wait
 //! ```
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use proto::Timestamp;
@@ -16,7 +17,8 @@ use crate::store::{Heard, Record};
 /// Records that wait while the store cannot be written; beyond this telemetry is dropped.
 const RECORDS_MAX: usize = 100_000;
 
-/// Plans, and what is told with them, that wait likewise; beyond this the oldest are dropped: each is as large as the fleet.
+/// Plans, and what is told with them, that wait likewise: each is as large as the fleet. Beyond this only the newest of what is
+/// told with plans waits, and then only so many plans.
 const PLANS_MAX: usize = 300;
 
 /// Records to be kept, and commands that wait for them.
@@ -76,20 +78,39 @@ impl Outbox {
         self.records.clear();
     }
 
-    /// Nothing could be kept for now: it waits. Beyond a bound telemetry and old plans make room; says how many
-    /// records did.
+    /// Nothing could be kept for now: it waits. Beyond a bound telemetry, what is told with plans, and old plans make
+    /// room; says how many records did.
     pub fn failed(&mut self) -> usize {
         let before = self.records.len();
         if before > RECORDS_MAX {
             self.records.retain(|record| !record.is_telemetry());
         }
-        let mut too_many = self.records.iter().filter(|record| record.tells_of_fleet()).count().saturating_sub(PLANS_MAX);
+        if self.records.iter().filter(|record| record.tells_of_fleet()).count() > PLANS_MAX {
+            self.leave_newest_answers();
+        }
+        let mut too_many = self.records.iter().filter(|record| record.is_plan()).count().saturating_sub(PLANS_MAX);
         self.records.retain(|record| {
-            let is_dropped = too_many > 0 && record.tells_of_fleet();
+            let is_dropped = too_many > 0 && record.is_plan();
             too_many -= usize::from(is_dropped);
             !is_dropped
         });
         before - self.records.len()
+    }
+
+    /// Leaves one capacity, and of each robot one explanation: these follow from what is believed, and a replay does not ask for
+    /// them, as it does for every plan.
+    fn leave_newest_answers(&mut self) {
+        let (mut has_capacity, mut explained) = (false, BTreeSet::new());
+        self.records.reverse();
+        self.records.retain_mut(|record| match record {
+            Record::Capacity(_) => !std::mem::replace(&mut has_capacity, true),
+            Record::Explanations(told) => {
+                told.retain(|one| explained.insert(one.robot.clone()));
+                !told.is_empty()
+            }
+            _ => true,
+        });
+        self.records.reverse();
     }
 
     /// Takes the records out, to be kept; what is still to be kept comes back by [`Outbox::put_back`].
@@ -117,7 +138,11 @@ impl Outbox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::tests::{event, schedule};
+    use crate::store::tests::{capacity, event, explanation, schedule};
+
+    fn plans(outbox: &Outbox) -> Vec<u64> {
+        outbox.records().iter().filter_map(|record| if let Record::Plan(plan) = record { Some(plan.plan) } else { None }).collect()
+    }
 
     #[test]
     fn of_plans_that_wait_the_newest_do_and_events_all() {
@@ -126,9 +151,25 @@ mod tests {
             outbox.records.extend([Record::Event(event(plan, "r1 joined")), Record::Plan(Arc::new(schedule(plan)))]);
         }
         assert_eq!([outbox.failed(), outbox.failed()], [20, 0]);
-        let plans: Vec<u64> =
-            outbox.records().iter().filter_map(|record| if let Record::Plan(plan) = record { Some(plan.plan) } else { None }).collect();
+        let plans = plans(&outbox);
         assert_eq!((plans.len(), plans[0], plans[PLANS_MAX - 1]), (PLANS_MAX, 20, PLANS_MAX as u64 + 19));
         assert_eq!(outbox.records().iter().filter(|record| record.is_event()).count(), PLANS_MAX + 20);
+    }
+
+    #[test]
+    fn what_is_told_with_plans_makes_room_before_any_plan_does() {
+        let mut outbox = Outbox::new(1);
+        for plan in 0..PLANS_MAX as u64 {
+            let told = Record::Explanations(vec![explanation(["r1", "r2"][plan as usize % 2], &plan.to_string())]);
+            outbox.records.extend([Record::Plan(Arc::new(schedule(plan))), Record::Capacity(capacity(plan as u32)), told]);
+        }
+        assert_eq!(outbox.failed(), 2 * PLANS_MAX - 3);
+        assert_eq!(plans(&outbox), (0..PLANS_MAX as u64).collect::<Vec<_>>());
+        let [.., before, Record::Plan(_), newest, last] = outbox.records() else { panic!("{:?}", outbox.records()) };
+        let told = [before, newest, last].map(Record::clone);
+        let explained = |robot, plan: usize| Record::Explanations(vec![explanation(robot, &plan.to_string())]);
+        let newest = Record::Capacity(capacity(PLANS_MAX as u32 - 1));
+        assert_eq!(told, [explained("r1", PLANS_MAX - 2), newest, explained("r2", PLANS_MAX - 1)]);
+        assert_eq!(outbox.failed(), 0);
     }
 }

@@ -177,7 +177,7 @@ impl Service {
     fn make_room(&mut self) {
         let dropped = self.outbox.failed();
         if dropped > 0 {
-            warn!("{dropped} records (telemetry, old plans) were dropped: the store cannot be written");
+            warn!("{dropped} records (telemetry, old plans, what was told with them) were dropped: the store cannot be written");
             self.keeping.dropped += dropped as u64;
         }
     }

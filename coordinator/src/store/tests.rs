@@ -131,11 +131,11 @@ pub(crate) fn schedule(plan: u64) -> Schedule {
     }
 }
 
-fn capacity(robots_promised: u32) -> Capacity {
+pub(crate) fn capacity(robots_promised: u32) -> Capacity {
     Capacity { at: at(7), packs: Vec::new(), stations: Vec::new(), robots_expected: 9, robots_promised, confidence: 0.95 }
 }
 
-fn explanation(robot: &str, reason: &str) -> Explanation {
+pub(crate) fn explanation(robot: &str, reason: &str) -> Explanation {
     Explanation {
         at: at(8),
         robot: id(robot),
