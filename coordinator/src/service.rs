@@ -11,6 +11,7 @@
 mod hear;
 mod keep;
 mod lead;
+mod sift;
 
 use std::path::Path;
 use std::sync::Arc;

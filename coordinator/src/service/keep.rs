@@ -10,9 +10,10 @@ use tracing::{debug, error, info, warn};
 
 use super::Service;
 use super::lead::monotonic;
+use super::sift::Sift;
 use crate::config::Config;
 use crate::core::Output;
-use crate::store::{Failing, Record, Retention, Standing, StoreError, Sweep};
+use crate::store::{Failing, Record, Retention, Standing, Store, StoreError, Sweep};
 
 /// Longest that commands wait for a store that neither writes nor fails: a disk that hangs, a file that somebody locks.
 const HANGING: Duration = Duration::from_secs(2);
@@ -41,9 +42,42 @@ pub(super) struct Keeping {
 /// What was done.
 pub(super) enum Done {
     /// A batch was written, or was not.
-    Written(Vec<Record>, Result<(), StoreError>),
+    Written(Written),
     /// A step of deleting what is old.
     Swept(Sweep),
+}
+
+/// What became of a batch.
+#[derive(Default)]
+pub(super) struct Written {
+    /// Why it was not written to its end, where it was not.
+    failure: Option<StoreError>,
+    /// What may still be written.
+    waiting: Vec<Record>,
+    /// Why records were left out that the store will never take.
+    refused: Vec<StoreError>,
+}
+
+/// Writes a batch, without what the store will never take: one bad record must not hold back the others, nor anybody
+/// who waits for the core. After any other failure the rest of it waits.
+async fn written(store: &Store, mut records: Vec<Record>) -> Written {
+    let (mut sift, mut done) = (Sift::new(records.len()), Written::default());
+    while let Some(part) = sift.next() {
+        match store.append(&records[part.clone()]).await {
+            Ok(()) => {}
+            Err(failure) if failure.is_of_record() => {
+                if sift.refused(part, &records) {
+                    done.refused.push(failure);
+                }
+            }
+            Err(failure) => {
+                done.waiting = records.split_off(part.start);
+                done.failure = Some(failure);
+                break;
+            }
+        }
+    }
+    done
 }
 
 impl Keeping {
@@ -72,10 +106,7 @@ impl Service {
             self.keeping.commands = self.outbox.take_commands();
             self.keeping.writing = records.len();
             self.keeping.since = Some(monotonic());
-            self.keeping.task = Some(tokio::spawn(async move {
-                let written = store.append(&records).await;
-                Done::Written(records, written)
-            }));
+            self.keeping.task = Some(tokio::spawn(async move { Done::Written(written(&store, records).await) }));
         }
     }
 
@@ -135,20 +166,24 @@ impl Service {
         self.keeping.writing = 0;
         match done {
             Done::Swept(sweep) => self.keeping.sweep = sweep,
-            Done::Written(_, Ok(())) => {
-                if self.keeping.failing.take().is_some() {
-                    info!("the store can be written again");
+            Done::Written(Written { failure, waiting, refused }) => {
+                for why in &refused {
+                    error!("a record was dropped: {why}");
                 }
-            }
-            Done::Written(_, Err(StoreError::Deposed { .. })) => self.leading.replaced(),
-            Done::Written(records, Err(failure)) => {
-                self.fails(|| {
-                    let cause = std::error::Error::source(&failure).map_or_else(String::new, |source| format!(": {source}"));
-                    format!("{failure}{cause}")
-                });
-                let waiting = if failure.may_pass() { records } else { self.write_singly(records).await };
-                self.outbox.put_back(waiting);
-                self.make_room();
+                self.keeping.dropped += refused.len() as u64;
+                match failure {
+                    None if self.keeping.failing.take().is_some() => info!("the store can be written again"),
+                    None => {}
+                    Some(StoreError::Deposed { .. }) => self.leading.replaced(),
+                    Some(failure) => {
+                        self.fails(|| {
+                            let cause = std::error::Error::source(&failure).map_or_else(String::new, |source| format!(": {source}"));
+                            format!("{failure}{cause}")
+                        });
+                        self.outbox.put_back(waiting);
+                        self.make_room();
+                    }
+                }
             }
         }
         let commands = std::mem::take(&mut self.keeping.commands);
@@ -156,22 +191,6 @@ impl Service {
         if self.outbox.urgent() {
             self.write();
         }
-    }
-
-    /// One bad record must not hold back the others. Those that may still be kept.
-    async fn write_singly(&mut self, records: Vec<Record>) -> Vec<Record> {
-        let mut waiting = Vec::new();
-        for record in records {
-            if let Err(failure) = self.store.append(std::slice::from_ref(&record)).await {
-                if failure.may_pass() {
-                    waiting.push(record);
-                } else {
-                    error!("a record was dropped: {failure}");
-                    self.keeping.dropped += 1;
-                }
-            }
-        }
-        waiting
     }
 
     fn make_room(&mut self) {
@@ -199,5 +218,26 @@ impl Service {
             }
             Done::Swept(sweep)
         }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::tests::event;
+
+    #[tokio::test]
+    async fn a_record_that_the_store_refuses_is_left_out_and_all_others_are_kept() {
+        let directory = tempfile::tempdir().unwrap();
+        let store = Store::open(&directory.path().join("journal.db")).await.unwrap();
+        let events = |seqs: std::ops::Range<u64>, text: &str| seqs.map(|seq| Record::Event(event(seq, text))).collect::<Vec<_>>();
+        store.append(&events(700..701, "r1 joined")).await.unwrap();
+        // An event of that number is there, and tells something else.
+        let done = written(&store, events(1..3_000, "r2 joined")).await;
+        assert!(done.failure.is_none() && done.waiting.is_empty());
+        let [refused] = &done.refused[..] else { panic!("{:?}", done.refused) };
+        assert!(matches!(refused, StoreError::Conflict { record, .. } if record == "event 700"), "{refused}");
+        let kept = store.events(9_999).await.unwrap();
+        assert!(kept.iter().map(|event| event.seq).eq(1..3_000) && kept.iter().filter(|event| event.text == "r1 joined").count() == 1);
     }
 }

@@ -181,11 +181,10 @@ mod code {
 }
 
 impl StoreError {
-    /// Whether the same batch may be taken later: the disk was full, locked or failing, and
-    /// nothing is wrong with the records.
+    /// Whether the record itself is to blame: the store takes it at no other time either, but others it does.
     #[must_use]
-    pub fn may_pass(&self) -> bool {
-        !matches!(self, StoreError::Refused { .. } | StoreError::Conflict { .. } | StoreError::Deposed { .. })
+    pub fn is_of_record(&self) -> bool {
+        matches!(self, StoreError::Refused { .. } | StoreError::Conflict { .. })
     }
 
     /// What a database error met while `doing` something means to the user.
