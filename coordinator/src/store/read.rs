@@ -202,6 +202,13 @@ impl Reader {
         Ok(last.unwrap_or(0).cast_unsigned())
     }
 
+    /// The first thing that the core of that start was told, of those that are kept: its number, and when.
+    pub async fn heard_first(&self, epoch: u64) -> Result<Option<(u64, Timestamp)>, StoreError> {
+        let select = query_as("SELECT number, at_ms FROM inputs WHERE epoch = $1 ORDER BY number LIMIT 1").bind(epoch.cast_signed());
+        let first: Option<(i64, i64)> = select.fetch_optional(&self.pool).await.map_err(self.failed("reading inputs"))?;
+        Ok(first.map(|(number, at_ms)| (number.cast_unsigned(), Timestamp::from_unix_ms(at_ms))))
+    }
+
     /// What the core of that start was told after line `after`, in order; at most `limit` lines.
     pub async fn heard(&self, epoch: u64, after: u64, limit: usize) -> Result<Vec<Heard>, StoreError> {
         let select = query("SELECT * FROM inputs WHERE epoch = $1 AND number > $2 ORDER BY number LIMIT $3")
