@@ -7,6 +7,7 @@
 //!    events, commands                      │ gone
 //! ```
 //!
+//! Old is what the coordinator's clock says: telemetry whose sender has another clock is dated by when it came (`came_ms`).
 //! Nothing here takes part in a decision: it may be late, or not run at all.
 
 use proto::Timestamp;
@@ -40,6 +41,9 @@ const TABLES: [Table; 4] = [
     Table { name: "station_states", whose: &["station"] },
 ];
 
+/// By what telemetry is dated, and which rows are: by their senders' clocks, and where those are wrong by when they came.
+const DATED: [(&str, &str); 2] = [("at_ms", " AND came_ms IS NULL"), ("came_ms", "")];
+
 /// Senders whose telemetry is looked at in one step.
 const SENDERS_AT_ONCE: usize = 20;
 /// Rows of other tables that one step may delete.
@@ -69,41 +73,25 @@ impl Store {
     }
 }
 
-/// Deletes the oldest of what is not telemetry, where the very oldest is old enough. The newest event and the newest plan stay: numbers go on from them.
+/// Deletes the oldest of what is not telemetry. The newest event and the newest plan stay: numbers go on from them.
 async fn forget(connection: &mut AnyConnection, retention: &Retention) -> Result<(), sqlx::Error> {
     let (fine_ms, keep_ms) = (retention.fine.unix_ms(), retention.keep.unix_ms());
-    for (before_ms, oldest, sql) in [
-        (
-            fine_ms,
-            "SELECT at_ms FROM inputs ORDER BY epoch, number LIMIT 1",
-            "DELETE FROM inputs WHERE at_ms < $1 AND (epoch, number) IN (SELECT epoch, number FROM inputs ORDER BY epoch, number LIMIT $2)",
-        ),
-        (
-            fine_ms,
-            "SELECT at_ms FROM plans ORDER BY plan LIMIT 1",
-            "DELETE FROM plans WHERE at_ms < $1 AND plan IN (SELECT plan FROM plans ORDER BY plan LIMIT $2) AND plan < (SELECT MAX(plan) FROM plans)",
-        ),
-        (
-            fine_ms,
-            "SELECT at_ms FROM capacities ORDER BY number LIMIT 1",
-            "DELETE FROM capacities WHERE at_ms < $1 AND number IN (SELECT number FROM capacities ORDER BY number LIMIT $2)",
-        ),
-        (
-            keep_ms,
-            "SELECT MIN(at_ms) FROM (SELECT at_ms FROM events ORDER BY seq LIMIT 2000) AS oldest",
-            "DELETE FROM events WHERE at_ms < $1 AND seq IN (SELECT seq FROM events ORDER BY seq LIMIT $2) AND seq < (SELECT MAX(seq) FROM events)",
-        ),
-        (
-            keep_ms,
-            "SELECT at_ms FROM commands ORDER BY at_ms, id LIMIT 1",
-            "DELETE FROM commands WHERE at_ms < $1 AND id IN (SELECT id FROM commands ORDER BY at_ms, id LIMIT $2)",
-        ),
+    for (before_ms, table, key, but) in [
+        (fine_ms, "inputs", "epoch, number", ""),
+        (fine_ms, "plans", "plan", " AND plan < (SELECT MAX(plan) FROM plans)"),
+        (fine_ms, "capacities", "number", ""),
+        (keep_ms, "events", "seq", " AND seq < (SELECT MAX(seq) FROM events)"),
+        (keep_ms, "commands", "id", ""),
     ] {
-        let oldest_ms: Option<i64> = query_scalar(oldest).fetch_optional(&mut *connection).await?;
+        // All of it by the index over time: what has a time to come stands in nobody's way.
+        let oldest = sqlx::AssertSqlSafe(format!("SELECT MIN(at_ms) FROM {table}"));
+        let oldest_ms: Option<i64> = query_scalar(oldest).fetch_one(&mut *connection).await?;
         if oldest_ms.is_none_or(|at_ms| at_ms >= before_ms) {
             continue;
         }
-        query(sql).bind(before_ms).bind(ROWS_AT_ONCE).execute(&mut *connection).await?;
+        let old = format!("SELECT {key} FROM {table} WHERE at_ms < $1{but} ORDER BY at_ms LIMIT $2");
+        let delete = sqlx::AssertSqlSafe(format!("DELETE FROM {table} WHERE ({key}) IN ({old})"));
+        query(delete).bind(before_ms).bind(ROWS_AT_ONCE).execute(&mut *connection).await?;
     }
     Ok(())
 }
@@ -129,15 +117,17 @@ impl Sweep {
                 }
                 continue;
             };
-            let whose = table.is(0);
-            let delete = format!("DELETE FROM {} WHERE {whose} AND at_ms < ${}", table.name, sender.len() + 1);
-            bound(delete, &sender, &[keep_ms]).execute(&mut *connection).await?;
-            if from_ms < to_ms {
-                let [a, b, c] = [1, 2, 3].map(|n| format!("${}", sender.len() + n));
-                let within = format!("{whose} AND at_ms >= {a} AND at_ms < {b}");
-                let first = format!("SELECT MIN(at_ms) FROM {} WHERE {within} GROUP BY at_ms / {c}", table.name);
-                let thin = format!("DELETE FROM {} WHERE {within} AND at_ms NOT IN ({first})", table.name);
-                bound(thin, &sender, &[from_ms, to_ms, coarse_ms]).execute(&mut *connection).await?;
+            for (clock, dated) in DATED {
+                let whose = format!("{}{dated}", table.is(0));
+                let delete = format!("DELETE FROM {} WHERE {whose} AND {clock} < ${}", table.name, sender.len() + 1);
+                bound(delete, &sender, &[keep_ms]).execute(&mut *connection).await?;
+                if from_ms < to_ms {
+                    let [a, b, c] = [1, 2, 3].map(|n| format!("${}", sender.len() + n));
+                    let within = format!("{whose} AND {clock} >= {a} AND {clock} < {b}");
+                    let first = format!("SELECT MIN({clock}) FROM {} WHERE {within} GROUP BY {clock} / {c}", table.name);
+                    let thin = format!("DELETE FROM {} WHERE {within} AND {clock} NOT IN ({first})", table.name);
+                    bound(thin, &sender, &[from_ms, to_ms, coarse_ms]).execute(&mut *connection).await?;
+                }
             }
             self.after = sender;
         }

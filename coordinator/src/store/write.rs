@@ -4,7 +4,7 @@ use std::path::Path;
 
 use proto::{
     Capacity, CommandReply, Estimate, Event, Explanation, Gauge, MAX_MESSAGE_BYTES, Message, PackId, RobotId, RobotState, Schedule,
-    StationId, StationState, encode,
+    StationId, StationState, Timestamp, encode,
 };
 use sqlx::{AnyConnection, query, query_scalar};
 
@@ -16,21 +16,29 @@ macro_rules! gauge_columns {
     () => {
         "at_ms, seq, soc, soc_sigma, remaining_wh, remaining_wh_sigma, full_wh, full_wh_sigma, \
          time_to_empty_s, time_to_empty_s_sigma, time_to_full_s, time_to_full_s_sigma, soh, soh_sigma, cycles, \
-         voltage_v, current_a, temperature_degc, power_w, cells_series, source"
+         voltage_v, current_a, temperature_degc, power_w, cells_series, source, came_ms"
     };
 }
+
+/// A sender's clock that is farther away from the coordinator's is not believed when old telemetry is looked for, s.
+const CLOCKS_APART_S: f64 = 60.0;
 
 /// A batch that is known to be readable again, telemetry by table.
 #[derive(Debug, Default)]
 pub(super) struct Batch<'a> {
-    robot_gauges: Vec<(&'a RobotId, &'a Gauge)>,
-    pack_gauges: Vec<(&'a StationId, &'a PackId, &'a Gauge)>,
-    robot_states: Vec<(&'a RobotId, &'a RobotState, String)>,
-    station_states: Vec<(&'a StationId, &'a StationState, String)>,
+    robot_gauges: Vec<(&'a RobotId, &'a Gauge, Came)>,
+    pack_gauges: Vec<(&'a StationId, &'a PackId, &'a Gauge, Came)>,
+    robot_states: Vec<(&'a RobotId, &'a RobotState, String, Came)>,
+    station_states: Vec<(&'a StationId, &'a StationState, String, Came)>,
     heard: Vec<&'a Heard>,
+    /// When that came of which the records are.
+    came: Option<Timestamp>,
     /// The rest, in the order given.
     decisions: Vec<Decision<'a>>,
 }
+
+/// When a message came, Unix ms; none where its sender's clock says as much.
+type Came = Option<i64>;
 
 #[derive(Debug)]
 enum Decision<'a> {
@@ -67,17 +75,19 @@ impl<'a> Batch<'a> {
         match record {
             Record::RobotGauge { robot, gauge } => {
                 check(gauge, || format!("a gauge of robot {robot}"))?;
-                self.robot_gauges.push((robot, gauge));
+                self.robot_gauges.push((robot, gauge, self.came(gauge.at)));
             }
             Record::PackGauge { station, pack, gauge } => {
                 check(gauge, || format!("a gauge of pack {pack} of station {station}"))?;
-                self.pack_gauges.push((station, pack, gauge));
+                self.pack_gauges.push((station, pack, gauge, self.came(gauge.at)));
             }
             Record::RobotState { robot, state } => {
-                self.robot_states.push((robot, state, body(state, || format!("a state of robot {robot}"))?));
+                let body = body(state, || format!("a state of robot {robot}"))?;
+                self.robot_states.push((robot, state, body, self.came(state.at)));
             }
             Record::StationState { station, state } => {
-                self.station_states.push((station, state, body(state, || format!("a state of station {station}"))?));
+                let body = body(state, || format!("a state of station {station}"))?;
+                self.station_states.push((station, state, body, self.came(state.at)));
             }
             Record::Explanations(explanations) => {
                 for explanation in explanations {
@@ -85,10 +95,18 @@ impl<'a> Batch<'a> {
                     self.decisions.push(Decision::Explanation(explanation, body));
                 }
             }
-            Record::Heard(heard) => self.heard.push(heard),
+            Record::Heard(heard) => {
+                self.came = Some(heard.at);
+                self.heard.push(heard);
+            }
             decision => self.decisions.push(Decision::of(decision)?),
         }
         Ok(())
+    }
+
+    /// When a message came that was sent at `at` by its sender's clock, where that clock is wrong.
+    fn came(&self, at: Timestamp) -> Came {
+        self.came.filter(|came| came.seconds_since(at).abs() > CLOCKS_APART_S).map(Timestamp::unix_ms)
     }
 
     /// Writes everything. Telemetry that is there already is skipped: a message may arrive
@@ -106,11 +124,14 @@ impl<'a> Batch<'a> {
 
     async fn write_telemetry(&self, connection: &mut AnyConnection) -> Result<(), sqlx::Error> {
         let into = concat!("robot_gauges (robot, ", gauge_columns!(), ")");
-        insert(connection, into, &self.robot_gauges, |(robot, gauge)| gauge_row(&[robot.as_str()], gauge)).await?;
+        insert(connection, into, &self.robot_gauges, |(robot, gauge, came)| gauge_row(&[robot.as_str()], gauge, *came)).await?;
         let into = concat!("pack_gauges (station, pack, ", gauge_columns!(), ")");
-        insert(connection, into, &self.pack_gauges, |(station, pack, gauge)| gauge_row(&[station.as_str(), pack.as_str()], gauge)).await?;
-        let into = "robot_states (robot, at_ms, seq, phase, station, bay, drain_w, drain_w_sigma, battery, body)";
-        insert(connection, into, &self.robot_states, |(robot, state, body)| {
+        insert(connection, into, &self.pack_gauges, |(station, pack, gauge, came)| {
+            gauge_row(&[station.as_str(), pack.as_str()], gauge, *came)
+        })
+        .await?;
+        let into = "robot_states (robot, at_ms, seq, phase, station, bay, drain_w, drain_w_sigma, battery, body, came_ms)";
+        insert(connection, into, &self.robot_states, |(robot, state, body, came)| {
             vec![
                 Value::text(robot.as_str()),
                 Value::int(state.at.unix_ms()),
@@ -122,11 +143,12 @@ impl<'a> Batch<'a> {
                 Value::real(state.drain_w.sigma),
                 Value::text(&state.battery),
                 Value::text(body),
+                Value::Int(*came),
             ]
         })
         .await?;
-        let into = "station_states (station, at_ms, seq, active_pack, powered, lift_busy, pack_power_w, body)";
-        insert(connection, into, &self.station_states, |(station, state, body)| {
+        let into = "station_states (station, at_ms, seq, active_pack, powered, lift_busy, pack_power_w, body, came_ms)";
+        insert(connection, into, &self.station_states, |(station, state, body, came)| {
             vec![
                 Value::text(station.as_str()),
                 Value::int(state.at.unix_ms()),
@@ -136,6 +158,7 @@ impl<'a> Batch<'a> {
                 Value::Flag(state.lift_busy),
                 Value::real(state.pack_power_w),
                 Value::text(body),
+                Value::Int(*came),
             ]
         })
         .await?;
@@ -143,7 +166,7 @@ impl<'a> Batch<'a> {
     }
 }
 
-fn gauge_row(names: &[&str], gauge: &Gauge) -> Vec<Value> {
+fn gauge_row(names: &[&str], gauge: &Gauge, came: Came) -> Vec<Value> {
     let mut row: Vec<Value> = names.iter().map(|name| Value::text(name)).collect();
     row.extend([Value::int(gauge.at.unix_ms()), Value::int(gauge.seq.cast_signed())]);
     let estimate = |row: &mut Vec<Value>, of: Option<Estimate>| {
@@ -157,7 +180,7 @@ fn gauge_row(names: &[&str], gauge: &Gauge) -> Vec<Value> {
     estimate(&mut row, Some(gauge.soh));
     row.push(Value::Real(gauge.cycles));
     row.extend([gauge.voltage_v, gauge.current_a, gauge.temperature_degc, gauge.power_w].map(Value::real));
-    row.extend([Value::int(i64::from(gauge.cells_series)), Value::text(&gauge.source)]);
+    row.extend([Value::int(i64::from(gauge.cells_series)), Value::text(&gauge.source), Value::Int(came)]);
     row
 }
 

@@ -29,7 +29,7 @@ async fn store(folder: &Path) -> (PathBuf, SqliteConnection) {
         let (at_ms, soc, voltage_v) = (BEGIN_MS + 1000 * second, 0.9 - 0.001 * second as f64, 12.0 - 0.01 * second as f64);
         format!(
             "INSERT INTO {table} VALUES ({key}, {at_ms}, {second}, {soc}, 0.02, 10, 1, 12, 1, NULL, NULL, NULL, NULL, 1, 0.01, {voltage_v}, \
-             {}, 25, 9, 3, 'test', 3);",
+             {}, 25, 9, 3, 'test', 3, NULL);",
             if table == "pack_gauges" { 1.5 } else { -0.5 }
         )
     };
@@ -43,11 +43,13 @@ async fn store(folder: &Path) -> (PathBuf, SqliteConnection) {
             BEGIN_MS + 1000 * second,
             second < 55
         );
-        all +=
-            &format!("INSERT INTO station_states VALUES ('mds', {}, {second}, 'pack-a', 1, 0, 7.5, '{body}');", BEGIN_MS + 1000 * second);
+        all += &format!(
+            "INSERT INTO station_states VALUES ('mds', {}, {second}, 'pack-a', 1, 0, 7.5, '{body}', NULL);",
+            BEGIN_MS + 1000 * second
+        );
     }
     all += &format!(
-        "INSERT INTO robot_states VALUES ('explorer-1', {}, 0, 'charging', 'mds', 'bay-1', 1, 0.1, 'b', '{{}}');",
+        "INSERT INTO robot_states VALUES ('explorer-1', {}, 0, 'charging', 'mds', 'bay-1', 1, 0.1, 'b', '{{}}', NULL);",
         BEGIN_MS + 30_000
     );
     raw_sql(AssertSqlSafe(all)).execute(&mut connection).await.unwrap();
@@ -169,7 +171,7 @@ fn an_exchange_ends_the_log_of_a_battery() {
     let (path, mut writer) = runtime.block_on(store(folder.path()));
     let state = |second: i64, phase: &str| {
         let at_ms = BEGIN_MS + 1000 * second;
-        format!("INSERT INTO robot_states VALUES ('explorer-1', {at_ms}, {second}, '{phase}', 'mds', 'bay-1', 1, 0.1, 'b', '{{}}');")
+        format!("INSERT INTO robot_states VALUES ('explorer-1', {at_ms}, {second}, '{phase}', 'mds', 'bay-1', 1, 0.1, 'b', '{{}}', NULL);")
     };
     runtime.block_on(async {
         raw_sql("COMMIT").execute(&mut writer).await.unwrap();
