@@ -36,7 +36,7 @@ use sqlx::{AnyConnection, Connection};
 
 pub use error::StoreError;
 pub use heard::{Heard, What};
-pub use read::{Reader, SentCommand, StoredCommand, TelemetryRow};
+pub use read::Reader;
 pub use record::Record;
 pub use retire::{Retention, Sweep};
 pub use server::shown;

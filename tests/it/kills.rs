@@ -1,10 +1,10 @@
 //! Real processes, killed and started again at random moments, over a router.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use coordinator::store::{SentCommand, Store};
+use coordinator::store::{Record, Store, What};
 use node::{Link, NetworkConfig};
 use proto::{EventKind, Outcome};
 use tests::{Fleet, Running, patiently, program, start, workspace};
@@ -102,14 +102,20 @@ async fn judge(fleet: &Fleet) -> anyhow::Result<()> {
     anyhow::ensure!(events.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1), "the numbers of events have a gap");
     let starts = store.starts().await?;
     anyhow::ensure!(starts.windows(2).all(|pair| pair[1].epoch == pair[0].epoch + 1), "the numbers of starts have a gap");
+    let mut accepted = BTreeSet::new();
+    for begun in &starts {
+        for heard in store.heard(begun.epoch, 0, usize::MAX).await? {
+            let What::Reply(reply) = heard.what else { continue };
+            if reply.outcome == Outcome::Accepted {
+                accepted.insert(reply.id);
+            }
+        }
+    }
     let mut spares: BTreeMap<String, String> = BTreeMap::new();
     for (index, begun) in starts.iter().enumerate() {
         for record in store.decisions(*begun, starts.get(index + 1).copied()).await? {
-            let coordinator::store::Record::StationCommand { command, .. } = record else { continue };
-            let Some(stored) = store.command(&command.id).await? else { anyhow::bail!("{} is gone", command.id) };
-            let SentCommand::Station { command, .. } = stored.sent else { continue };
-            let accepted = stored.reply.is_some_and(|reply| reply.outcome == Outcome::Accepted);
-            if let (true, proto::StationAction::SwapPack { robot, spare }) = (accepted, command.action) {
+            let Record::StationCommand { command, .. } = record else { continue };
+            if let (true, proto::StationAction::SwapPack { robot, spare }) = (accepted.contains(&command.id), command.action) {
                 let holder = spares.insert(spare.to_string(), robot.to_string());
                 anyhow::ensure!(holder.is_none(), "{spare} was issued to {robot} and to {holder:?}");
             }

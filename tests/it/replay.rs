@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use coordinator::store::{Record, Store, What};
 use proto::{EventKind, RobotId, Schedule, ServiceStatus, StationId};
 use tests::{Fleet, patiently, workspace};
 
@@ -46,8 +47,15 @@ fn a_measured_discharge_becomes_a_planned_service() -> anyhow::Result<()> {
 
 fn telemetry(fleet: &Fleet, robot: &RobotId) -> anyhow::Result<Vec<proto::Gauge>> {
     tokio::runtime::Runtime::new()?.block_on(async {
-        let store = coordinator::store::Store::open_read_only(&fleet.path("tender.db")).await?;
-        Ok(store.robot_telemetry(robot, None, None).await?.into_iter().map(|row| row.gauge).collect())
+        let store = Store::open_read_only(&fleet.path("tender.db")).await?;
+        let mut gauges = Vec::new();
+        for heard in store.heard(1, 0, usize::MAX).await? {
+            let is_its_own = matches!(&heard.what, What::RobotGauge(whose, ..) if whose == robot);
+            if is_its_own && let Some(Record::RobotGauge { gauge, .. }) = store.message_of(&heard).await? {
+                gauges.push(gauge);
+            }
+        }
+        Ok(gauges)
     })
 }
 

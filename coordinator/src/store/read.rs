@@ -1,16 +1,9 @@
 //! Questions to the store.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use proto::{
-    Capacity, CommandId, CommandReply, Estimate, Event, Explanation, Gauge, Message, PackId, RobotCommand, RobotId, RobotPhase, Schedule,
-    StationCommand, StationId, Timestamp, decode,
-};
-use serde::Deserialize;
-use serde::de::IntoDeserializer;
-use serde::de::value::Error as ValueError;
+use proto::{Capacity, Estimate, Event, Explanation, Gauge, Message, RobotId, Schedule, StationId, Timestamp, decode};
 use sqlx::AnyPool;
 use sqlx::any::{AnyPoolOptions, AnyRow};
 use sqlx::{Row, query, query_as, query_scalar};
@@ -22,49 +15,7 @@ use crate::core::Numbering;
 #[derive(Debug, Clone)]
 pub struct Reader {
     path: PathBuf,
-    pool: AnyPool,
-}
-
-/// One moment of a robot's log.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TelemetryRow {
-    /// What its gauge said.
-    pub gauge: Gauge,
-    /// What it was doing then, by its own last report; none before the first.
-    pub phase: Option<RobotPhase>,
-}
-
-/// A command with its addressee.
-#[derive(Debug, Clone, PartialEq)]
-pub enum SentCommand {
-    /// To a robot.
-    Robot {
-        /// Which.
-        robot: RobotId,
-        /// The command.
-        command: RobotCommand,
-    },
-    /// To a station.
-    Station {
-        /// Which.
-        station: StationId,
-        /// The command.
-        command: StationCommand,
-    },
-}
-
-/// A command and what became of it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StoredCommand {
-    /// What was sent.
-    pub sent: SentCommand,
-    /// The first answer, if there was one.
-    pub reply: Option<CommandReply>,
-}
-
-/// Where a robot's or a pack's log begins and ends, for comparison in SQL.
-fn bounds(from: Option<Timestamp>, to: Option<Timestamp>) -> (i64, i64) {
-    (from.map_or(i64::MIN, Timestamp::unix_ms), to.map_or(i64::MAX, Timestamp::unix_ms))
+    pub(super) pool: AnyPool,
 }
 
 impl Reader {
@@ -128,58 +79,6 @@ impl Reader {
         let select = query_scalar::<_, String>("SELECT body FROM events ORDER BY seq DESC LIMIT $1").bind(limit);
         let bodies = select.fetch_all(&self.pool).await.map_err(self.failed("reading events"))?;
         bodies.iter().rev().map(|body| self.decode(body, "events")).collect()
-    }
-
-    /// A robot's log in the order of time, both ends included.
-    pub async fn robot_telemetry(
-        &self,
-        robot: &RobotId,
-        from: Option<Timestamp>,
-        to: Option<Timestamp>,
-    ) -> Result<Vec<TelemetryRow>, StoreError> {
-        let (from_ms, to_ms) = bounds(from, to);
-        let select = "SELECT g.*, (SELECT s.phase FROM robot_states s WHERE s.robot = g.robot AND s.at_ms <= g.at_ms \
-                      ORDER BY s.at_ms DESC, s.seq DESC LIMIT 1) AS phase \
-                      FROM robot_gauges g WHERE g.robot = $1 AND g.at_ms BETWEEN $2 AND $3 ORDER BY g.at_ms, g.seq";
-        let select = query(select).bind(robot.as_str()).bind(from_ms).bind(to_ms);
-        let rows = select.fetch_all(&self.pool).await.map_err(self.failed("reading robot_gauges"))?;
-        rows.iter().map(telemetry).collect::<Result<_, _>>().map_err(self.failed("reading robot_gauges"))
-    }
-
-    /// The log of a station's pack in the order of time, both ends included.
-    pub async fn pack_telemetry(
-        &self,
-        station: &StationId,
-        pack: &PackId,
-        from: Option<Timestamp>,
-        to: Option<Timestamp>,
-    ) -> Result<Vec<Gauge>, StoreError> {
-        let (from_ms, to_ms) = bounds(from, to);
-        let select = "SELECT * FROM pack_gauges WHERE station = $1 AND pack = $2 AND at_ms BETWEEN $3 AND $4 ORDER BY at_ms, seq";
-        let select = query(select).bind(station.as_str()).bind(pack.as_str()).bind(from_ms).bind(to_ms);
-        let rows = select.fetch_all(&self.pool).await.map_err(self.failed("reading pack_gauges"))?;
-        rows.iter().map(gauge).collect::<Result<_, _>>().map_err(self.failed("reading pack_gauges"))
-    }
-
-    /// A command and its answer.
-    pub async fn command(&self, id: &CommandId) -> Result<Option<StoredCommand>, StoreError> {
-        let select = query_as("SELECT robot, station, body, reply_body FROM commands WHERE id = $1").bind(id.as_str());
-        let row: Option<CommandColumns> = select.fetch_optional(&self.pool).await.map_err(self.failed("reading commands"))?;
-        row.map(|row| self.stored_command(row)).transpose()
-    }
-
-    /// Rows per table.
-    pub async fn counts(&self) -> Result<BTreeMap<&'static str, u64>, StoreError> {
-        let select = "SELECT (SELECT COUNT(*) FROM robot_gauges) AS robot_gauges, (SELECT COUNT(*) FROM pack_gauges) AS pack_gauges, \
-                      (SELECT COUNT(*) FROM robot_states) AS robot_states, (SELECT COUNT(*) FROM station_states) AS station_states, \
-                      (SELECT COUNT(*) FROM events) AS events, (SELECT COUNT(*) FROM plans) AS plans, \
-                      (SELECT COUNT(*) FROM capacities) AS capacities, (SELECT COUNT(*) FROM explanations) AS explanations, \
-                      (SELECT COUNT(*) FROM commands) AS commands";
-        const TABLES: [&str; 9] =
-            ["robot_gauges", "pack_gauges", "robot_states", "station_states", "events", "plans", "capacities", "explanations", "commands"];
-        let row = query(select).fetch_one(&self.pool).await.map_err(self.failed("counting rows"))?;
-        let count = |table: &'static str| row.try_get::<i64, _>(table).map(|rows| (table, rows.cast_unsigned()));
-        TABLES.into_iter().map(count).collect::<Result<_, _>>().map_err(self.failed("counting rows"))
     }
 
     /// Where the numbers of each start of a coordinator began, oldest first.
@@ -265,15 +164,10 @@ impl Reader {
         let events = select.bind(start.event.cast_signed()).bind(event).fetch_all(&self.pool).await.map_err(&failed)?;
         let select = query_scalar::<_, String>("SELECT body FROM plans WHERE plan >= $1 AND plan < $2 ORDER BY plan");
         let plans = select.bind(start.plan.cast_signed()).bind(plan).fetch_all(&self.pool).await.map_err(&failed)?;
-        let select = query_as("SELECT robot, station, body, reply_body FROM commands WHERE epoch = $1").bind(start.epoch.cast_signed());
-        let commands: Vec<CommandColumns> = select.fetch_all(&self.pool).await.map_err(&failed)?;
-        let mut commands = commands.into_iter().map(|row| self.stored_command(row)).collect::<Result<Vec<_>, _>>()?;
+        let select = query_as("SELECT id, robot, station, body FROM commands WHERE epoch = $1").bind(start.epoch.cast_signed());
+        let mut commands: Vec<CommandColumns> = select.fetch_all(&self.pool).await.map_err(&failed)?;
         // Ids end with a number that counts up.
-        let number = |id: &CommandId| id.as_str().rsplit('-').next().and_then(|n| n.parse::<u64>().ok()).unwrap_or(0);
-        commands.sort_by_key(|command| match &command.sent {
-            SentCommand::Robot { command, .. } => number(&command.id),
-            SentCommand::Station { command, .. } => number(&command.id),
-        });
+        commands.sort_by_key(|(id, ..)| id.rsplit('-').next().and_then(|n| n.parse::<u64>().ok()).unwrap_or(0));
         let mut records = Vec::new();
         for body in &events {
             records.push(Record::Event(self.decode(body, "events")?));
@@ -281,10 +175,9 @@ impl Reader {
         for body in &plans {
             records.push(Record::Plan(Arc::new(self.decode(body, "plans")?)));
         }
-        records.extend(commands.into_iter().map(|command| match command.sent {
-            SentCommand::Robot { robot, command } => Record::RobotCommand { robot, command },
-            SentCommand::Station { station, command } => Record::StationCommand { station, command },
-        }));
+        for command in commands {
+            records.push(self.command(command)?);
+        }
         Ok(records)
     }
 
@@ -303,18 +196,17 @@ impl Reader {
         u64::try_from(number).map_err(|_| self.damaged(format!("{doing}: {number} is below zero")))
     }
 
-    fn stored_command(&self, (robot, station, body, reply): CommandColumns) -> Result<StoredCommand, StoreError> {
+    fn command(&self, (_, robot, station, body): CommandColumns) -> Result<Record, StoreError> {
         let bad_id = |error: proto::IdError| self.damaged(format!("table commands: {error}"));
-        let sent = match (robot, station) {
+        Ok(match (robot, station) {
             (Some(robot), None) => {
-                SentCommand::Robot { robot: RobotId::new(robot).map_err(bad_id)?, command: self.decode(&body, "commands")? }
+                Record::RobotCommand { robot: RobotId::new(robot).map_err(bad_id)?, command: self.decode(&body, "commands")? }
             }
             (None, Some(station)) => {
-                SentCommand::Station { station: StationId::new(station).map_err(bad_id)?, command: self.decode(&body, "commands")? }
+                Record::StationCommand { station: StationId::new(station).map_err(bad_id)?, command: self.decode(&body, "commands")? }
             }
             _ => return Err(self.damaged(format!("table commands: not one addressee: {body}"))),
-        };
-        Ok(StoredCommand { sent, reply: self.message(reply, "commands")? })
+        })
     }
 
     fn message<M: Message>(&self, body: Option<String>, table: &str) -> Result<Option<M>, StoreError> {
@@ -334,14 +226,8 @@ impl Reader {
     }
 }
 
-/// Robot, station, body and reply.
-type CommandColumns = (Option<String>, Option<String>, String, Option<String>);
-
-fn telemetry(row: &AnyRow) -> Result<TelemetryRow, sqlx::Error> {
-    let phase: Option<String> = row.try_get("phase")?;
-    let phase = phase.map(|name| RobotPhase::deserialize(IntoDeserializer::<ValueError>::into_deserializer(name))).transpose();
-    Ok(TelemetryRow { gauge: gauge(row)?, phase: phase.map_err(|error| sqlx::Error::Decode(Box::new(error)))? })
-}
+/// Id, robot, station and body.
+type CommandColumns = (String, Option<String>, Option<String>, String);
 
 fn gauge(row: &AnyRow) -> Result<Gauge, sqlx::Error> {
     let estimate = |value: &str, sigma: &str| Ok::<_, sqlx::Error>(Estimate::new(row.try_get(value)?, row.try_get(sigma)?));

@@ -7,13 +7,15 @@ mod opening;
 mod retire;
 mod server;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use proto::*;
 use tempfile::TempDir;
 
-use super::{RENEWAL, Reader, Record, Store, StoreError};
+use super::{Heard, RENEWAL, Reader, Record, Store, StoreError, What};
+use crate::core::Numbering;
 
 /// A directory that vanishes with the test, and a path in it.
 fn place() -> (TempDir, PathBuf) {
@@ -185,6 +187,35 @@ fn one_of_each() -> Vec<Record> {
     ]
 }
 
-async fn rows(reader: &Reader) -> u64 {
-    reader.counts().await.unwrap().values().sum()
+/// The tables of what is told and decided.
+const TABLES: [&str; 9] =
+    ["robot_gauges", "pack_gauges", "robot_states", "station_states", "events", "plans", "capacities", "explanations", "commands"];
+
+/// Rows per table, all of one moment.
+async fn counts(reader: &Reader) -> BTreeMap<&'static str, i64> {
+    let count = TABLES.map(|table| format!("SELECT '{table}' AS name, COUNT(*) AS held FROM {table}")).join(" UNION ALL ");
+    let rows: Vec<(String, i64)> = sqlx::query_as(sqlx::AssertSqlSafe(count)).fetch_all(&reader.pool).await.unwrap();
+    TABLES.into_iter().map(|table| (table, rows.iter().find(|(name, _)| name == table).unwrap().1)).collect()
+}
+
+async fn rows(reader: &Reader) -> i64 {
+    counts(reader).await.values().sum()
+}
+
+/// The commands of the first start.
+async fn commands(reader: &Reader) -> Vec<Record> {
+    let start = Numbering { epoch: 1, event: 0, plan: 0 };
+    reader.decisions(start, None).await.unwrap().into_iter().filter(Record::is_command).collect()
+}
+
+/// The answer that is kept with a command, as it came.
+async fn reply_to(reader: &Reader, id: &str) -> Option<CommandReply> {
+    let select = sqlx::query_scalar::<_, Option<String>>("SELECT reply_body FROM commands WHERE id = $1").bind(id.to_owned());
+    let body = select.fetch_optional(&reader.pool).await.unwrap().flatten()?;
+    Some(decode(body.as_bytes()).unwrap())
+}
+
+/// The message that is kept of what was heard.
+async fn message(reader: &Reader, what: What) -> Result<Option<Record>, StoreError> {
+    reader.message_of(&Heard { epoch: 1, number: 1, at: at(0), what }).await
 }

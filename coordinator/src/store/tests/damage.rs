@@ -1,5 +1,4 @@
 use super::*;
-use crate::core::Numbering;
 
 /// A batch that needs several hundred pages of 4 KiB.
 fn large(first: u64) -> Vec<Record> {
@@ -12,18 +11,18 @@ async fn a_full_disk_loses_the_batch_and_nothing_else_until_there_is_room() {
     let (_directory, path) = place();
     let store = open(&path).await;
     store.append(&one_of_each()).await.unwrap();
-    let before = store.counts().await.unwrap();
+    let before = counts(&store).await;
     for _ in 0..3 {
         store.limit_pages(100).await;
         let error = store.append(&large(100)).await.unwrap_err();
         assert!(matches!(error, StoreError::Full { .. }) && error.to_string().contains("journal.db cannot be written"), "{error}");
-        assert_eq!(store.counts().await.unwrap(), before);
+        assert_eq!(counts(&store).await, before);
         // What is small enough still goes in.
         store.append(&one_of_each()[..2]).await.unwrap();
     }
     store.limit_pages(1_000_000).await;
     store.append(&large(100)).await.unwrap();
-    assert_eq!(rows(&store).await, before.values().sum::<u64>() + 1_000);
+    assert_eq!(rows(&store).await, before.values().sum::<i64>() + 1_000);
     store.close().await;
     assert_eq!(open(&path).await.next_event_seq().await.unwrap(), 1_100);
 }
@@ -74,8 +73,10 @@ async fn an_overwritten_page_is_an_error_wherever_it_is_read() {
             store.events(usize::MAX).await.is_ok(),
             store.latest_schedule().await.is_ok(),
             store.decisions(Numbering::default(), None).await.is_ok(),
-            store.robot_telemetry(&id("r1"), None, None).await.is_ok(),
-            store.counts().await.is_ok(),
+            message(&store, What::RobotGauge(id("r1"), at(1), 1)).await.is_ok(),
+            message(&store, What::StationState(id("north"), at(1), 1)).await.is_ok(),
+            store.latest_explanation(&id("r1")).await.is_ok(),
+            store.latest_capacity().await.is_ok(),
             store.starts().await.is_ok(),
             store.heard(1, 0, 9).await.is_ok(),
             store.append(&events(5_000..=5_000)).await.is_ok(),
@@ -93,7 +94,7 @@ async fn a_row_that_no_coordinator_wrote_is_an_error_that_names_the_table() {
     for sql in [
         "UPDATE plans SET body = '{'",
         "UPDATE events SET body = 'null'",
-        "UPDATE robot_states SET phase = 'flying'",
+        "UPDATE robot_states SET body = '[]'",
         "UPDATE pack_gauges SET cells_series = -1",
         "UPDATE commands SET robot = 'no robot'",
     ] {
@@ -102,9 +103,9 @@ async fn a_row_that_no_coordinator_wrote_is_an_error_that_names_the_table() {
     let errors = [
         (store.latest_schedule().await.unwrap_err(), "plans"),
         (store.events(9).await.unwrap_err(), "events"),
-        (store.robot_telemetry(&id("r1"), None, None).await.unwrap_err(), "robot_gauges"),
-        (store.pack_telemetry(&id("north"), &id("p1"), None, None).await.unwrap_err(), "pack_gauges"),
-        (store.command(&id("c1")).await.unwrap_err(), "commands"),
+        (message(&store, What::RobotState(id("r1"), at(1), 1)).await.unwrap_err(), "robot_states"),
+        (message(&store, What::PackGauge(id("north"), id("p1"), at(1), 1)).await.unwrap_err(), "what a line points to"),
+        (store.decisions(Numbering { plan: 9, event: 9, epoch: 1 }, None).await.unwrap_err(), "commands"),
     ];
     for (error, table) in errors {
         assert!(matches!(error, StoreError::Damaged { .. }) && error.to_string().contains(table), "{error}");
@@ -138,7 +139,7 @@ async fn a_log_whose_end_is_torn_loses_nothing_that_was_appended_before() {
             let store = open(&torn).await;
             let next = store.next_event_seq().await.unwrap();
             assert!(next == 6 || next == 41, "cut at {cut} of {}: the next event is {next}", whole.len());
-            assert!(store.command(&id("c1")).await.unwrap().is_some_and(|command| command.reply.is_some()));
+            assert!(commands(&store).await.len() == 1 && reply_to(&store, "c1").await.is_some());
             seen.insert(next);
             store.close().await;
         }

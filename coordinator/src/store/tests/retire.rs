@@ -3,7 +3,6 @@
 use super::super::retire::{Retention, Sweep};
 use super::cluster::Cluster;
 use super::*;
-use crate::store::{Heard, What};
 
 const HOUR: i64 = 3_600;
 

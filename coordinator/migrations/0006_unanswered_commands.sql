@@ -1,0 +1,2 @@
+-- Nobody looks for commands without an answer.
+DROP INDEX unanswered_commands;
