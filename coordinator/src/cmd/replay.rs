@@ -84,7 +84,9 @@ fn say_told(told: &Told) {
     match (difference, unanswered) {
         (_, Some(why)) => say!("start {epoch}: cannot be answered: {why}"),
         (None, None) => say!("start {epoch}: {inputs} inputs, {same_decisions} decisions, all the same"),
-        (Some(difference), None) => say!("start {epoch}: {inputs} inputs; not the same: {difference}"),
+        (Some(difference), None) => {
+            say!("start {epoch}: {inputs} inputs; not the same (was the configuration another one then?): {difference}");
+        }
     }
 }
 
