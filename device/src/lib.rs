@@ -24,5 +24,5 @@ mod script;
 pub use log::Log;
 pub use program::Program;
 pub use reader::{Reader, Reading, Unmeasured};
-pub use report::{Device, Report, Supply};
+pub use report::{Device, Report, Supply, UNKNOWN_SOC};
 pub use script::Script;

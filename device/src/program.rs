@@ -48,6 +48,18 @@ pub struct Ended {
     pub result: Result<(), String>,
 }
 
+/// Time before an act that failed is begun again, s; twice as long after each failure. A guess: what was in the way is gone after
+/// seconds, or somebody has to see to it.
+const RETRY_S: f64 = 10.0;
+/// No longer than this, s.
+const RETRY_MAX_S: f64 = 300.0;
+
+/// Time before an act that has failed so many times in a row is begun again, s.
+#[must_use]
+pub fn retry_s(failures: u32) -> f64 {
+    (RETRY_S * f64::from(failures.saturating_sub(1)).exp2()).min(RETRY_MAX_S)
+}
+
 impl Program {
     /// A program that the configuration names under `key`; an empty `command` does nothing.
     #[must_use]
@@ -177,4 +189,14 @@ fn is_found(name: &str) -> bool {
     let folders = std::env::var_os("PATH").unwrap_or_default();
     name.contains('/') && Path::new(name).is_file()
         || !name.contains('/') && std::env::split_paths(&folders).any(|at| at.join(name).is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_fails_is_begun_again_later_each_time_and_never_later_than_after_five_minutes() {
+        assert_eq!([1, 2, 3, 5, 6, 7, u32::MAX].map(retry_s), [10.0, 20.0, 40.0, 160.0, 300.0, 300.0, 300.0]);
+    }
 }

@@ -1,5 +1,10 @@
 //! What a battery gauge of the world outside says, whichever it is.
 
+use energy::Estimate;
+
+/// State of charge of a battery of which nothing is known: uniform from 0 to 1, the deviation of which is 1 / sqrt(12).
+pub const UNKNOWN_SOC: Estimate = Estimate::new(0.5, 0.288_675_134_594_812_9);
+
 /// Whether something outside feeds what the battery feeds, as far as the device can tell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Supply {
@@ -49,5 +54,16 @@ pub trait Device: Send {
     /// What went wrong with that.
     fn trouble(&self) -> Option<String> {
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_known_is_spread_evenly_over_all_that_it_can_be() {
+        // The mean square of what lies evenly from 0 to 1 is 1/3, that of its mean 1/4.
+        assert!((UNKNOWN_SOC.sigma.powi(2) - (1.0 / 3.0 - UNKNOWN_SOC.value.powi(2))).abs() < 1e-15);
     }
 }

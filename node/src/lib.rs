@@ -62,7 +62,7 @@ pub use network::{NetworkConfig, Tls};
 pub use one_thread::begin_with_one_thread;
 pub use pace::{LOOK_S, Pace, Step, Stride};
 pub use publish::{Due, Publish};
-pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY};
+pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY, check_rule};
 pub use session::Link;
 pub use silence::Silence;
 pub use sole::Sole;

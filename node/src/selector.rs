@@ -1,7 +1,7 @@
 //! A station's battery selector, as configurations and scenarios state it: when it changes packs, and
 //! what happens to the station meanwhile.
 
-use anyhow::{bail, ensure};
+use anyhow::{anyhow, bail, ensure};
 use energy::selector::{Change, Rule, Selector};
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +55,19 @@ fn default_loop_ohm() -> f64 {
 /// The rule of a station that states none: a pack feeds it until it gives out, then the next.
 pub const UNTIL_EMPTY: Rule = Rule { leave_below_v: 0.0, take_above_v: 0.0 };
 
+/// Checks that the two voltages of a rule do not contradict each other. The error begins with a key of the table that states them.
+///
+/// # Errors
+/// Names both keys.
+pub fn check_rule(rule: Rule) -> anyhow::Result<()> {
+    let Rule { leave_below_v, take_above_v } = rule;
+    ensure!(
+        take_above_v >= leave_below_v,
+        "take_above_v = {take_above_v} lies below leave_below_v = {leave_below_v}: a pack would be taken to be left at once"
+    );
+    Ok(())
+}
+
 impl SelectorConfig {
     /// Checks the ranges.
     ///
@@ -89,13 +102,7 @@ impl SelectorConfig {
             }
             _ => {}
         }
-        ensure!(
-            self.take_above_v >= self.leave_below_v,
-            "selector.take_above_v = {} lies below selector.leave_below_v = {}: a pack would be taken to be left at once",
-            self.take_above_v,
-            self.leave_below_v
-        );
-        Ok(())
+        check_rule(self.rule()).map_err(|error| anyhow!("selector.{error}"))
     }
 
     /// The device.
@@ -139,7 +146,8 @@ mod tests {
         let makes = SelectorConfig { change: ChangeKind::MakeBeforeBreak, ..GOOD };
         assert!(refused(makes).contains("selector.gap_s = 0.002"));
         SelectorConfig { gap_s: 0.0, overlap_s: 0.001, ..makes }.check().unwrap();
-        assert!(refused(SelectorConfig { take_above_v: 9.0, ..GOOD }).contains("would be taken to be left at once"));
+        let crossed = "selector.take_above_v = 9 lies below leave_below_v = 9.6: a pack would be taken to be left at once";
+        assert_eq!(refused(SelectorConfig { take_above_v: 9.0, ..GOOD }), crossed);
         assert!(refused(SelectorConfig { loop_ohm: 0.0, ..GOOD }).contains("selector.loop_ohm = 0: must be above 0"));
         assert!(refused(SelectorConfig { least_v: f64::NAN, ..GOOD }).contains("selector.least_v = NaN: must be between"));
     }

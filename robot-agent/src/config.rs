@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
-use device::Log;
+use device::{Log, UNKNOWN_SOC};
 use energy::gauge::{Kind, soc_at_rest};
 use energy::{Channel, Model, System};
 use node::files::{ModelRef, read_text};
@@ -153,8 +153,8 @@ impl Config {
         let battery = self.battery.load_as(System::Battery, "battery", path)?;
         let load = self.load.as_ref().map(|load| load.load_as(System::Robot, "load", path)).transpose()?;
         let drain_w = load.as_ref().map(|load| self.mission.drain_w(load)).transpose()?;
-        // Anything, until the device has said what it knows: uniform over the whole range.
-        let gauge = self.gauge.open(Arc::clone(&battery), energy::Estimate::new(0.5, 1.0 / 12_f64.sqrt()), self.body.ambient_degc);
+        // Anything, until the device has said what it knows.
+        let gauge = self.gauge.open(Arc::clone(&battery), UNKNOWN_SOC, self.body.ambient_degc);
         let profile = self.profile(path, &battery, load.as_ref(), drain_w, &device.name())?;
         Ok((Agent::new(profile, gauge), Box::new(Measured::new(device, battery, self.body.clone()))))
     }

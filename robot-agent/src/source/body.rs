@@ -2,7 +2,7 @@
 //! program and the charger's current tell.
 
 use anyhow::anyhow;
-use device::program::Ended;
+use device::program::{Ended, retry_s};
 use device::{Program, Supply, Unmeasured};
 use serde::{Deserialize, Serialize};
 use tracing::warn;
@@ -69,13 +69,8 @@ pub struct Hands {
     /// Time until what failed is begun again, s; none while nothing waits for that.
     again_in_s: Option<f64>,
     /// How often it failed.
-    failures: i32,
+    failures: u32,
 }
-
-/// Time before a failed act is begun again, s; twice as long after each failure.
-const RETRY_S: f64 = 10.0;
-/// No longer than this, s.
-const RETRY_MAX_S: f64 = 300.0;
 
 impl Hands {
     /// The hands of a robot at work.
@@ -168,10 +163,10 @@ impl Hands {
     }
 
     fn fail(&mut self, what: String) {
-        let wait_s = (RETRY_S * 2_f64.powi(self.failures)).min(RETRY_MAX_S);
+        self.failures += 1;
+        let wait_s = retry_s(self.failures);
         warn!("{what}; again in {wait_s} s");
         (self.trouble, self.again_in_s) = (Some(what), Some(wait_s));
-        self.failures += 1;
     }
 }
 

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow, ensure};
-use device::{Device, Log, Program, Reader, Unmeasured, power_supply, ros2, sbs};
+use device::{Device, Log, Program, Reader, UNKNOWN_SOC, Unmeasured, power_supply, ros2, sbs};
+use energy::System;
 use energy::document::hint;
 use energy::selector::Rule;
-use energy::{Estimate, System};
 use proto::{PackId, SpareId};
 use serde::{Deserialize, Serialize};
 
@@ -138,12 +138,7 @@ impl MeasuredConfig {
         for (key, value) in [("leave_below_v", self.leave_below_v), ("take_above_v", self.take_above_v)] {
             ensure!((0.0..=VOLTAGE_MAX_V).contains(&value), "{key} = {value}: must be between 0 and {VOLTAGE_MAX_V}");
         }
-        ensure!(
-            self.take_above_v >= self.leave_below_v,
-            "take_above_v = {} lies below source.leave_below_v = {}: a pack would be taken to be left at once",
-            self.take_above_v,
-            self.leave_below_v
-        );
+        node::check_rule(self.rule())?;
         let act_s = self.operate_max_s;
         ensure!((1.0..=ACT_MAX_S).contains(&act_s), "operate_max_s = {act_s}: must be between 1 and {ACT_MAX_S}");
         fraction("ready_soc", self.ready_soc)?;
@@ -153,6 +148,10 @@ impl MeasuredConfig {
         ensure!(!self.drives || !self.operate.is_empty(), "drives: the station drives, and {key} names no program that says where it is");
         ensure!(of.spares.is_empty() || !self.operate.is_empty(), "{key}: the station has spares, and no program to exchange them");
         Ok(())
+    }
+
+    fn rule(&self) -> Rule {
+        Rule { leave_below_v: self.leave_below_v, take_above_v: self.take_above_v }
     }
 
     fn unmeasured(&self) -> Unmeasured {
@@ -166,9 +165,8 @@ impl MeasuredConfig {
             let key = || format!("source.packs.{}", pack.id);
             let model = pack.battery.load_as(System::Battery, &format!("packs.{}.battery", pack.id), path)?;
             let device = self.packs.get(&pack.id).with_context(key)?.open(of, path).with_context(key)?;
-            // Anything, until the device has said what it knows: uniform over the whole range.
-            let soc = Estimate::new(0.5, 1.0 / 12_f64.sqrt());
-            gauges.push((pack.id.clone(), pack.gauge.open(Arc::clone(&model), soc, self.ambient_degc)));
+            // Anything, until the device has said what it knows.
+            gauges.push((pack.id.clone(), pack.gauge.open(Arc::clone(&model), UNKNOWN_SOC, self.ambient_degc)));
             let eod_v = model.battery().eod_v();
             packs.push(MeasuredPack::new(pack.id.clone(), Reader::new(device, model, self.unmeasured()), eod_v));
         }
@@ -177,10 +175,9 @@ impl MeasuredConfig {
             Ok(MeasuredSpare::new(id.clone(), device, self.ready_soc, self.soc_sigma))
         };
         let spares = self.spares.iter().map(spare).collect::<anyhow::Result<_>>()?;
-        let rule = Rule { leave_below_v: self.leave_below_v, take_above_v: self.take_above_v };
         let station = MeasuredStation::new(packs, spares, Hands::new(self.operate.clone(), self.operate_max_s, self.soc_sigma));
         let station = if self.drives { station.at(Place::new(self.operate.clone())) } else { station };
-        Ok((Agent::new(of.profile(rule, "measured"), gauges), Box::new(station)))
+        Ok((Agent::new(of.profile(self.rule(), "measured"), gauges), Box::new(station)))
     }
 }
 

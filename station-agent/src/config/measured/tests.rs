@@ -44,7 +44,7 @@ fn what_a_real_station_lacks_is_told_by_its_key() {
     assert_eq!(refused(&format!("ready_soc = 2\n{good}"), ""), "source.ready_soc = 2: must be between 0 and 1");
     assert_eq!(refused(&format!("soc_sigma = 0\n{good}"), ""), "source.soc_sigma = 0: must be between 0.0001 and 0.5");
     let voltages = format!("leave_below_v = 11\ntake_above_v = 10\n{good}");
-    assert!(refused(&voltages, "").starts_with("source.take_above_v = 10 lies below source.leave_below_v = 11"));
+    assert!(refused(&voltages, "").starts_with("source.take_above_v = 10 lies below leave_below_v = 11: "));
 }
 
 #[test]

@@ -15,7 +15,8 @@
 
 use std::collections::VecDeque;
 
-use device::Program;
+use device::program::retry_s;
+use device::{Program, UNKNOWN_SOC};
 use energy::Estimate;
 use proto::{BayId, PackId};
 use tracing::{info, warn};
@@ -25,21 +26,12 @@ use crate::source::{Act, Lifted, Swapped};
 /// The key of the configuration that names the program.
 pub const KEY: &str = "source.operate";
 
-/// Time before a failed act is tried again, s; twice as long after each failure.
-const RETRY_S: f64 = 10.0;
-/// No longer than this, s.
-const RETRY_MAX_S: f64 = 300.0;
 /// Lift movements are given up after so many failures: others want the lift.
 const LIFT_TRIES: u32 = 3;
 /// A step that is longer is one through which the machine has slept, s.
 pub(super) const SLEPT_S: f64 = 60.0;
 /// Time between two checks of a bay that is out of order, s.
 const CHECK_S: f64 = 60.0;
-
-/// A pack of which nothing is known: uniform over the whole range.
-fn unknown_soc() -> Estimate {
-    Estimate::new(0.5, 1.0 / 12_f64.sqrt())
-}
 
 /// What was done in the last step.
 #[derive(Debug, Default, PartialEq)]
@@ -97,7 +89,7 @@ impl Hands {
         let mut done = Done::default();
         self.work_lift(dt_s, &mut done);
         if let Some(Outcome::Done(Act::Swap { robot, spare }, printed)) = self.swap.advance(dt_s) {
-            let given_soc = soc_in(&printed, self.soc_sigma).unwrap_or_else(unknown_soc);
+            let given_soc = soc_in(&printed, self.soc_sigma).unwrap_or(UNKNOWN_SOC);
             done.swapped = Some(Swapped { robot, spare, given_soc });
         }
         if let Some(Outcome::Done(Act::Select { pack }, _)) = self.select.advance(dt_s) {
@@ -237,8 +229,8 @@ impl Duty {
         match ended {
             Ok(printed) => self.task.take().map(|task| Outcome::Done(task.act, printed)),
             Err(what) => {
-                task.wait_s = (RETRY_S * 2_f64.powi(task.tries.cast_signed())).min(RETRY_MAX_S);
                 task.tries += 1;
+                task.wait_s = retry_s(task.tries);
                 warn!("{what}; tried again in {:.0} s", task.wait_s);
                 task.failed = Some(what);
                 Some(Outcome::Failed(task.act.clone(), task.tries))
