@@ -13,6 +13,7 @@
 //!           network.rs  the [network] table; access.rs who may say what
 //!           one_thread.rs over TLS, one thread both reads and writes
 //!           session.rs  a Zenoh session: publish, ask, serve, watch; sole.rs nobody else speaks as this agent
+//!           newest.rs   the newest word of each who speaks, until somebody looks
 //!           files.rs    texts and models from disk
 //!           settings.rs keys from flags and environment over those of the file
 //!           log.rs      what this program says of itself, on stderr; diary.rs what agents say there
@@ -37,6 +38,7 @@ pub mod log;
 mod memory;
 pub mod mission;
 mod network;
+mod newest;
 mod one_thread;
 mod pace;
 mod publish;
@@ -59,6 +61,7 @@ pub use ledger::{Ledger, refused};
 pub use live_log::LiveLog;
 pub use memory::MemoryFile;
 pub use network::{NetworkConfig, Tls};
+pub use newest::Newest;
 pub use one_thread::begin_with_one_thread;
 pub use pace::{LOOK_S, Pace, Step, Stride};
 pub use publish::{Due, Publish};

@@ -128,7 +128,8 @@ impl Link {
         subscriber.await.map_err(|error| anyhow!("{error}"))
     }
 
-    /// Publishes telemetry; under congestion the oldest is dropped.
+    /// Publishes telemetry. Under congestion this message is dropped, not one before it: what has to arrive is said anew, as states are
+    /// by their period.
     ///
     /// # Errors
     /// When the session is closed.

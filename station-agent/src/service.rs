@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use energy::{Channel, Estimate};
 use node::session::{QUESTIONS, command, decoded, refuse, reply};
-use node::{Clock, Diary, LOOK_S, Link, LiveLog, MemoryFile, Pace, STATION_INPUTS, Sole, Step, told_to_stop};
+use node::{Clock, Diary, LOOK_S, Link, LiveLog, MemoryFile, Newest, Pace, STATION_INPUTS, Sole, Step, told_to_stop};
 use proto::{Key, PackId, Pattern, RobotId, RobotState, SimDraw, StationCommand, Timestamp, plain};
 use tokio::sync::mpsc;
 use tracing::warn;
@@ -14,8 +14,8 @@ use crate::agent::{Agent, Input, Output};
 use crate::config::Config;
 use crate::source::{Observation, Source};
 
-/// States of robots that wait to be looked at.
-const ROBOT_QUEUE: usize = 1024;
+/// Robots whose states wait to be looked at.
+const ROBOTS_MAX: usize = 1024;
 
 /// Runs until the source ends or the process is told to stop; `log` is where what the source shows is
 /// written.
@@ -45,14 +45,14 @@ pub async fn run(
     let _draws = link.listen(&Pattern::SimDrawAt(station.clone()), drawn).await?;
     let (lives_in, mut lives) = mpsc::unbounded_channel();
     let _lives = link.watch(&Key::CoordinatorAlive, lives_in).await?;
-    // Without a coordinator it looks after robots by what they say; newer words make old ones
-    // worthless, so a full queue loses nothing that matters.
-    let (robots_in, mut robots) = mpsc::channel(ROBOT_QUEUE);
+    // Without a coordinator it looks after robots by what they say.
+    let robots = Newest::of(ROBOTS_MAX);
+    let heard = robots.clone();
     let said = move |sample: zenoh::sample::Sample| {
         if let (Ok((_, Key::RobotState(robot))), Ok(state)) =
             (Key::parse(sample.key_expr().as_str()), decoded::<RobotState>(sample.payload()))
         {
-            let _ = robots_in.try_send((robot, state));
+            heard.say(robot, state);
         }
     };
     let _robots = link.listen(&Pattern::AllRobotStates, said).await?;
@@ -88,7 +88,9 @@ pub async fn run(
                 }
             }
             Some((robot, draw)) = draws.recv() => source.draw(&robot, &draw),
-            Some((robot, state)) = robots.recv() => agent.handle(clock.now(), Input::Robot(robot, state)),
+            states = robots.taken() => {
+                states.into_iter().for_each(|(robot, state)| agent.handle(clock.now(), Input::Robot(robot, state)));
+            }
             Some(heard) = lives.recv() => {
                 diary.coordinator(heard);
                 agent.handle(clock.now(), Input::Coordinator(heard));
