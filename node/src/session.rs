@@ -23,6 +23,8 @@ pub struct Link {
     pub session: zenoh::Session,
     /// The site.
     pub site: SiteId,
+    /// Seconds without a sign of life after which others take a process of this network for dead.
+    pub lease_s: f64,
 }
 
 impl Link {
@@ -35,7 +37,7 @@ impl Link {
         let mut waited = false;
         loop {
             match zenoh::open(network.zenoh_config(&site)?).await {
-                Ok(session) => return Ok(Self { session, site }),
+                Ok(session) => return Ok(Self { session, site, lease_s: network.lease_s }),
                 Err(error) if patient => {
                     if !waited {
                         warn!("nobody answers at {} yet: {}; waiting", network.connect.join(", "), brief(&error));
@@ -56,7 +58,7 @@ impl Link {
     /// When no connection can be made.
     pub async fn try_open(network: &NetworkConfig, site: SiteId) -> anyhow::Result<Self> {
         let session = zenoh::open(network.zenoh_config(&site)?).await.map_err(|error| anyhow!("{error}"))?;
-        Ok(Self { session, site })
+        Ok(Self { session, site, lease_s: network.lease_s })
     }
 
     /// Says that this process is alive, until the token is dropped.

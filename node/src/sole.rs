@@ -16,14 +16,20 @@ use zenoh::sample::Locality;
 
 use crate::session::Link;
 
-/// The sign of life of a process whose host fell silent lasts as long as the network's lease of 10 s.
-const PATIENCE: Duration = Duration::from_secs(12);
+/// Beyond the network's lease, s: so long may it take to be told that a lease has ended.
+const MARGIN_S: f64 = 2.0;
 /// Between two looks for it.
 const LOOK: Duration = Duration::from_millis(500);
 /// Words of another that are one too many: a single one may be this agent's own, from before it was started again.
 const WORDS: usize = 2;
 /// Periods of an agent's word for which such words count.
 const PERIODS: u32 = 3;
+
+/// For how long somebody else may speak under this name at the start: the sign of life of a process whose host fell silent lasts as long
+/// as the network's lease, s.
+fn patience(lease_s: f64) -> Duration {
+    Duration::from_secs_f64(lease_s + MARGIN_S)
+}
 
 /// The right to speak as somebody, as long as it is kept.
 pub struct Sole {
@@ -42,14 +48,14 @@ impl Sole {
     /// # Errors
     /// When another process does, for longer than one that has died would be missed; when the session is closed.
     pub async fn claim(link: &Link, who: String, alive: &Key, said: &Key, period: Duration) -> anyhow::Result<Self> {
-        let begin = Instant::now();
+        let (begin, patience) = (Instant::now(), patience(link.lease_s));
         while link.alive(alive).await {
             anyhow::ensure!(
-                begin.elapsed() < PATIENCE,
+                begin.elapsed() < patience,
                 "another process speaks as {who} already: both would obey its commands; stop it, or give this one another id"
             );
             if begin.elapsed() < LOOK {
-                info!("somebody speaks as {who}: waiting until it is gone");
+                info!("somebody speaks as {who}: waiting until it is gone, {:.0} s at most", patience.as_secs_f64());
             }
             tokio::time::sleep(LOOK).await;
         }
@@ -81,5 +87,16 @@ impl Sole {
         }
         self.doubted = doubted;
         doubted.then_some(why)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_that_has_died_is_waited_for_until_its_lease_has_ended_however_long_that_is() {
+        assert_eq!(patience(10.0), Duration::from_secs(12));
+        assert!(patience(3600.0) > Duration::from_secs(3600));
     }
 }
