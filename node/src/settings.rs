@@ -2,7 +2,7 @@
 //! file, then what the program says by itself.
 
 use anyhow::{Context, anyhow, bail, ensure};
-use energy::document::Document;
+use energy::document::{Document, DocumentError};
 use serde::de::DeserializeOwned;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
@@ -10,8 +10,16 @@ use toml_edit::{DocumentMut, Item, TableLike, Value};
 /// `policy.confidence = 0.9`.
 pub const PREFIX: &str = "TENDER_SET_";
 
-/// A key that is laid over a file: what set it, its name and its value.
-type Change = (String, String, String);
+/// A key that is laid over a file.
+#[derive(Debug, Clone)]
+struct Change {
+    /// What sets it, for people.
+    origin: String,
+    key: String,
+    value: String,
+    /// It is a text whatever it looks like: a password may be a number.
+    is_text: bool,
+}
 
 /// A configuration of that file's text with the environment's and the command line's keys laid over it.
 /// `sets` are `KEY=VALUE` as `--set` takes them; values are TOML, or plain text. `check` says what is wrong with a
@@ -32,7 +40,10 @@ fn read_over<T: DeserializeOwned>(
 ) -> anyhow::Result<T> {
     // What is wrong, as the file's fault and as a key's.
     let read = |text: &str| {
-        let read = Document { file, text }.parse::<T>().map_err(|error| (error.clone().into(), error.message));
+        let read = Document { file, text }.parse::<T>().map_err(|error| {
+            let message = without_secrets(&error.message, text);
+            (anyhow::Error::new(DocumentError { message: message.clone(), ..error }), message)
+        });
         read.and_then(|config| match check(&config) {
             Ok(()) => Ok(config),
             Err(error) => {
@@ -41,11 +52,68 @@ fn read_over<T: DeserializeOwned>(
             }
         })
     };
+    let changes = &with_texts(changes.to_vec(), |changes| {
+        let error = Document { file, text: &overlay(text, changes).ok()? }.parse::<T>().err()?;
+        Some(error.message)
+    });
     read(&overlay(text, changes)?).map_err(|(error, why): (anyhow::Error, String)| {
         // Who reads well without a key, and not with it, has that key to blame.
         let first_bad = || (1..=changes.len()).find(|&count| overlay(text, &changes[..count]).is_ok_and(|text| read(&text).is_err()));
         let bad = read(text).is_ok().then(first_bad).flatten();
-        bad.map_or_else(|| error, |count| anyhow!("{}: {why}", changes[count - 1].0))
+        bad.map_or_else(|| error, |count| anyhow!("{}: {why}", changes[count - 1].origin))
+    })
+}
+
+/// A number that nobody sets: where it is wrong, the key that it stands for is at fault.
+const PROBE: &str = "-7214390651";
+
+/// The same, with those as texts that look like something else where a text is wanted. `wrong` is what is wrong with them first.
+fn with_texts(mut changes: Vec<Change>, wrong: impl Fn(&[Change]) -> Option<String>) -> Vec<Change> {
+    let wants_text = |changes: &[Change], index: usize| {
+        let mut probed = changes.to_vec();
+        probed[index].value = PROBE.to_owned();
+        let wanted = |text: &str| wrong(&probed).is_some_and(|message| message.contains(&format!("`{PROBE}`, expected {text}")));
+        wanted("a string") || wanted("path string")
+    };
+    // One is found at a time: the first that is wrong is told.
+    while wrong(&changes).is_some_and(|message| message.contains("string"))
+        && let Some(index) = (0..changes.len()).find(|&index| !changes[index].is_text && wants_text(&changes, index))
+    {
+        changes[index].is_text = true;
+    }
+    changes
+}
+
+/// Whether nobody but who set it may read what this key holds.
+fn is_secret(key: &str) -> bool {
+    key.split('.').any(|part| ["token", "password"].contains(&part.trim()))
+}
+
+/// A message about a text, in which values that are secret are not told.
+fn without_secrets(message: &str, text: &str) -> String {
+    fn shown(table: &dyn TableLike, found: &mut Vec<String>) {
+        for (key, item) in table.iter() {
+            if let Some(inner) = item.as_table_like() {
+                shown(inner, found);
+            } else if let Some(value) = item.as_value().filter(|_| is_secret(key)) {
+                // As it is written, and as it is read.
+                found.push(value.to_string().trim().to_owned());
+                found.extend(value.as_str().map(ToOwned::to_owned));
+                found.extend(value.as_integer().map(|number| number.to_string()));
+                found.extend(value.as_float().map(|number| format!("{number:?}")));
+            }
+        }
+    }
+    let mut secrets = Vec::new();
+    if let Ok(document) = text.parse::<DocumentMut>() {
+        shown(document.as_table(), &mut secrets);
+    }
+    // Messages quote values one way or the other.
+    secrets.iter().fold(message.to_owned(), |message, secret| {
+        message
+            .replace(&format!("`{secret}`"), "`...`")
+            .replace(&format!("\"{secret}\""), "\"...\"")
+            .replace(&format!("{secret:?}"), "\"...\"")
     })
 }
 
@@ -53,13 +121,14 @@ fn changes(environment: impl Iterator<Item = (String, String)>, sets: &[String])
     let mut from_environment: Vec<Change> = environment
         .filter_map(|(name, value)| {
             let key = name.strip_prefix(PREFIX)?.to_lowercase().replace("__", ".");
-            Some((name, key, value))
+            Some(Change { origin: name, key, value, is_text: false })
         })
         .collect();
-    from_environment.sort();
+    from_environment.sort_by(|a, b| a.origin.cmp(&b.origin));
     let from_flags = sets.iter().map(|set| {
         let (key, value) = set.split_once('=').with_context(|| format!("--set {set}: must be KEY=VALUE, such as policy.confidence=0.9"))?;
-        Ok((format!("--set {set}"), key.trim().to_owned(), value.trim().to_owned()))
+        let origin = if is_secret(key) { format!("--set {key}=...") } else { format!("--set {set}") };
+        Ok(Change { origin, key: key.trim().to_owned(), value: value.trim().to_owned(), is_text: false })
     });
     from_environment.into_iter().map(Ok).chain(from_flags).collect()
 }
@@ -70,18 +139,18 @@ fn overlay(text: &str, changes: &[Change]) -> anyhow::Result<String> {
     }
     // What is wrong with the file itself is told by whoever reads it, with its line.
     let Ok(mut document) = text.parse::<DocumentMut>() else { return Ok(text.to_owned()) };
-    for (origin, key, value) in changes {
-        set(document.as_table_mut(), key, value).with_context(|| origin.clone())?;
+    for Change { origin, key, value, is_text } in changes {
+        let parsed = value.parse().ok().filter(|_| !is_text);
+        set(document.as_table_mut(), key, parsed.unwrap_or_else(|| Value::from(value))).with_context(|| origin.clone())?;
     }
     Ok(document.to_string())
 }
 
-fn set(table: &mut dyn TableLike, key: &str, value: &str) -> anyhow::Result<()> {
+fn set(table: &mut dyn TableLike, key: &str, value: Value) -> anyhow::Result<()> {
     ensure!(!key.is_empty() && key.split('.').all(|part| !part.is_empty()), "`{key}` is no key, such as policy.confidence");
     let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
     let Some(rest) = rest else {
-        let parsed: Value = value.parse().unwrap_or_else(|_| Value::from(value));
-        table.insert(first, Item::Value(parsed));
+        table.insert(first, Item::Value(value));
         return Ok(());
     };
     let inner = table.entry(first).or_insert_with(toml_edit::table);
@@ -92,78 +161,4 @@ fn set(table: &mut dyn TableLike, key: &str, value: &str) -> anyhow::Result<()> 
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const FILE: &str = "site = \"a\"\n\n[policy]\nconfidence = 0.95 # as agreed\n";
-
-    fn laid(environment: &[(&str, &str)], sets: &[&str]) -> anyhow::Result<String> {
-        let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
-        overlay(FILE, &changes(environment, &sets.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>())?)
-    }
-
-    #[test]
-    fn flags_come_before_the_environment_and_that_before_the_file() {
-        let text =
-            laid(&[("TENDER_SET_POLICY__CONFIDENCE", "0.9"), ("TENDER_SET_SITE", "b"), ("PATH", "/bin")], &["policy.confidence=0.8"])
-                .unwrap();
-        let told: toml::Table = text.parse().unwrap();
-        assert_eq!(told["site"].as_str(), Some("b"));
-        assert_eq!(told["policy"]["confidence"].as_float(), Some(0.8));
-    }
-
-    #[test]
-    fn keys_and_tables_that_the_file_does_not_have_are_made() {
-        let text = laid(&[], &["web.port=8080", "network.listen=[\"tcp/127.0.0.1:1\"]", "stations.mds-1.load=mds-station"]).unwrap();
-        let told: toml::Table = text.parse().unwrap();
-        assert_eq!(told["web"]["port"].as_integer(), Some(8080));
-        assert_eq!(told["network"]["listen"][0].as_str(), Some("tcp/127.0.0.1:1"));
-        assert_eq!(told["stations"]["mds-1"]["load"].as_str(), Some("mds-station"));
-    }
-
-    #[test]
-    fn a_key_that_cannot_be_set_is_named_with_where_it_came_from() {
-        let refused = |set: &str| format!("{:#}", laid(&[], &[set]).unwrap_err());
-        assert_eq!(refused("site.x=1"), "--set site.x=1: `site` is a value, not a table: it has no `x`");
-        assert!(refused("policy").starts_with("--set policy: must be KEY=VALUE"));
-        assert!(refused("policy..x=1").contains("`policy..x` is no key"));
-        assert!(format!("{:#}", laid(&[("TENDER_SET_SITE__X", "1")], &[]).unwrap_err()).starts_with("TENDER_SET_SITE__X: "));
-    }
-
-    #[test]
-    fn what_cannot_be_read_is_blamed_on_who_set_it() {
-        #[derive(Debug, serde::Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Config {
-            #[serde(rename = "site")]
-            _site: String,
-            policy: Policy,
-        }
-        #[derive(Debug, serde::Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Policy {
-            confidence: f64,
-        }
-        let read = |file: &str, environment: &[(&str, &str)], sets: &[&str]| {
-            let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
-            let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
-            let check = |config: &Config| {
-                ensure!(config.policy.confidence < 1.0, "policy.confidence = {}: must be below 1", config.policy.confidence);
-                Ok(())
-            };
-            read_over("c.toml", file, &changes(environment, &sets).unwrap(), check).map_err(|error| format!("{error:#}"))
-        };
-        assert!(read(FILE, &[("TENDER_SET_SITE", "b")], &["policy.confidence=0.9"]).is_ok());
-        let unknown = read(FILE, &[("TENDER_SET_POLICY__CONFIDNCE", "0.9")], &["site=b"]).unwrap_err();
-        assert!(unknown.starts_with("TENDER_SET_POLICY__CONFIDNCE: unknown field `confidnce`"), "{unknown}");
-        assert!(unknown.contains("did you mean `confidence`?"), "{unknown}");
-        let kind = read(FILE, &[], &["site=b", "policy.confidence=abc"]).unwrap_err();
-        assert!(kind.starts_with("--set policy.confidence=abc: invalid type"), "{kind}");
-        let range = read(FILE, &[], &["site=b", "policy.confidence=2"]).unwrap_err();
-        assert_eq!(range, "--set policy.confidence=2: policy.confidence = 2: must be below 1");
-        let own = read(&FILE.replace("0.95", "3"), &[], &["site=b"]).unwrap_err();
-        assert_eq!(own, "c.toml: policy.confidence = 3: must be below 1");
-        let own = read(&FILE.replace("site", "sit"), &[], &["policy.confidence=0.9"]).unwrap_err();
-        assert!(own.starts_with("c.toml:1:1: unknown field `sit`"), "{own}");
-    }
-}
+mod tests;
