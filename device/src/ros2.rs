@@ -35,7 +35,8 @@ pub struct Config {
 
 /// Messages that wait for the next look at them; more are dropped.
 const QUEUE: usize = 1024;
-/// More percentage than this is one from 0 to 100: a gauge may overshoot, but not so far.
+/// More percentage than this is one from 0 to 100: a gauge may overshoot, but not so far. From then on no percentage of that driver is
+/// believed: its 1 % would pass for full.
 const PERCENTAGE_MAX: f64 = 1.05;
 
 impl Config {
@@ -102,6 +103,8 @@ struct Topic {
 #[derive(Debug, Default)]
 struct Told {
     percentage: bool,
+    /// The driver counts percentage from 0 to 100.
+    hundredfold: bool,
     sign: bool,
 }
 
@@ -146,11 +149,14 @@ fn report(message: &BatteryState, invert_current: bool, told: &mut Told) -> anyh
         );
     }
     let soc = measured(message.percentage).filter(|share| {
+        if *share > PERCENTAGE_MAX && !std::mem::replace(&mut told.hundredfold, true) {
+            warn!("percentage = {share} is more than 1: the driver counts from 0 to 100, and none of its percentages is believed");
+        }
         let sane = (0.0..=PERCENTAGE_MAX).contains(share);
-        if !sane && !std::mem::replace(&mut told.percentage, true) {
+        if !sane && !told.hundredfold && !std::mem::replace(&mut told.percentage, true) {
             warn!("percentage = {share} is not between 0 and 1: taken as not measured");
         }
-        sane
+        sane && !told.hundredfold
     });
     let by_charge =
         || measured(message.charge).zip(measured(message.capacity)).filter(|(_, full)| *full > 0.0).map(|(now, full)| now / full);
@@ -216,9 +222,23 @@ mod tests {
         (message.percentage, message.charge, message.capacity) = (62.5, 25.0, 40.0);
         let mut told = Told::default();
         assert_eq!(report(&message, false, &mut told).unwrap().soc, Some(0.625));
-        assert!(told.percentage);
+        assert!(told.hundredfold);
         message.present = false;
         assert!(report(&message, false, &mut told).unwrap_err().to_string().contains("present = false"));
+    }
+
+    #[test]
+    fn one_percent_of_a_driver_that_counts_to_a_hundred_is_not_taken_for_full() {
+        let mut message = fixture("discharging.cdr");
+        (message.charge, message.capacity) = (f32::NAN, f32::NAN);
+        let mut told = Told::default();
+        let mut soc = |percentage: f32| {
+            message.percentage = percentage;
+            report(&message, false, &mut told).unwrap().soc
+        };
+        // What no gauge says by mistake, such as -1, speaks against itself alone.
+        assert_eq!([-1.0, 0.5, 1.02].map(&mut soc), [None, Some(0.5), Some(1.0)]);
+        assert_eq!([3.0, 2.0, 1.0, 0.5].map(&mut soc), [None; 4]);
     }
 
     #[test]
