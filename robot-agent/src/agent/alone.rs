@@ -74,6 +74,7 @@ impl Agent {
             }
             (RobotPhase::Docked, Place::InBay) if observation.powered => {
                 self.target_soc = Some(self.profile.alone.charge_to_soc);
+                self.charge = super::charge::Watch::default();
                 self.phase = RobotPhase::Charging;
                 self.outputs.push_back(super::Output::Act(Act::Charge));
             }

@@ -248,6 +248,29 @@ fn without_a_coordinator_it_goes_to_charge_before_its_energy_gives_out_and_not_e
     assert_eq!(poor.ask(RobotAction::Undock), (Outcome::Accepted, vec![Act::StopCharging]));
 }
 
+#[test]
+fn a_charge_without_a_coordinator_is_not_over_because_the_one_before_it_was() {
+    let mut bench = bench_at(0.7);
+    bench.enter_bay();
+    bench.ask(RobotAction::ChargeTo { soc: 1.0 });
+    let takes = |bench: &mut Bench, current_a: f64| {
+        bench.observe(|observation| {
+            (observation.place, observation.powered) = (Place::InBay, true);
+            observation.sample = Some(Sample { dt_s: SECOND, current_a, voltage_v: 12.0, temperature_degc: 25.0 });
+        })
+    };
+    // A taper that falls off, of a pack that has aged.
+    assert_eq!([-1.3, -0.1, -0.06].map(|current_a| takes(&mut bench, current_a)).concat(), [Act::StopCharging]);
+    bench.ask(RobotAction::Undock);
+    assert_eq!(bench.observe(|observation| observation.place = Place::AtStation), [Act::Resume]);
+    // The next charge nobody asks for, and its first current comes a moment later.
+    bench.agent.handle(bench.now, Input::Coordinator(false));
+    (0..60).for_each(|_| drop(bench.observe(|observation| observation.place = Place::Mission)));
+    assert_eq!(takes(&mut bench, 0.0), [Act::Charge]);
+    (0..5).for_each(|_| assert_eq!(takes(&mut bench, 0.0), []));
+    assert_eq!(bench.agent.phase, RobotPhase::Charging);
+}
+
 /// The newest memory that an agent asked to be kept.
 fn kept(bench: &mut Bench, input: Input) -> Memory {
     bench.agent.handle(bench.now, input);
