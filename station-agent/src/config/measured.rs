@@ -167,8 +167,8 @@ impl MeasuredConfig {
             let device = self.packs.get(&pack.id).with_context(key)?.open(of, path).with_context(key)?;
             // Anything, until the device has said what it knows.
             gauges.push((pack.id.clone(), pack.gauge.open(Arc::clone(&model), UNKNOWN_SOC, self.ambient_degc)));
-            let eod_v = model.battery().eod_v();
-            packs.push(MeasuredPack::new(pack.id.clone(), Reader::new(device, model, self.unmeasured()), eod_v));
+            let reader = Reader::new(device, Arc::clone(&model), self.unmeasured());
+            packs.push(MeasuredPack::new(pack.id.clone(), reader, model.battery()));
         }
         let spare = |(id, gauge): (&SpareId, &GaugeConfig)| {
             let device = gauge.open(of, path).with_context(|| format!("source.spares.{id}"))?;

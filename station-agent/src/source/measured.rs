@@ -4,8 +4,9 @@ mod hands;
 mod place;
 
 use device::{Device, Reader, Reading};
-use energy::Estimate;
 use energy::gauge::Sample;
+use energy::protection::Trip;
+use energy::{BatteryFacts, Estimate};
 use node::Stride;
 use proto::{PackId, SpareId};
 use tracing::warn;
@@ -33,6 +34,10 @@ pub struct MeasuredPack {
     id: PackId,
     reader: Reader,
     eod_v: f64,
+    /// For how long it must lie below that without a break, s.
+    hold_s: f64,
+    /// For how long it does, s.
+    below_s: f64,
     /// What was shown last; none before the first report, and after a silence.
     last: Option<Sample>,
     /// It gave out and was not charged since.
@@ -42,18 +47,22 @@ pub struct MeasuredPack {
 }
 
 impl MeasuredPack {
-    /// A pack that gives out below `eod_v` (V, > 0) at its terminals.
+    /// A pack that gives out below its end of discharge. It has to lie there for as long as its protection lets it before it opens
+    /// ([`energy::protection`]): a lift that starts draws the voltage down for a moment, and leaves the charge as it is.
     #[must_use]
-    pub fn new(id: PackId, reader: Reader, eod_v: f64) -> Self {
-        Self { id, reader, eod_v, last: None, depleted: false, silent: None }
+    pub fn new(id: PackId, reader: Reader, facts: &BatteryFacts) -> Self {
+        let hold_s = facts.protection.get(Trip::UnderVoltage).delay_s;
+        Self { id, reader, eod_v: facts.eod_v(), hold_s, below_s: 0.0, last: None, depleted: false, silent: None }
     }
 
     fn advance(&mut self, dt_s: f64) -> PackReading {
         let Reading { sample, exchanged, silent, .. } = self.reader.advance(dt_s);
         if let Some(sample) = sample {
+            let below = sample.voltage_v < self.eod_v;
+            self.below_s = if below { self.below_s + sample.dt_s } else { 0.0 };
             // A pack that gave out recovers some volts at once, and no charge.
-            let charged = sample.current_a < -self.reader.least_a();
-            self.depleted = sample.voltage_v < self.eod_v || self.depleted && !charged && exchanged.is_none();
+            let charged = !below && sample.current_a < -self.reader.least_a();
+            self.depleted = below && self.below_s >= self.hold_s || self.depleted && !charged && exchanged.is_none();
             self.last = Some(sample);
         }
         self.silent = silent;

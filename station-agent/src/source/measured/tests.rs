@@ -29,8 +29,7 @@ fn pack_id(number: u32) -> PackId {
 
 fn pack(number: u32, says: impl IntoIterator<Item = Vec<Report>>) -> MeasuredPack {
     let model = model();
-    let eod_v = model.battery().eod_v();
-    MeasuredPack::new(pack_id(number), Reader::new(script(says), model, Unmeasured::default()), eod_v)
+    MeasuredPack::new(pack_id(number), Reader::new(script(says), Arc::clone(&model), Unmeasured::default()), model.battery())
 }
 
 fn robot() -> RobotId {
@@ -90,14 +89,23 @@ fn the_pack_that_gives_current_is_the_active_one_and_stays_it_while_it_does() {
 #[test]
 fn a_pack_that_gave_out_stays_so_until_it_is_charged_and_one_that_is_silent_is_away() {
     let eod_v = model().battery().eod_v();
-    let says = [shows(12.0, 2.0), shows(eod_v - 0.1, 2.0), shows(eod_v + 0.8, 0.0), shows(eod_v + 1.0, -1.0)];
+    let low = || shows(eod_v - 0.1, 2.0);
+    let says = [shows(12.0, 2.0), low(), low(), shows(eod_v + 0.8, 0.0), shows(eod_v + 1.0, -1.0)];
     let mut station = MeasuredStation::new(vec![pack(1, says), pack(2, [])], Vec::new(), no_hands());
     let seen: Vec<Observation> = (0..62).map(|_| station.advance(1.0).unwrap()).collect();
-    let depleted: Vec<bool> = seen.iter().take(4).map(|seen| seen.packs[0].depleted).collect();
-    assert_eq!(depleted, [false, true, true, false]);
-    assert_eq!(seen.iter().take(4).map(|seen| seen.powered).collect::<Vec<_>>(), [true, false, false, true]);
+    let depleted: Vec<bool> = seen.iter().take(5).map(|seen| seen.packs[0].depleted).collect();
+    assert_eq!(depleted, [false, false, true, true, false]);
+    assert_eq!(seen.iter().take(5).map(|seen| seen.powered).collect::<Vec<_>>(), [true, true, false, false, true]);
     assert!(seen.iter().all(|seen| !seen.packs[1].connected && seen.packs[1].sample.is_none()));
     assert_eq!(seen[61].trouble.as_deref(), Some("pack-2: no reading of script for 62 s: unplugged"));
+}
+
+#[test]
+fn a_lift_that_draws_the_voltage_down_for_a_moment_has_not_emptied_the_pack() {
+    let eod_v = model().battery().eod_v();
+    let says = [12.0, eod_v - 0.5, 11.8, eod_v - 0.5, 11.8].map(|voltage_v| shows(voltage_v, 2.0));
+    let mut station = MeasuredStation::new(vec![pack(1, says)], Vec::new(), no_hands());
+    (0..10).map(|_| station.advance(1.0).unwrap()).for_each(|seen| assert!(seen.powered && !seen.packs[0].depleted));
 }
 
 #[test]
@@ -183,8 +191,8 @@ fn a_log_stands_in_for_a_device_and_a_pack_whose_log_has_ended_goes_away() {
     let mut file = tempfile::NamedTempFile::new().unwrap();
     std::io::Write::write_all(&mut file, b"time_s,current_a,voltage_v\n0,1,12\n10,1,11.9\n20,2,11.8\n").unwrap();
     let model = model();
-    let reader = Reader::new(Box::new(device::Log::read(file.path()).unwrap()), model, Unmeasured::default());
-    let mut station = MeasuredStation::new(vec![MeasuredPack::new(pack_id(1), reader, 9.0)], Vec::new(), no_hands());
+    let reader = Reader::new(Box::new(device::Log::read(file.path()).unwrap()), Arc::clone(&model), Unmeasured::default());
+    let mut station = MeasuredStation::new(vec![MeasuredPack::new(pack_id(1), reader, model.battery())], Vec::new(), no_hands());
     let seen: Vec<Observation> = (0..90).map(|_| station.advance(1.0).unwrap()).collect();
     let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.packs[0].sample).collect();
     assert_eq!(samples.iter().map(|sample| sample.current_a).collect::<Vec<_>>(), [1.0, 2.0]);
