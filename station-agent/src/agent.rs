@@ -1,10 +1,11 @@
 //! The station's side of a service, without clock, network or hardware.
 //!
-//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget, `tell.rs` what it
-//! says of itself and when.
+//! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget, `spares.rs` what it has to hand out,
+//! `tell.rs` what it says of itself and when.
 
 mod alone;
 mod memory;
+mod spares;
 mod tell;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -20,7 +21,7 @@ use proto::{
 pub use alone::Alone;
 pub use memory::Memory;
 
-use crate::source::{Act, Lifted, Observation, Swapped};
+use crate::source::{Act, Lifted, Observation};
 
 /// What does not change about a station while its agent runs.
 #[derive(Debug, Clone, PartialEq)]
@@ -373,18 +374,9 @@ impl Agent {
         self.leave_a_low_pack();
         self.moved(observation.lifted, observation.given_up, &observation.mended);
         self.trouble = observation.trouble;
-        let own = |swapped: &Swapped| self.swapping.as_ref() == Some(&(swapped.robot.clone(), swapped.spare.clone()));
-        if let Some(swapped) = observation.swapped.filter(own) {
-            self.swapping = None;
-            if let Some(spare) = self.spares.iter_mut().find(|spare| spare.spare == swapped.spare) {
-                (spare.soc, spare.ready) = (wire(swapped.given_soc), false);
-            }
-        }
-        for (charged, soc) in observation.charged {
-            if let Some(spare) = self.spares.iter_mut().find(|spare| spare.spare == charged) {
-                (spare.soc, spare.ready) = (wire(soc), true);
-            }
-        }
+        self.exchanged(observation.swapped);
+        self.lie_there(observation.charged, true);
+        self.lie_there(observation.uncharged, false);
         if self.restored && !observation.lift_active {
             self.begin_again();
         }

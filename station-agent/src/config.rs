@@ -83,9 +83,9 @@ pub struct SpareConfig {
 }
 
 impl SpareConfig {
-    /// What the agent says of it at first: what is written on it.
-    fn stated(&self) -> SpareState {
-        SpareState { spare: self.id.clone(), soc: Estimate::new(self.soc, 0.01), ready: true, battery: self.battery.clone() }
+    /// What the agent says of it at first: what is written on it. One that is measured is not handed out before its device has spoken.
+    fn stated(&self, measured: bool) -> SpareState {
+        SpareState { spare: self.id.clone(), soc: Estimate::new(self.soc, 0.01), ready: !measured, battery: self.battery.clone() }
     }
 }
 
@@ -302,11 +302,12 @@ impl Config {
     }
 
     fn profile(&self, rule: Rule, source: &str) -> Profile {
+        let measured = |id: &SpareId| matches!(&self.source, SourceConfig::Measured(measured) if measured.spares.contains_key(id));
         Profile {
             id: self.id.clone(),
             alone: self.alone,
             bays: self.bays.clone(),
-            spares: self.spares.iter().map(SpareConfig::stated).collect(),
+            spares: self.spares.iter().map(|spare| spare.stated(measured(&spare.id))).collect(),
             rule,
             publish: self.publish,
             source: source.to_owned(),

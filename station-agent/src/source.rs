@@ -39,8 +39,10 @@ pub struct Observation {
     pub swapped: Option<Swapped>,
     /// Whether the lift moves, or a pack is being exchanged.
     pub lift_active: bool,
-    /// Packs of robots that have been charged and are spares now, with their state of charge.
+    /// Packs that are charged and can be handed out as spares from now on, with their state of charge.
     pub charged: Vec<(SpareId, Estimate)>,
+    /// What lies in the places of spares and cannot be handed out, or not any more, with its state of charge.
+    pub uncharged: Vec<(SpareId, Estimate)>,
     /// What goes wrong, for people.
     pub trouble: Option<String>,
 }

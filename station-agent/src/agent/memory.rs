@@ -38,7 +38,9 @@ impl Agent {
         }
         for spare in &mut self.spares {
             if let Some(known) = memory.spares.iter().find(|known| known.spare == spare.spare) {
-                spare.clone_from(known);
+                // One that is measured is told by its device: it may have been exchanged meanwhile.
+                let ready = spare.ready && known.ready;
+                *spare = SpareState { ready, ..known.clone() };
             }
         }
         (self.lifts, self.lifting) = (memory.lifts, memory.lifting);

@@ -1,3 +1,4 @@
+mod spares;
 mod telling;
 
 use std::sync::Arc;
@@ -82,6 +83,7 @@ fn bench() -> Bench {
         swapped: None,
         lift_active: false,
         charged: Vec::new(),
+        uncharged: Vec::new(),
         trouble: None,
     };
     let agent = Agent::new(profile, vec![(pack(1), gauge()), (pack(2), gauge())]);

@@ -3,7 +3,7 @@
 mod hands;
 mod place;
 
-use device::{Device, Reader, Reading};
+use device::{Device, Reader, Reading, UNKNOWN_SOC};
 use energy::gauge::Sample;
 use energy::protection::Trip;
 use energy::{BatteryFacts, Estimate};
@@ -18,6 +18,9 @@ use super::{Act, Observation, PackReading, Source};
 
 /// Charges of a spare that differ by less are not told anew.
 const SOC_STEP: f64 = 0.01;
+/// Of a spare whose device has said nothing for longer than this, s, nothing is known: somebody may have taken it away. The same time
+/// as for a pack.
+const SILENT_S: f64 = 60.0;
 
 /// A station whose packs devices measure, in the selector's order.
 pub struct MeasuredStation {
@@ -87,7 +90,10 @@ pub struct MeasuredSpare {
     ready_soc: f64,
     /// How far the device may be off where it does not say.
     soc_sigma: f64,
-    told_soc: Option<f64>,
+    /// What was told last: its charge, and whether it can be handed out.
+    told: Option<(f64, bool)>,
+    /// For how long the device has said nothing, s.
+    silent_s: f64,
     trouble: Option<String>,
 }
 
@@ -95,11 +101,11 @@ impl MeasuredSpare {
     /// A spare that can be handed out from a state of charge of `ready_soc`, 0..1, on.
     #[must_use]
     pub fn new(id: SpareId, device: Box<dyn Device>, ready_soc: f64, soc_sigma: f64) -> Self {
-        Self { id, device, ready_soc, soc_sigma, told_soc: None, trouble: None }
+        Self { id, device, ready_soc, soc_sigma, told: None, silent_s: 0.0, trouble: None }
     }
 
-    /// Its charge, when it is ready and that was not told yet.
-    fn advance(&mut self, dt_s: f64) -> Option<Estimate> {
+    /// Its charge and whether it can be handed out, when that is new.
+    fn advance(&mut self, dt_s: f64) -> Option<(Estimate, bool)> {
         let read = self.device.read(dt_s).and_then(|reports| match reports.last() {
             Some(report) => {
                 report.soc.map(|soc| Some((soc, report.soc_sigma))).ok_or_else(|| anyhow::anyhow!("it tells no state of charge"))
@@ -108,22 +114,33 @@ impl MeasuredSpare {
         });
         match read {
             Ok(Some((soc, sigma))) => {
-                self.trouble = None;
-                let is_new = self.told_soc.is_none_or(|told| (told - soc).abs() >= SOC_STEP);
-                let ready = (soc >= self.ready_soc).then(|| Estimate::new(soc, sigma.unwrap_or(self.soc_sigma)));
-                self.told_soc = ready.filter(|_| is_new).map(|ready| ready.value).or(self.told_soc.filter(|_| ready.is_some()));
-                ready.filter(|_| is_new)
+                (self.trouble, self.silent_s) = (None, 0.0);
+                self.news(Estimate::new(soc, sigma.unwrap_or(self.soc_sigma)), soc >= self.ready_soc)
             }
-            Ok(None) => None,
+            Ok(None) => self.silent(dt_s),
             Err(error) => {
                 let trouble = format!("{error:#}");
                 if self.trouble.as_ref() != Some(&trouble) {
                     warn!("spare {}: {}: {trouble}", self.id, self.device.name());
                     self.trouble = Some(trouble);
                 }
-                None
+                self.silent(dt_s)
             }
         }
+    }
+
+    fn silent(&mut self, dt_s: f64) -> Option<(Estimate, bool)> {
+        self.silent_s += dt_s;
+        if self.silent_s > SILENT_S { self.news(UNKNOWN_SOC, false) } else { None }
+    }
+
+    fn news(&mut self, soc: Estimate, ready: bool) -> Option<(Estimate, bool)> {
+        let as_told = |(told_soc, told_ready): (f64, bool)| told_ready == ready && (told_soc - soc.value).abs() < SOC_STEP;
+        if self.told.is_some_and(as_told) {
+            return None;
+        }
+        self.told = Some((soc.value, ready));
+        Some((soc, ready))
     }
 }
 
@@ -180,15 +197,20 @@ impl Source for MeasuredStation {
         let done = self.hands.advance(dt_s);
         let Stand { arrives_s, away_s } = self.place.as_mut().map(|place| place.advance(dt_s)).unwrap_or_default();
         self.find_active(done.selected);
-        let (hands, spares) = (&self.hands, self.spares.iter_mut());
-        // What lies in the place of a spare that is being exchanged is nobody's yet.
-        let charged = spares.filter_map(|spare| {
-            let soc = spare.advance(dt_s)?;
-            (!hands.is_exchanging(&spare.id)).then(|| (spare.id.clone(), soc))
-        });
+        let (mut charged, mut uncharged) = (Vec::new(), Vec::new());
+        for spare in &mut self.spares {
+            let news = spare.advance(dt_s);
+            // What lies in the place of a spare that is being exchanged is nobody's yet: it is told afterwards.
+            if self.hands.is_exchanging(&spare.id) {
+                spare.told = None;
+            } else if let Some((soc, ready)) = news {
+                if ready { &mut charged } else { &mut uncharged }.push((spare.id.clone(), soc));
+            }
+        }
         Some(Observation {
             packs,
-            charged: charged.collect(),
+            charged,
+            uncharged,
             active_pack: self.active.clone(),
             powered: self.packs.iter().any(|pack| pack.last.is_some() && !pack.depleted),
             arrives_s,

@@ -292,6 +292,7 @@ impl Source for StationBody {
             swapped,
             lift_active,
             charged: std::mem::take(&mut self.charged),
+            uncharged: Vec::new(),
             trouble: None,
         })
     }

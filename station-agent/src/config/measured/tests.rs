@@ -48,6 +48,25 @@ fn what_a_real_station_lacks_is_told_by_its_key() {
 }
 
 #[test]
+fn a_spare_that_is_measured_is_not_handed_out_for_what_is_written_on_it() {
+    let text = r#"
+schema = 1
+id = "s-1"
+site = "site"
+bays = []
+packs = []
+spares = [{ id = "spare-1", soc = 0.9 }, { id = "spare-2", soc = 0.9 }]
+[source]
+kind = "measured"
+packs = {}
+spares.spare-1 = { kind = "power_supply" }
+"#;
+    let config: Config = toml::from_str(text).unwrap();
+    let spares = config.profile(node::UNTIL_EMPTY, "measured").spares;
+    assert_eq!(spares.iter().map(|spare| spare.ready).collect::<Vec<_>>(), [false, true]);
+}
+
+#[test]
 fn a_device_that_is_not_there_is_told_with_the_pack_that_it_should_measure() {
     let folder = tempfile::tempdir().unwrap();
     let text = r#"

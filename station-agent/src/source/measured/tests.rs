@@ -186,6 +186,42 @@ fn a_spare_is_ready_when_its_device_says_that_it_is_charged() {
     assert_eq!(told, [None, None, Some(0.96), None, Some(0.98), None, Some(0.97)]);
 }
 
+/// What is told of a spare whose device says that: its charge, and whether it can be handed out.
+fn told_of(station: &mut MeasuredStation, dt_s: f64) -> Option<(f64, bool)> {
+    let seen = station.advance(dt_s).unwrap();
+    let both = seen.charged.iter().map(|(_, soc)| (soc.value, true)).chain(seen.uncharged.iter().map(|(_, soc)| (soc.value, false)));
+    both.last()
+}
+
+#[test]
+fn a_spare_that_runs_down_or_is_taken_away_is_ready_no_longer() {
+    let says = |soc: f64| vec![Report { soc: Some(soc), ..Report::default() }];
+    let says = [0.96, 0.952, 0.949, 0.945].map(says).into_iter().chain([Vec::new()]);
+    let spare = MeasuredSpare::new(SpareId::new("spare-1").unwrap(), script(says), 0.95, 0.05);
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], vec![spare], no_hands());
+    let told: Vec<_> = (0..4).map(|_| told_of(&mut station, 1.0)).collect();
+    assert_eq!(told, [Some((0.96, true)), None, Some((0.949, false)), None]);
+    (0..60).for_each(|_| assert_eq!(told_of(&mut station, 1.0), None));
+    assert_eq!([1.0, 1.0].map(|dt_s| told_of(&mut station, dt_s)), [Some((UNKNOWN_SOC.value, false)), None]);
+}
+
+#[test]
+fn what_a_robot_left_in_the_place_of_a_spare_is_told_when_the_exchange_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let done = folder.path().join("done");
+    let hands = operated(folder.path(), &format!("while ! test -e {}; do sleep 0.01; done", done.display()));
+    let id = SpareId::new("spare-1").unwrap();
+    let says = [0.96, 0.2, 0.2].map(|soc| vec![Report { soc: Some(soc), ..Report::default() }]);
+    let spare = MeasuredSpare::new(id.clone(), script(says), 0.95, 0.05);
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], vec![spare], hands);
+    assert_eq!(told_of(&mut station, 1.0), Some((0.96, true)));
+    station.act(&Act::Swap { robot: robot(), spare: id.clone() });
+    (0..3).for_each(|_| assert_eq!(told_of(&mut station, 1.0), None));
+    std::fs::write(&done, "").unwrap();
+    let seen = until(&mut station, 1.0, |seen| seen.swapped.is_some());
+    assert_eq!(seen.uncharged, [(id, Estimate::new(0.2, 0.05))]);
+}
+
 #[test]
 fn a_log_stands_in_for_a_device_and_a_pack_whose_log_has_ended_goes_away() {
     let mut file = tempfile::NamedTempFile::new().unwrap();
