@@ -61,6 +61,8 @@ pub struct Reading {
     pub sample: Option<Sample>,
     /// The gauge begins anew, from this state of charge.
     pub exchanged: Option<Estimate>,
+    /// State of charge by the last report alone, whatever was counted before: its own gauge's, or by the voltage.
+    pub said_soc: Option<Estimate>,
     /// What each report said of what feeds the battery's load, oldest first.
     pub supplies: Vec<Supply>,
     /// Why nothing has been heard for long.
@@ -197,7 +199,8 @@ impl Reader {
             let why = self.trouble.as_ref().map(|why| format!(": {why}")).unwrap_or_default();
             format!("no reading of {} for {silent_s:.0} s{why}", self.device.name())
         });
-        Reading { sample, exchanged, supplies, silent }
+        let said_soc = reports.last().filter(|_| !slept).and_then(|report| self.state_of_charge(report));
+        Reading { sample, exchanged, said_soc, supplies, silent }
     }
 
     /// Time since the report before, s; none when what was drawn meanwhile is not known.

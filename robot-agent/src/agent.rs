@@ -1,11 +1,12 @@
 //! The robot's side of a service, without clock, network or hardware.
 //!
 //! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget,
-//! `drain.rs` how it learns what it draws at work.
+//! `drain.rs` how it learns what it draws at work, `exchange.rs` how it notices that another pack was put in.
 
 mod alone;
 mod charge;
 mod drain;
+mod exchange;
 mod memory;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -92,6 +93,8 @@ pub struct Agent {
     /// Nobody was told of it yet.
     fresh: bool,
     drain: drain::Drain,
+    /// What the device said last of the charge before an exchange.
+    said_soc: Option<energy::Estimate>,
     last_command: Option<proto::CommandId>,
     note: Option<String>,
     /// Why what the gauge says now is not sent.
@@ -124,6 +127,7 @@ impl Agent {
             last: None,
             fresh: false,
             drain: drain::Drain::default(),
+            said_soc: None,
             last_command: None,
             note: None,
             senseless: None,
@@ -234,20 +238,24 @@ impl Agent {
 
     fn observed(&mut self, observation: &Observation) {
         use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
-        if let Some(sample) = observation.sample {
+        let put_in = self.put_in(observation);
+        // What flowed while one pack took the place of the other flowed out of neither.
+        let of_both = put_in.is_some() && observation.exchanged.is_none();
+        if let Some(sample) = observation.sample.filter(|_| !of_both) {
             self.gauge.update(&sample);
             (self.last, self.fresh) = (Some(sample), true);
             if self.phase == Working && self.profile.measure_drain {
                 self.learn_drain(&sample);
             }
         }
-        if let Some(soc) = observation.exchanged {
+        if let Some(soc) = put_in {
             self.gauge.exchange(soc);
             if self.phase == Swapping {
                 self.resume();
             }
         }
         let dark = || (observation.place == Place::InBay && !observation.powered).then(|| "the bay has no power".to_owned());
+        self.remember_said(observation);
         self.note = observation.why_down.clone().or_else(dark);
         if std::mem::take(&mut self.restored) {
             self.find_itself(observation.place);

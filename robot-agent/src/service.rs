@@ -98,7 +98,7 @@ pub async fn run(
 /// Logs one observation: the battery always, the load where its inputs are measured.
 fn note(log: &mut LiveLog, config: &Config, now_s: f64, agent: &Agent, source: &dyn Source, seen: &Observation) {
     let Some(sample) = &seen.sample else { return };
-    log.battery(now_s, config.id.as_ref(), sample, agent.soc(), seen.exchanged);
+    log.battery(now_s, config.id.as_ref(), sample, agent.soc(), agent.put_in(seen));
     // In a bay the battery's power is not that of the load.
     if seen.place != Place::InBay
         && !seen.depleted

@@ -50,6 +50,8 @@ pub struct Observation {
     pub powered: bool,
     /// A pack was put in; its state of charge as written on it.
     pub exchanged: Option<Estimate>,
+    /// What the device says now of the pack's state of charge, where a pack can be put in without its noticing.
+    pub said_soc: Option<Estimate>,
     /// The pack's protection has opened: nothing more can be drawn.
     pub depleted: bool,
     /// Why the robot stands still although its pack is not empty; none otherwise.

@@ -91,6 +91,14 @@ fn no_charge_is_lost_where_a_voltage_is_not_shown() {
 }
 
 #[test]
+fn what_a_device_says_of_its_charge_is_told_beside_what_is_counted() {
+    let mut reader = read_from([vec![report(1.0, 0.2)], vec![], vec![report(1.0, 0.2), report(1.0, 0.95)]]);
+    let said: Vec<_> =
+        (0..3).map(|_| reader.advance(1.0)).map(|seen| (seen.said_soc.map(|soc| soc.value), seen.exchanged.is_some())).collect();
+    assert_eq!(said, [(Some(0.2), true), (None, false), (Some(0.95), false)]);
+}
+
+#[test]
 fn what_keeps_a_device_from_being_read_is_told() {
     let mut reader = read_from([]);
     let last = (0..61).map(|_| reader.advance(1.0)).last().unwrap();

@@ -1,3 +1,5 @@
+mod exchange;
+
 use std::sync::Arc;
 
 use energy::gauge::Kind;
@@ -86,7 +88,8 @@ impl Bench {
     fn observe(&mut self, change: impl FnOnce(&mut Observation)) -> Vec<Act> {
         self.now = self.now.plus_s(SECOND);
         let sample = Some(Sample { dt_s: SECOND, current_a: 0.4, voltage_v: 11.4, temperature_degc: 25.0 });
-        let mut observation = Observation { sample, place: self.place, powered: false, exchanged: None, depleted: false, why_down: None };
+        let mut observation =
+            Observation { sample, place: self.place, powered: false, exchanged: None, said_soc: None, depleted: false, why_down: None };
         change(&mut observation);
         self.place = observation.place;
         self.agent.handle(self.now, Input::Observed(observation));

@@ -53,6 +53,7 @@ impl Source for Measured {
             place,
             powered: self.hands.powered(),
             exchanged: seen.exchanged,
+            said_soc: seen.said_soc,
             depleted: false,
             why_down: seen.silent.or_else(|| self.reader.device().trouble()).or_else(|| self.hands.trouble()),
         })

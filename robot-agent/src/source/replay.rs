@@ -18,6 +18,14 @@ impl Source for Replay {
             return None;
         }
         let sample = self.0.advance(dt_s);
-        Some(Observation { sample, place: Place::Mission, powered: false, exchanged: None, depleted: false, why_down: None })
+        Some(Observation {
+            sample,
+            place: Place::Mission,
+            powered: false,
+            exchanged: None,
+            said_soc: None,
+            depleted: false,
+            why_down: None,
+        })
     }
 }

@@ -316,6 +316,7 @@ impl Source for RobotBody {
             place: self.place,
             powered: self.powered(),
             exchanged: self.exchanged.take(),
+            said_soc: None,
             depleted: self.depleted,
             why_down: self.why_down(),
         })

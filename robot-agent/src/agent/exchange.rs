@@ -1,0 +1,36 @@
+//! How a robot notices that another pack was put in.
+//!
+//! Most often its agent was without power meanwhile, or its gauge was silent for so long that it begins anew. Where both stay powered,
+//! what the device says of the charge shows it: in an exchange it rises, and nothing else makes it rise while nothing charges.
+
+use energy::Estimate;
+use proto::RobotPhase;
+
+use super::Agent;
+use crate::source::Observation;
+
+/// A charge that has risen by less may be the old pack's that rests: a guess, some times what gauges by the voltage gain then.
+const RISE_SOC: f64 = 0.05;
+/// And by less than so many of its standard deviations says nothing.
+const RISE_SIGMAS: f64 = 2.0;
+
+impl Agent {
+    /// The charge of another pack, if this shows that one was put in. What comes between the two, such as 0 from a gauge without a pack,
+    /// is none; nor is a pack that is no fuller than the one before, of which nobody can tell.
+    #[must_use]
+    pub fn put_in(&self, seen: &Observation) -> Option<Estimate> {
+        let risen = || {
+            let (was, is) = self.said_soc.zip(seen.said_soc)?;
+            let doubt_soc = RISE_SIGMAS * was.sigma.hypot(is.sigma);
+            (self.phase == RobotPhase::Swapping && is.value - was.value > doubt_soc.max(RISE_SOC)).then_some(is)
+        };
+        seen.exchanged.or_else(risen)
+    }
+
+    /// Takes in what the device says of the charge, until an exchange is on.
+    pub(super) fn remember_said(&mut self, seen: &Observation) {
+        if self.phase != RobotPhase::Swapping || self.said_soc.is_none() {
+            self.said_soc = seen.said_soc.or(self.said_soc);
+        }
+    }
+}
