@@ -17,7 +17,7 @@
 //!           files.rs    texts and models from disk
 //!           settings.rs keys from flags and environment over those of the file
 //!           log.rs      what this program says of itself, on stderr; diary.rs what agents say there
-//!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent
+//!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent, log_file.rs on a disk that may be full
 //!           memory.rs   what a restarted agent must not have forgotten
 //!           stop.rs     when to end
 //! ```
@@ -35,6 +35,7 @@ pub mod files;
 pub mod ledger;
 mod live_log;
 pub mod log;
+mod log_file;
 mod memory;
 pub mod mission;
 mod network;

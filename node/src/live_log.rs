@@ -7,8 +7,12 @@ use std::path::PathBuf;
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
 use proto::Gauge;
+use tracing::{info, warn};
 
 use crate::Telemetry;
+
+/// Rows that wait for a disk on which they find no place, bytes for each log: some hours of one row a second.
+const WAITING_BYTES_MAX: usize = 1024 * 1024;
 
 /// A folder of logs in the making. Times are given by a clock that nobody sets (see [`Pace`](crate::Pace)), and written from the first row of
 /// all on.
@@ -19,6 +23,8 @@ pub struct LiveLog {
     start_s: Option<f64>,
     batteries: BTreeMap<String, Battery>,
     tables: Vec<String>,
+    /// What is new could not be written, and this was said.
+    failing: bool,
 }
 
 #[derive(Debug, Default)]
@@ -34,7 +40,7 @@ impl LiveLog {
     /// Logs into this folder, which is made with the first row.
     #[must_use]
     pub fn new(folder: PathBuf) -> Self {
-        Self { folder, telemetry: Telemetry::default(), start_s: None, batteries: BTreeMap::new(), tables: Vec::new() }
+        Self { folder, telemetry: Telemetry::default(), start_s: None, batteries: BTreeMap::new(), tables: Vec::new(), failing: false }
     }
 
     fn time_s(&mut self, now_s: f64, dt_s: f64) -> f64 {
@@ -83,12 +89,27 @@ impl LiveLog {
         self.telemetry.row(stem, format_args!("{row}"));
     }
 
-    /// Puts what is new on disk.
-    ///
-    /// # Errors
-    /// When the folder cannot be written to, or holds logs of another run.
-    pub fn flush(&mut self) -> anyhow::Result<()> {
-        self.telemetry.append(&self.folder)
+    /// Puts what is new on disk. What finds no place there waits, and this is said once: a log is no reason for an agent to end. A log of
+    /// which too much waits goes on in a new file, without what waited.
+    pub fn flush(&mut self) {
+        let Err(error) = self.telemetry.append(&self.folder) else {
+            if std::mem::take(&mut self.failing) {
+                info!("logs in {} are written again", self.folder.display());
+            }
+            return;
+        };
+        if !std::mem::replace(&mut self.failing, true) {
+            warn!("{error:#}: what is to be logged waits");
+        }
+        let left_out = self.telemetry.leave_out_beyond(WAITING_BYTES_MAX);
+        if left_out.is_empty() {
+            return;
+        }
+        warn!("too much waits to be logged, and is left out: {}", left_out.join(", "));
+        self.tables.retain(|table| !left_out.contains(table));
+        for (name, battery) in &mut self.batteries {
+            battery.opened &= !left_out.contains(&stem(name, battery.exchanges));
+        }
     }
 }
 
@@ -110,11 +131,40 @@ mod tests {
         log.battery(501.0, "r1", &sample, soc, None);
         log.battery(502.0, "r1", &sample, soc, Some(Estimate::new(0.98, 0.02)));
         log.row(502.0, 1.0, "r1-load", &[(Channel::PowerW, 4.6), (Channel::SpeedMps, 0.1)], &[("note".to_owned(), "x".to_owned())]);
-        log.flush().unwrap();
+        log.flush();
         let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
         assert_eq!(read("r1.csv").lines().count(), 4);
         assert!(read("r1-pack-2.csv").ends_with("\n2,,,,\n3,0.4000,11.5000,25.00,0.0000\n"), "{}", read("r1-pack-2.csv"));
         assert!(read("r1-pack-2.toml").contains("soc_initial = 0.98\n"));
         assert_eq!(read("r1-load.csv"), "time_s,power_w,speed_mps,note\n3,4.60000,0.10000,x\n");
+    }
+
+    #[test]
+    fn a_disk_that_takes_nothing_ends_no_agent_and_what_waited_too_long_is_left_out_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let logs = folder.path().join("logs");
+        // A file where the folder should be.
+        std::fs::write(&logs, "").unwrap();
+        let mut log = LiveLog::new(logs.clone());
+        let sample = Sample { dt_s: 1.0, current_a: 0.4, voltage_v: 11.5, temperature_degc: 25.0 };
+        let row = |log: &mut LiveLog, second: u32, soc: f64| {
+            log.battery(f64::from(second), "r1", &sample, Estimate::new(soc, 0.01), None);
+            log.row(f64::from(second), 1.0, "r1-load", &[(Channel::PowerW, 4.6)], &[]);
+        };
+        (1..=10).for_each(|second| row(&mut log, second, 0.9));
+        log.flush();
+        assert!(log.failing);
+        (11..=40_000).for_each(|second| row(&mut log, second, 0.9));
+        log.flush();
+        row(&mut log, 40_001, 0.5);
+        std::fs::remove_file(&logs).unwrap();
+        log.flush();
+        assert!(!log.failing);
+        // The battery's log was too long to wait, that of the load was not.
+        let read = |name: &str| std::fs::read_to_string(logs.join(name)).unwrap();
+        assert!(read("r1.csv").ends_with("\n40000,,,,\n40001,0.4000,11.5000,25.00,0.0000\n"), "{}", read("r1.csv"));
+        assert_eq!(read("r1.csv").lines().count(), 3);
+        assert!(read("r1.toml").contains("soc_initial = 0.5\n"));
+        assert_eq!(read("r1-load.csv").lines().count(), 40_002);
     }
 }

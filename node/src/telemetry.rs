@@ -3,12 +3,13 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context;
 use energy::gauge::Sample;
 use energy::{Channel, Estimate};
+
+use crate::log_file::LogFile;
 
 /// Inputs of a station's model, as its log has them.
 pub const STATION_INPUTS: [Channel; 6] = [
@@ -47,6 +48,8 @@ pub fn load_columns() -> String {
 #[derive(Debug, Clone, Default)]
 pub struct Telemetry {
     logs: BTreeMap<String, Log>,
+    /// Which run of its agent this is, by the files in the folder; 0 before the first is begun.
+    run: u32,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -54,8 +57,8 @@ struct Log {
     /// Rows that are not on disk yet; the header is the first of them.
     rows: String,
     facts: String,
-    /// Whether its files have been begun.
-    begun: bool,
+    /// Where it is written, once that has been begun.
+    file: Option<LogFile>,
 }
 
 impl Telemetry {
@@ -67,7 +70,7 @@ impl Telemetry {
             soc.value, soc.sigma
         );
         let rows = format!("time_s,current_a,voltage_v,temperature_degc,ambient_degc\n{time_s},,,,{ambient_degc}\n");
-        self.logs.insert(stem.to_owned(), Log { rows, facts, begun: false });
+        self.logs.insert(stem.to_owned(), Log { rows, facts, file: None });
     }
 
     /// A row of a battery's log: what its sensors showed at `time_s`.
@@ -79,7 +82,7 @@ impl Telemetry {
     /// Opens a log with these columns after `time_s`.
     pub fn table(&mut self, stem: &str, columns: &str) {
         let facts = format!("schema = 1\nid = \"{stem}\"\n");
-        self.logs.insert(stem.to_owned(), Log { rows: format!("time_s,{columns}\n"), facts, begun: false });
+        self.logs.insert(stem.to_owned(), Log { rows: format!("time_s,{columns}\n"), facts, file: None });
     }
 
     /// Opens a log with these columns unless it is open.
@@ -106,7 +109,7 @@ impl Telemetry {
             soc.value, soc.sigma
         );
         let rows = format!("time_s,current_a,voltage_v,temperature_degc,cycle_count\n{time_s},,,,\n");
-        self.logs.insert(stem.to_owned(), Log { rows, facts, begun: false });
+        self.logs.insert(stem.to_owned(), Log { rows, facts, file: None });
     }
 
     /// A row of a live battery's log.
@@ -115,35 +118,26 @@ impl Telemetry {
         self.row(stem, format_args!("{time_s},{current_a:.4},{voltage_v:.4},{temperature_degc:.2},{cycles:.4}"));
     }
 
-    /// Adds what is new to the files of every log in a folder, which is made when it is not there.
+    /// Adds what is new to the files of every log in a folder, which is made when it is not there. Logs of another run stay as they are:
+    /// this one's files are numbered then, `r1.2.csv` (two runs in one log would be one run that never was).
     ///
     /// # Errors
-    /// When the folder or a file cannot be written, and when a log of that name is there already: two
-    /// runs in one log would be one run that never was.
+    /// When the folder or a file cannot be written: what was to be written waits for the next time.
     pub fn append(&mut self, folder: &Path) -> anyhow::Result<()> {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        let mut all = Ok(());
         for (stem, log) in self.logs.iter_mut().filter(|(_, log)| !log.rows.is_empty()) {
-            let csv = folder.join(format!("{stem}.csv"));
-            let mut options = std::fs::OpenOptions::new();
-            if log.begun {
-                options.append(true);
-            } else {
-                options.write(true).create_new(true);
-            }
-            let file = options.open(&csv).and_then(|mut file| file.write_all(log.rows.as_bytes()));
-            file.map_err(|error| match error.kind() {
-                std::io::ErrorKind::AlreadyExists => {
-                    anyhow::anyhow!("{} is there already: give another folder, or move the old logs away", csv.display())
-                }
-                _ => anyhow::Error::new(error).context(format!("cannot write {}", csv.display())),
-            })?;
-            if !log.begun {
-                crate::files::write_text(&folder.join(format!("{stem}.toml")), &log.facts)?;
-            }
-            log.begun = true;
-            log.rows.clear();
+            all = all.and(log.append(folder, stem, &mut self.run));
         }
-        Ok(())
+        all
+    }
+
+    /// Leaves out every log of which more than `bytes` wait to be written, and says which: it is to be opened anew, for what flowed
+    /// between its last row and the next would be told wrongly.
+    pub fn leave_out_beyond(&mut self, bytes: usize) -> Vec<String> {
+        let beyond: Vec<String> = self.logs.iter().filter(|(_, log)| log.rows.len() > bytes).map(|(stem, _)| stem.clone()).collect();
+        self.logs.retain(|stem, _| !beyond.contains(stem));
+        beyond
     }
 
     /// Writes every log into a folder, which is made when it is not there.
@@ -160,12 +154,28 @@ impl Telemetry {
     }
 }
 
+impl Log {
+    fn append(&mut self, folder: &Path, stem: &str, run: &mut u32) -> anyhow::Result<()> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            None => {
+                let (file, number) = LogFile::begin(folder, stem, *run, &self.facts)?;
+                *run = number.max(*run);
+                self.file.insert(file)
+            }
+        };
+        file.add(&self.rows)?;
+        self.rows.clear();
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_log_grows_as_it_goes_and_never_into_that_of_another_run() {
+    fn a_log_grows_as_it_goes_and_that_of_another_run_beside_it() {
         let folder = tempfile::tempdir().unwrap();
         let mut telemetry = Telemetry::default();
         telemetry.live_battery("r1", 0.0, Estimate::new(0.8, 0.01), 25.0);
@@ -181,8 +191,15 @@ mod tests {
             "time_s,current_a,voltage_v,temperature_degc,cycle_count\n0,,,,\n1,0.4000,11.5000,25.00,3.2500\n2,0.4000,11.5000,25.00,3.2500\n"
         );
         assert!(std::fs::read_to_string(folder.path().join("r1.toml")).unwrap().contains("soc_initial = 0.8\n"));
+        // Another run, of which the second log begins later: one number is for all of it.
         let mut other = Telemetry::default();
-        other.live_battery("r1", 0.0, Estimate::new(0.8, 0.01), 25.0);
-        assert!(other.append(folder.path()).unwrap_err().to_string().contains("r1.csv is there already"));
+        other.live_battery("r1", 0.0, Estimate::new(0.5, 0.01), 25.0);
+        other.append(folder.path()).unwrap();
+        other.table("r1-load", "power_w");
+        other.append(folder.path()).unwrap();
+        let names = ["r1.csv", "r1.toml", "r1.2.csv", "r1.2.toml", "r1-load.2.csv", "r1-load.2.toml"];
+        assert!(names.iter().all(|name| folder.path().join(name).is_file()));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), names.len());
+        assert_eq!(std::fs::read_to_string(folder.path().join("r1.csv")).unwrap(), text);
     }
 }

@@ -18,7 +18,7 @@ use crate::source::{Observation, Place, Source};
 /// written.
 ///
 /// # Errors
-/// When the session cannot be opened or is lost for good, or the log cannot be written.
+/// When the session cannot be opened or is lost for good.
 pub async fn run(
     config: &Config,
     mut agent: Agent,
@@ -67,7 +67,7 @@ pub async fn run(
                     drain(&link, config, &mut agent, source.as_mut(), None, &mut station, &mut memory, log.as_mut(), &mut diary).await?;
                 }
                 diary.alone(agent.is_alone(clock.now()), config.alone.silent_s);
-                log.as_mut().map_or(Ok(()), LiveLog::flush)?;
+                log.as_mut().map(LiveLog::flush);
                 if let (Some(at), Some(draw)) = (&station, source.draw()) {
                     link.publish(&Key::SimDraw(Clone::clone(at), robot.clone()), &draw).await?;
                 }

@@ -21,7 +21,7 @@ const ROBOTS_MAX: usize = 1024;
 /// written.
 ///
 /// # Errors
-/// When the session cannot be opened or is lost for good, or the log cannot be written.
+/// When the session cannot be opened or is lost for good.
 pub async fn run(
     config: &Config,
     mut agent: Agent,
@@ -77,7 +77,7 @@ pub async fn run(
                     drain(&link, config, &mut agent, source.as_mut(), None, &mut memory, log.as_mut(), &mut diary).await?;
                 }
                 diary.alone(agent.is_alone(clock.now()), config.alone.silent_s);
-                log.as_mut().map_or(Ok(()), LiveLog::flush)?;
+                log.as_mut().map(LiveLog::flush);
                 // Only the newest supply of each robot matters, except a pack put in.
                 let mut supplies = source.supplies();
                 let newest: std::collections::BTreeMap<_, _> = supplies.iter().enumerate().map(|(i, (robot, _))| (robot.clone(), i)).collect();

@@ -170,7 +170,7 @@ fn the_log_of_a_live_agent_is_read_as_the_simulations_is() {
         let sample = body.step(1.0, node::body::Task::Power(4.0)).unwrap();
         live.battery(f64::from(second), "r1", &sample, energy::Estimate::new(0.8, 0.001), None);
     }
-    live.flush().unwrap();
+    live.flush();
     let log = log(&folder.path().join("logs"), "r1");
     let comparison = compared(&model, &log, Channel::VoltageV);
     assert_eq!(comparison.verdict, Verdict::WithinFloor, "{:?}", comparison.words);
