@@ -115,6 +115,8 @@ pub struct Core {
     /// Robots that are somewhere without a service, since when.
     strays: BTreeMap<RobotId, Timestamp>,
     refusals: Refusals,
+    /// Whether a robot gave up waiting for its bay since the last plan.
+    gave_up_waiting: bool,
     started: Option<Timestamp>,
     /// The last instant that it was given.
     last: Option<Timestamp>,
@@ -168,6 +170,7 @@ impl Core {
             before: Before::default(),
             strays: BTreeMap::new(),
             refusals: Refusals::default(),
+            gave_up_waiting: false,
             started: None,
             last: None,
             planned: None,
@@ -209,6 +212,8 @@ impl Core {
                 self.find_strays(now);
             }
             self.make_plan(now);
+        } else if everybody && self.planned.is_none() {
+            self.tell_whom_it_waits_for(now);
         }
         if due || everybody {
             self.begin(now);

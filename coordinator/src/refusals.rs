@@ -42,12 +42,6 @@ impl Refusals {
         self.0.get(&(robot.clone(), station.clone())).filter(|refusal| now < refusal.until)
     }
 
-    /// Whether one was noted after that.
-    #[must_use]
-    pub fn any_after(&self, then: Timestamp) -> bool {
-        self.0.values().any(|refusal| refusal.at > then)
-    }
-
     /// They have come together.
     pub fn forget(&mut self, robot: &RobotId, station: &StationId) {
         self.0.remove(&(robot.clone(), station.clone()));

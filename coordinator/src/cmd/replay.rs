@@ -7,7 +7,7 @@ use anyhow::Context;
 
 use super::Format;
 use crate::config::Config;
-use crate::core::Core;
+use crate::core::{Core, Numbering};
 use crate::replay::{Inputs, Replay};
 use crate::store::{Reader, Store};
 
@@ -53,10 +53,11 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let config = Config::read(&args.config)?;
     let mut told = Vec::new();
     for (index, start) in starts.iter().enumerate().filter(|(_, start)| args.epoch.is_none_or(|epoch| start.epoch == epoch)) {
+        let next = starts.get(index + 1).copied();
         let unanswered = lacks(&reader, start.epoch).await?;
         told.push(match unanswered {
             Some(_) => Told { epoch: start.epoch, unanswered, ..Told::default() },
-            None => replayed(&reader, &config, &args.config, *start, starts.get(index + 1).copied()).await?,
+            None => replayed(&reader, &config, &args.config, *start, next).await?,
         });
     }
     anyhow::ensure!(
@@ -95,17 +96,11 @@ async fn lacks(reader: &Reader, epoch: u64) -> anyhow::Result<Option<String>> {
     Ok(match reader.heard_first(epoch).await? {
         Some((1, _)) => None,
         Some((_, at)) => Some(format!("the inputs before {at} are no longer kept")),
-        None => Some("none of its inputs are kept".to_owned()),
+        None => Some("it was told nothing, or nothing of that is kept".to_owned()),
     })
 }
 
-async fn replayed(
-    reader: &Reader,
-    config: &Config,
-    path: &Path,
-    start: crate::core::Numbering,
-    next: Option<crate::core::Numbering>,
-) -> anyhow::Result<Told> {
+async fn replayed(reader: &Reader, config: &Config, path: &Path, start: Numbering, next: Option<Numbering>) -> anyhow::Result<Told> {
     let (settings, models) = config.load(Some(path))?;
     let mut replay = Replay::new(Core::new(settings, models, start), start.epoch);
     let mut difference = None;
@@ -183,7 +178,7 @@ mod tests {
         assert_eq!(lacks(&store, 1).await.unwrap().unwrap(), "the inputs before 2026-01-01T00:00:30.000Z are no longer kept");
         assert_eq!((replayed(Some(1)).await, replayed(Some(2)).await, replayed(None).await), (unanswered, same, same));
         sweep(600.0).await;
-        assert_eq!(lacks(&store, 1).await.unwrap().unwrap(), "none of its inputs are kept");
+        assert_eq!(lacks(&store, 1).await.unwrap().unwrap(), "it was told nothing, or nothing of that is kept");
         assert_eq!((replayed(Some(1)).await, replayed(None).await), (unanswered, same));
         sweep(7_200.0).await;
         assert_eq!(replayed(None).await, unanswered, "nothing is left to be told");

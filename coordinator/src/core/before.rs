@@ -15,30 +15,42 @@ pub(super) struct Before {
 }
 
 impl Before {
-    /// The recharge that this robot was promised at that station, and to which state of charge.
-    pub(super) fn recharge(&self, robot: &RobotId, station: &StationId) -> Option<(&Service, f64)> {
-        let service = self.services.get(robot).filter(|service| service.station == *station)?;
-        if let Mode::Recharge { to_soc } = service.mode { Some((service, to_soc)) } else { None }
+    /// Nothing of what was promised to that robot is still to be kept.
+    pub(super) fn is_settled(&mut self, robot: &RobotId) {
+        self.services.remove(robot);
+        self.open.remove(robot);
     }
 }
 
 impl Core {
-    /// Takes over the promises of the coordinator before. What should have been over by so long ago that it would have been given up
-    /// is nobody's any more: robots may have been serviced since, and work again.
+    /// The state of charge to which the coordinator before would have charged this robot at that station, if that can still be going on.
+    pub(super) fn promised_soc(&self, now: Timestamp, robot: &RobotId, station: &StationId) -> Option<f64> {
+        let service = self.before.services.get(robot).filter(|service| service.station == *station && self.is_current(now, service))?;
+        if let Mode::Recharge { to_soc } = service.mode { Some(to_soc) } else { None }
+    }
+
+    /// What should have been over by so long ago that it would have been given up is nobody's any more: its robot may have been serviced
+    /// since, and work again.
+    fn is_current(&self, now: Timestamp, service: &Service) -> bool {
+        now.seconds_since(service.end) < self.settings.late_s
+    }
+
+    /// Takes over the promises of the coordinator before.
     pub(super) fn take_over(&mut self, now: Timestamp, schedule: &Schedule) {
-        let is_current = |service: &&Service| now.seconds_since(service.end) < self.settings.late_s;
-        let services = schedule.services.iter().filter(is_current).map(|service| (service.robot.clone(), service.clone()));
-        self.before.services = services.collect();
+        let current = schedule.services.iter().filter(|service| self.is_current(now, service));
+        self.before.services = current.map(|service| (service.robot.clone(), service.clone())).collect();
         self.before.open = self.before.services.keys().cloned().collect();
         self.promised.extend(self.before.open.iter().cloned());
     }
 
-    /// What had been promised to whoever has been heard is now the word of a plan, or that plan breaks it, or nobody needs it any more.
+    /// What had been promised to those whom a plan has looked at is now its word, or that plan breaks it, or nobody needs it any more. Who is being
+    /// serviced is in no plan's view, and what it is charged to holds on.
     pub(super) fn settle_promises(&mut self, plan: &Schedule) {
-        let heard = |robot: &RobotId| self.fleet.robots.get(robot).is_some_and(|robot| robot.known().is_some());
-        let settled: Vec<RobotId> = self.before.open.iter().filter(|robot| heard(robot)).cloned().collect();
+        let seen = self.solved.iter().flat_map(|solved| &solved.task.view.robots).map(|view| &view.robot);
+        let told = plan.unserved.iter().map(|unserved| &unserved.robot);
+        let settled: Vec<RobotId> = seen.chain(told).filter(|robot| self.before.open.contains(robot)).cloned().collect();
         for robot in settled {
-            self.before.open.remove(&robot);
+            self.before.is_settled(&robot);
             if !plan.services.iter().any(|service| service.robot == robot) {
                 self.promised.remove(&robot);
             }

@@ -42,16 +42,7 @@ impl Core {
     /// everybody who is configured has spoken, but not for ever.
     pub(super) fn plan_due(&mut self, now: Timestamp) -> bool {
         if self.planned.is_none() {
-            let silent = self.silent();
-            let until = self.started.unwrap_or(now).plus_s(self.settings.patience_s);
-            let is_due = self.trigger.is_some() && (silent.is_empty() || now >= until);
-            if !is_due {
-                let trigger = waits_for(now, &silent, until);
-                if self.schedule.trigger != trigger {
-                    self.schedule = Arc::new(Schedule { trigger, ..Schedule::clone(&self.schedule) });
-                }
-            }
-            return is_due;
+            return self.trigger.is_some() && (now >= self.waits_until(now) || self.silent().next().is_none());
         }
         if self.is_old(now) {
             self.replan(TIME_PASSED.to_owned());
@@ -62,11 +53,28 @@ impl Core {
         self.trigger.is_some() && first.is_none_or(|first| now.seconds_since(*first) >= apart_s * at_once as f64)
     }
 
+    /// Until when the first plan waits for all who are configured.
+    fn waits_until(&self, now: Timestamp) -> Timestamp {
+        self.started.unwrap_or(now).plus_s(self.settings.patience_s)
+    }
+
     /// Who is configured and has not said yet how it stands.
-    fn silent(&self) -> Vec<&str> {
+    fn silent(&self) -> impl Iterator<Item = &str> {
         let stations = self.models.stations.keys().filter(|id| self.fleet.stations.get(id).is_none_or(|one| one.known().is_none()));
         let robots = self.models.robots.keys().filter(|id| self.fleet.robots.get(id).is_none_or(|one| one.known().is_none()));
-        stations.map(StationId::as_str).chain(robots.map(RobotId::as_str)).collect()
+        stations.map(StationId::as_str).chain(robots.map(RobotId::as_str))
+    }
+
+    /// Says in the place of a plan for whom the first one waits.
+    pub(super) fn tell_whom_it_waits_for(&mut self, now: Timestamp) {
+        let trigger = waits_for(now, &self.silent().collect::<Vec<_>>(), self.waits_until(now));
+        self.tell_in_place_of_a_plan(trigger);
+    }
+
+    fn tell_in_place_of_a_plan(&mut self, trigger: String) {
+        if self.schedule.plan == 0 && self.schedule.trigger != trigger {
+            self.schedule = Arc::new(Schedule { trigger, ..Schedule::clone(&self.schedule) });
+        }
     }
 
     /// Whether plans of this fleet are mended, and made beside the core.
@@ -124,6 +132,7 @@ impl Core {
             return;
         }
         self.renewed = Some(now);
+        self.tell_in_place_of_a_plan("the first plan is being made".to_owned());
         // The first plan is on its way.
         self.planned.get_or_insert(now);
         let study = Arc::new(Study::new(self.views(now, view.clone()).collect(), self.settings, self.plan.clone()));
@@ -180,6 +189,7 @@ impl Core {
             }
         }
         self.settle_promises(&schedule);
+        self.gave_up_waiting = false;
         let said = |schedule: &Schedule| (schedule.services.len(), schedule.unserved.len());
         if said(&schedule) != said(&self.schedule) || self.schedule.plan == 0 {
             let text =
@@ -243,6 +253,6 @@ fn waits_for(now: Timestamp, silent: &[&str], until: Timestamp) -> String {
     match (silent, silent.len().saturating_sub(SILENT_NAMED)) {
         ([], _) => "nobody has spoken yet".to_owned(),
         (all, 0) => format!("waits for {}{until}", all.join(", ")),
-        (all, more) => format!("waits for {} and {more} others{until}", all[..SILENT_NAMED].join(", ")),
+        (all, more) => format!("waits for {} and {more} more{until}", all[..SILENT_NAMED].join(", ")),
     }
 }

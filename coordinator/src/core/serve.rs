@@ -87,6 +87,7 @@ impl Core {
                 continue;
             }
             if let Some(why) = self.waits_in_vain(now, run, belief) {
+                self.gave_up_waiting = true;
                 self.refusals.note(now, &robot, &station, true, why.clone());
                 self.fail(now, &robot, &why);
                 continue;
@@ -299,6 +300,7 @@ impl Core {
     pub(super) fn done(&mut self, now: Timestamp, robot: &RobotId) {
         if let Some(run) = self.running.remove(robot) {
             self.promised.remove(robot);
+            self.before.is_settled(robot);
             self.event(now, EventKind::ServiceDone, Some(robot), Some(&run.station), None, format!("{robot} is serviced"));
             self.replan(format!("{robot} is serviced"));
         }

@@ -150,8 +150,8 @@ impl Core {
         }
         let packs = known.and_then(|state| state.active_pack.clone()).into_iter().collect();
         let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.clone()) else { return };
-        let promised = self.before.recharge(robot, &station);
-        let to_soc = promised.map_or(self.settings.charge_to_soc, |(_, to_soc)| to_soc);
+        let promised_soc = self.promised_soc(now, robot, &station);
+        let to_soc = promised_soc.unwrap_or(self.settings.charge_to_soc);
         let charge_s = self.models.battery(robot, &state.battery).map_or(0.0, |battery| {
             let facts = battery.battery();
             to_soc * facts.capacity_ah / facts.charge.current_a * energy::units::S_PER_H
@@ -165,7 +165,7 @@ impl Core {
         let unseen = if is_unseen { format!(", in {bay} by its own word, which is free by the station's") } else { String::new() };
         let start = now.plus_s(travel_s);
         let mut why = vec!["begun by the coordinator before this one, or by the robot itself".to_owned()];
-        why.extend(promised.map(|(_, to_soc)| format!("to {:.0} %, as the coordinator before promised", to_soc * 100.0)));
+        why.extend(promised_soc.map(|to_soc| format!("to {:.0} %, as the coordinator before promised", to_soc * 100.0)));
         let mut run = ServiceRun {
             robot: robot.clone(),
             station: station.clone(),

@@ -12,8 +12,7 @@ impl Core {
     pub(super) fn waits_in_vain(&self, now: Timestamp, run: &ServiceRun, robot: &Robot) -> Option<String> {
         let late_s = now.seconds_since(run.start);
         // The next plan may give that bay to somebody who gave up waiting a moment ago.
-        let somebody_gave_up = self.planned.is_some_and(|planned| self.refusals.any_after(planned));
-        if run.stage != Stage::Waiting || late_s <= self.settings.deadline_s || somebody_gave_up {
+        if run.stage != Stage::Waiting || late_s <= self.settings.deadline_s || self.gave_up_waiting {
             return None;
         }
         let (gauge, state) = robot.known()?;

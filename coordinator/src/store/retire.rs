@@ -76,8 +76,16 @@ impl Store {
 /// Deletes the oldest of what is not telemetry. The newest event and the newest plan stay: numbers go on from them.
 async fn forget(connection: &mut AnyConnection, retention: &Retention) -> Result<(), sqlx::Error> {
     let (fine_ms, keep_ms) = (retention.fine.unix_ms(), retention.keep.unix_ms());
+    // What a start was told goes from its beginning on, also what a clock that was set back later had called younger: a hole would look like lines
+    // that were lost.
+    let old = "SELECT epoch, number FROM inputs WHERE at_ms < $1 ORDER BY at_ms LIMIT $2";
+    let last = sqlx::AssertSqlSafe(format!("SELECT epoch, MAX(number) FROM ({old}) AS old GROUP BY epoch"));
+    let last: Vec<(i64, i64)> = query_as(last).bind(fine_ms).bind(ROWS_AT_ONCE).fetch_all(&mut *connection).await?;
+    for (epoch, number) in last {
+        let delete = query("DELETE FROM inputs WHERE epoch = $1 AND number <= $2").bind(epoch).bind(number);
+        delete.execute(&mut *connection).await?;
+    }
     for (before_ms, table, key, but) in [
-        (fine_ms, "inputs", "epoch, number", ""),
         (fine_ms, "plans", "plan", " AND plan < (SELECT MAX(plan) FROM plans)"),
         (fine_ms, "capacities", "number", ""),
         (keep_ms, "events", "seq", " AND seq < (SELECT MAX(seq) FROM events)"),

@@ -63,6 +63,12 @@ impl State {
         }
         let (mut parts, mut variance, mut from): (Vec<Part>, f64, usize) = (Vec::new(), 0.0, 0);
         for (row, step) in steps.iter().enumerate() {
+            // A row after a long pause is a part of its own.
+            let is_whole = step * step * PARTS as f64 >= whole;
+            if is_whole && variance > 0.0 {
+                parts.push((log.time_s[from], variance));
+                (variance, from) = (0.0, row);
+            }
             variance += step * step;
             if variance * PARTS as f64 >= whole {
                 parts.push((log.time_s[from], variance));

@@ -30,7 +30,7 @@ fn for_whom_the_first_plan_waits_is_named() {
     let model = core.models.built_in["explorer-3s1p-1320mah"].clone();
     (0..9).for_each(|n| drop(core.models.robots.insert(id(&format!("r{n}")), model.clone())));
     core.handle(at(0.0), Input::Tick);
-    assert_eq!(core.schedule().trigger, "waits for s, r0, r1, r2, r3 and 5 others, until 00:01:00 at most");
+    assert_eq!(core.schedule().trigger, "waits for s, r0, r1, r2, r3 and 5 more, until 00:01:00 at most");
     (0..8).for_each(|n| joins(&mut core, 1.0, n));
     core.handle(at(2.0), Input::Tick);
     assert_eq!(core.schedule().trigger, "waits for s, r8, until 00:01:00 at most");

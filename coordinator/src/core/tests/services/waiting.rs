@@ -2,19 +2,25 @@
 
 use super::*;
 
-/// A robot that waits before the bay of `s`, with so much left, and a free station `t` a minute away.
-fn waits_with(remaining_wh: f64, time_s: f64) -> (bool, Option<StationId>) {
+/// Stations `s` and `t` with a bay each.
+fn two_stations() -> Core {
     let station = |name: &str| {
         format!("[stations.{name}]\nload = \"mds-station\"\nload_s = 30\nunload_s = 30\npacks = {{ p = \"mds-3s4p-7600mah\" }}\n")
     };
     let text = format!("schema = 1\nsite = \"test\"\n{}{}", station("s"), station("t"));
     let (settings, models) = toml::from_str::<Config>(&text).unwrap().load(None).unwrap();
     let mut core = Core::new(settings, models, Numbering::default());
-    let before_s = time_s - 1.0;
     for name in ["s", "t"] {
-        core.handle(at(before_s), Input::StationState(id(name), ready(before_s)));
-        core.handle(at(before_s), Input::PackGauge(id(name), id("p"), gauge(before_s, 1.0, 84.0)));
+        core.handle(at(99.0), Input::StationState(id(name), ready(99.0)));
+        core.handle(at(99.0), Input::PackGauge(id(name), id("p"), gauge(99.0, 1.0, 84.0)));
     }
+    core
+}
+
+/// A robot that waits before the bay of `s`, with so much left, and a free station `t` a minute away.
+fn waits_with(remaining_wh: f64, time_s: f64) -> (bool, Option<StationId>) {
+    let mut core = two_stations();
+    let before_s = time_s - 1.0;
     core.running.insert(id("r0"), waits(0, 100.0));
     let state = RobotState { phase: RobotPhase::Waiting, station: Some(id("s")), ..working(before_s, &["s", "t"]) };
     core.handle(at(before_s), Input::RobotState(id("r0"), state));
@@ -39,6 +45,32 @@ fn who_waits_goes_elsewhere_before_that_is_out_of_reach() {
     assert_eq!(waits_with(0.22, 101.0), (false, s.clone()), "it is not even late");
     assert_eq!(waits_with(0.22, 200.0), (true, t));
     assert_eq!(waits_with(0.1, 200.0), (false, s), "nothing else is in reach");
+}
+
+/// Two wait at `s` with as little left, and `t` has one bay.
+#[test]
+fn of_two_that_wait_in_vain_one_leaves_for_a_free_bay() {
+    let mut core = two_stations();
+    let at_s = 200.0;
+    let left = Gauge { remaining_wh: Estimate::new(0.22, 0.01), soc: Estimate::new(0.22 / 14.6, 0.0005), ..gauge(at_s - 1.0, 0.0, 14.6) };
+    for n in 0..2 {
+        let robot: RobotId = id(&format!("r{n}"));
+        core.running.insert(robot.clone(), waits(n, 100.0));
+        let state = RobotState { phase: RobotPhase::Waiting, station: Some(id("s")), ..working(at_s - 1.0, &["s", "t"]) };
+        core.handle(at(at_s - 1.0), Input::RobotState(robot.clone(), state));
+        core.handle(at(at_s - 1.0), Input::RobotGauge(robot, left.clone()));
+    }
+    let busy = BayState { bay: id("bay-1"), phase: BayPhase::Occupied, robot: Some(id("other")) };
+    core.handle(at(at_s - 1.0), Input::StationState(id("s"), StationState { bays: vec![busy], seq: 2, ..ready(at_s - 1.0) }));
+    core.handle(at(at_s), Input::Tick);
+    core.handle(at(at_s + 2.0), Input::Tick);
+    let told = std::iter::from_fn(|| core.poll()).filter(|output| match output {
+        Output::Record(Record::Event(event)) => {
+            event.kind == EventKind::ServiceFailed && event.text.contains("t will soon be out of reach")
+        }
+        _ => false,
+    });
+    assert_eq!(told.count(), 1, "{:?}", core.schedule());
 }
 
 #[test]
