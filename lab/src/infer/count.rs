@@ -61,22 +61,7 @@ impl State {
         if log.targets.iter().map(most).fold(0.0, f64::max) < NOTHING {
             return Vec::new();
         }
-        let (mut parts, mut variance, mut from): (Vec<Part>, f64, usize) = (Vec::new(), 0.0, 0);
-        for (row, step) in steps.iter().enumerate() {
-            // A row after a long pause is a part of its own.
-            let is_whole = step * step * PARTS as f64 >= whole;
-            if is_whole && variance > 0.0 {
-                parts.push((log.time_s[from], variance));
-                (variance, from) = (0.0, row);
-            }
-            variance += step * step;
-            if variance * PARTS as f64 >= whole {
-                parts.push((log.time_s[from], variance));
-                (variance, from) = (0.0, row + 1);
-            }
-        }
-        parts.extend((variance > 0.0).then(|| (log.time_s[from], variance)));
-        parts
+        parts(&steps, &log.time_s)
     }
 
     /// What a step of charge at the start of its log does to every judged row, in the channel's unit.
@@ -90,5 +75,46 @@ impl State {
         let moved: Evidence = evidence.with_inputs_of(evidence.logs.iter().map(fuller).collect());
         let moved = Frame::new(Arc::clone(&self.frame.model), Arc::new(moved));
         moved.predict(&self.x).iter().zip(self.frame.predict(&self.x)).map(|(fuller, as_it_is)| (fuller - as_it_is) / STEP_SOC).collect()
+    }
+}
+
+/// A walk of these steps in parts of like variance.
+fn parts(steps: &[f64], time_s: &[f64]) -> Vec<Part> {
+    let whole: f64 = steps.iter().map(|step| step * step).sum();
+    let (mut parts, mut variance, mut from): (Vec<Part>, f64, usize) = (Vec::new(), 0.0, 0);
+    for (row, step) in steps.iter().enumerate() {
+        // A row after a long pause is a part of its own.
+        let is_whole = step * step * PARTS as f64 >= whole;
+        if is_whole && variance > 0.0 {
+            parts.push((time_s[from], variance));
+            (variance, from) = (0.0, row);
+        }
+        variance += step * step;
+        if variance * PARTS as f64 >= whole {
+            parts.push((time_s[from], variance));
+            (variance, from) = (0.0, row + 1);
+        }
+    }
+    parts.extend((variance > 0.0).then(|| (time_s[from], variance)));
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_of_a_walk_is_dated_by_when_it_is_counted() {
+        let time_s: Vec<f64> = (0..=2400).map(f64::from).collect();
+        let even = parts(&vec![1e-4; 2401], &time_s);
+        assert!((PARTS..=PARTS + 1).contains(&even.len()) && even[1].0 == 101.0, "{even:?}");
+        // What flowed in a pause of an hour is counted at its end, however little came before.
+        let mut steps = vec![1e-4; 2401];
+        steps[1200] = 0.36;
+        let paused = parts(&steps, &time_s);
+        let of_pause = paused.iter().find(|(from_s, _)| *from_s == 1200.0).unwrap();
+        assert!((of_pause.1 / 0.36_f64.powi(2) - 1.0).abs() < 1e-9 && paused.len() == 3, "{paused:?}");
+        let sum: f64 = paused.iter().map(|part| part.1).sum();
+        assert!((sum / steps.iter().map(|step| step * step).sum::<f64>() - 1.0).abs() < 1e-9);
     }
 }
