@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use proto::{Mode, RobotId, Schedule, Service, StationId, Timestamp};
 
 use super::Core;
+use crate::scheduler::translate::HORIZON_MAX_S;
 
 /// The services of its last plan that can still be going on or to come.
 #[derive(Debug, Default)]
@@ -30,9 +31,9 @@ impl Core {
     }
 
     /// What should have been over by so long ago that it would have been given up is nobody's any more: its robot may have been serviced
-    /// since, and work again.
+    /// since, and work again. Nor is what ends later than anybody plans ahead: a clock was wrong.
     fn is_current(&self, now: Timestamp, service: &Service) -> bool {
-        now.seconds_since(service.end) < self.settings.late_s
+        (-HORIZON_MAX_S..self.settings.late_s).contains(&now.seconds_since(service.end))
     }
 
     /// Takes over the promises of the coordinator before.

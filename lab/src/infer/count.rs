@@ -19,7 +19,7 @@ use super::state::State;
 use crate::fit::count::{NOTHING, STEP_SOC, steps};
 use crate::prepare::Prepared;
 
-/// Parts of which a walk is made, at most. That a part begins all at once, and not row by row, is a 24th of it early.
+/// Parts of which a walk is made, about. That a part begins all at once, and not row by row, is a 24th of it early.
 const PARTS: usize = 24;
 
 /// A part of a walk: from when on its charge is counted, s, and its variance, as state of charge squared.

@@ -43,6 +43,8 @@ fn a_charge_that_goes_on_ends_where_it_was_promised() {
         (vec![service("r0", 0.8, 1800.0)], 0.8),
         // It should have been over for longer than anybody is waited for: that was another one.
         (vec![service("r0", 0.8, -7200.0)], 0.98),
+        // Planned with a clock that was years ahead.
+        (vec![service("r0", 0.8, 1e8)], 0.98),
         (vec![service("r1", 0.8, 1800.0)], 0.98),
         (Vec::new(), 0.98),
     ] {
@@ -57,6 +59,17 @@ fn a_charge_that_goes_on_ends_where_it_was_promised() {
         });
         assert_eq!(told, Some(proto::RobotAction::ChargeTo { soc: to_soc }));
     }
+}
+
+#[test]
+fn what_was_promised_before_holds_until_that_is_done() {
+    let mut core = takes_over(vec![service("r0", 0.8, 1800.0)]);
+    core.handle(at(2.0), Input::Tick);
+    let promised_soc = |core: &Core| core.promised_soc(at(2.0), &id("r0"), &id("s"));
+    // Also once a plan was made: it is in its bay, and no plan is about it.
+    assert_eq!((core.schedule().plan, promised_soc(&core)), (1, Some(0.8)));
+    core.done(at(2.0), &id("r0"));
+    assert_eq!(promised_soc(&core), None, "the next time it is charged is another time");
 }
 
 #[test]
