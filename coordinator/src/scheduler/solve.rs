@@ -8,7 +8,7 @@ use proto::RobotId;
 
 use super::again::{count_less, unsure, with_the_uncounted};
 use super::effort::{Effort, WHOLE_FLEET_MAX};
-use super::plan::{Plan, Planned, Rejected};
+use super::plan::{Plan, Rejected};
 use super::problem::{RobotView, StationView, View};
 use super::translate::{Offer, Task};
 use crate::models::{Settings, ShortEnergy};
@@ -59,8 +59,8 @@ impl Solved {
 
     /// How many of those whom the last plan promised a service have none.
     fn broken(&self, before: &Plan) -> usize {
-        let is_kept = |promised: &&Planned| self.plan.planned.iter().any(|planned| planned.robot == promised.robot);
-        before.planned.len() - before.planned.iter().filter(is_kept).count()
+        let has: BTreeSet<&RobotId> = self.plan.planned.iter().map(|planned| &planned.robot).collect();
+        before.planned.iter().filter(|promised| !has.contains(&promised.robot)).count()
     }
 
     /// What it costs, the worst first: promises of the last plan that it breaks, robots that run empty, work that is missed, s.
@@ -70,11 +70,10 @@ impl Solved {
 
     /// Who would have an exchange and no spare for it: robot and station.
     fn without_a_spare(&self) -> Vec<(usize, usize)> {
+        let without: BTreeSet<&RobotId> =
+            self.plan.planned.iter().filter(|planned| planned.spare.is_none()).map(|planned| &planned.robot).collect();
         let exchanges = self.sessions.iter().filter(|session| !matches!(session.mode, Mode::Charge(_)));
-        let is_without = |session: &&Session| {
-            let robot = &self.task.view.robots[session.robot].robot;
-            self.plan.planned.iter().any(|planned| planned.robot == *robot && planned.spare.is_none())
-        };
+        let is_without = |session: &&Session| without.contains(&self.task.view.robots[session.robot].robot);
         exchanges.filter(is_without).map(|session| (session.robot, session.station)).collect()
     }
 

@@ -8,8 +8,8 @@ pub(super) use station::KEEP_CONFIDENCE;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use energy::Need;
 use energy::units::S_PER_H;
+use energy::{Estimate, Need};
 use planner::problem::{Battery, Problem, Robot, Station, Tick, Travel};
 use planner::{Mode, Policy, Session};
 use proto::{RobotId, Timestamp};
@@ -182,29 +182,25 @@ impl Task {
         (who.energy - who.drain * i64::from(tick)) as f64 / self.problem.battery(robot).capacity as f64
     }
 
-    /// What a service takes: its energy with its doubt.
+    /// What a service takes: its energy with its doubt. That of the robot's state of charge counts in full for a charge, wherever it ends;
+    /// lifting and exchanging take what they take, whatever the robot has left.
     #[must_use]
     pub fn need(&self, robot: usize, station: usize, start: Tick, mode: Mode) -> Need {
-        let (view, who) = (&self.view.robots[robot], &self.problem.robots[robot]);
+        let view = &self.view.robots[robot];
         let Some((_, _, table)) = view.travel.iter().find(|(index, _, _)| *index == station) else { return Need::default() };
-        let soc = self.soc_at(robot, start);
-        let at = table.between(soc, self.to_soc(mode));
+        let soc = Estimate::new(self.soc_at(robot, start).max(0.0), view.soc.sigma);
         let there = &self.problem.stations[station];
         let swap_wh = self.problem.wh(i64::from(there.swap_ticks) * there.swap_draw);
-        let mean_wh = match mode {
-            Mode::Charge(_) => at.need_wh,
-            Mode::Swap => swap_wh,
-            Mode::SwapAndRecharge => swap_wh + at.bare_wh,
+        let drawn = match mode {
+            Mode::Charge(_) => table.need_to(soc, self.to_soc(mode), 1.0),
+            Mode::Swap => Need { mean_wh: swap_wh, ..Need::default() },
+            Mode::SwapAndRecharge => {
+                let bare = table.bare(soc, 1.0);
+                Need { mean_wh: swap_wh + bare.mean_wh, ..bare }
+            }
         };
-        let own = who.travel.iter().find(|travel| travel.station == station).map_or(0.0, |travel| travel.variance);
-        let whole_wh = table.at(soc).need_wh;
-        let scale = if whole_wh > 0.0 { mean_wh / whole_wh } else { 0.0 };
         let shared = &self.view.stations[station].shared_per_wh;
-        Need {
-            mean_wh,
-            shared_wh: shared.iter().map(|change| change * mean_wh).collect(),
-            own_variance: own / UNITS_PER_WH.powi(2) * scale * scale,
-        }
+        Need { shared_wh: shared.iter().map(|change| change * drawn.mean_wh).collect(), ..drawn }
     }
 
     /// The charge of the pack that an exchange leaves, once that is over; none where none follows, or not from the station's packs.
@@ -329,7 +325,7 @@ impl Places<'_> {
         let gate = if may_come_early { 0 } else { promised.map_or(wanted, |(start, _)| start.min(wanted)) };
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
         let travel = robot.travel.iter().map(|(station, travel_s, table)| {
-            let own_variance = table.own_variance(energy::Estimate::new(from_soc.max(0.0), robot.soc.sigma));
+            let own_variance = table.own_variance(Estimate::new(from_soc.max(0.0), robot.soc.sigma));
             Travel {
                 station: *station,
                 ticks: grid.up(travel_s + ahead_s),
