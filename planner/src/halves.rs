@@ -10,6 +10,7 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::draft::NONE;
 use crate::guide::Guide;
+use crate::problem::Travel;
 use crate::search::Search;
 use crate::way::Ways;
 
@@ -26,19 +27,18 @@ pub(crate) struct Halves {
 impl Halves {
     pub(crate) fn new(ways: &Ways<'_>) -> Self {
         let problem = ways.problem();
-        let mut near: Vec<Vec<(u32, f32)>> = vec![Vec::new(); problem.stations.len()];
+        let mut come: Vec<Vec<&[Travel]>> = vec![Vec::new(); problem.stations.len()];
         for robot in &problem.robots {
-            for from in &robot.travel {
-                for to in robot.travel.iter().filter(|to| to.station != from.station) {
-                    let near = &mut near[from.station];
-                    match near.iter_mut().find(|(station, _)| *station as usize == to.station) {
-                        Some((_, robots)) => *robots += 1.0,
-                        None => near.push((to.station as u32, 1.0)),
-                    }
-                }
-            }
+            robot.travel.iter().for_each(|travel| come[travel.station].push(&robot.travel));
         }
-        Self { near }
+        let mut robots = vec![0_u32; problem.stations.len()];
+        let near = come.iter().enumerate().map(|(from, travels)| {
+            travels.iter().copied().flatten().for_each(|travel| robots[travel.station] += 1);
+            robots[from] = 0;
+            let shared = robots.iter_mut().enumerate().filter(|(_, robots)| **robots > 0);
+            shared.map(|(station, robots)| (station as u32, std::mem::take(robots) as f32)).collect()
+        });
+        Self { near: near.collect() }
     }
 
     /// Searches both halves of the search's plan with so many moves each.
@@ -100,6 +100,22 @@ mod tests {
     use crate::construct::{self, Order};
     use crate::draft::Draft;
     use crate::instance::Instance;
+
+    #[test]
+    fn stations_are_as_near_as_the_robots_that_reach_both() {
+        let instance = Instance::parse(include_str!("../tests/instances/16-2-1.json")).expect("a valid instance");
+        let ways = Ways::all(&instance.problem);
+        let reaches = |robot: &crate::problem::Robot, station: usize| robot.travel.iter().any(|travel| travel.station == station);
+        let near = Halves::new(&ways).near;
+        for from in 0..instance.problem.stations.len() {
+            for to in (0..instance.problem.stations.len()).filter(|to| *to != from) {
+                let both = instance.problem.robots.iter().filter(|robot| reaches(robot, from) && reaches(robot, to)).count();
+                let told = near[from].iter().find(|(station, _)| *station as usize == to).map_or(0.0, |(_, robots)| *robots);
+                assert_eq!(told, both as f32, "{from} and {to}");
+            }
+            assert!(near[from].iter().all(|(station, _)| *station as usize != from));
+        }
+    }
 
     #[test]
     fn what_both_halves_found_is_one_plan_with_its_score() {

@@ -258,13 +258,14 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64, capaci
         return contradiction(at("critical"), format!("it ends at {to}, before it begins at {from}"));
     }
     let (mut travel, mut beyond): (Vec<Travel>, Vec<Travel>) = (Vec::new(), Vec::new());
+    let mut named = vec![false; stations.len()];
     for &(id, ticks) in &raw.travel {
         let Some(&station) = stations.get(&id) else {
             let nearest = stations.keys().min_by_key(|&&known| known.abs_diff(id));
             let hint = nearest.map_or_else(|| "there is none".to_owned(), |near| format!("the nearest id is {near}"));
             return contradiction(at("travel"), format!("no station has the id {id}; {hint}"));
         };
-        if travel.iter().chain(&beyond).any(|other| other.station == station) {
+        if std::mem::replace(&mut named[station], true) {
             return contradiction(at("travel"), format!("station {id} is named twice"));
         }
         let ticks = range(at(&format!("travel time to station {id}")), ticks, 0, i64::from(Tick::MAX))?;

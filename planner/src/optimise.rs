@@ -19,6 +19,8 @@
 
 mod large;
 
+use std::cell::OnceCell;
+
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
@@ -105,7 +107,7 @@ pub(crate) fn best<'w, 'p>(
     seed: u64,
     budget: &mut dyn Budget,
 ) -> (Draft<'w, 'p>, Levels) {
-    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), clock: Clock { budget, moves: 0 }, halves: Halves::new(ways), rounds: 0 };
+    let mut run = Run { ways, rng: Pcg64Mcg::seed_from_u64(seed), clock: Clock { budget, moves: 0 }, halves: OnceCell::new(), rounds: 0 };
     let at_once = run.at_once();
     let mut search = Search::new(match known {
         Some(known) if (known.broken(), known.score) <= (at_once.broken(), at_once.score) => known,
@@ -184,7 +186,8 @@ struct Run<'w, 'p, 'b> {
     ways: &'w Ways<'p>,
     rng: Pcg64Mcg,
     clock: Clock<'b>,
-    halves: Halves,
+    /// Made for the first search in halves: a plan at once, and that of a small fleet, has no time for it and no use.
+    halves: OnceCell<Halves>,
     rounds: u64,
 }
 

@@ -8,6 +8,7 @@
 
 use std::collections::BinaryHeap;
 
+use super::pass;
 use crate::book::Book;
 use crate::draft::{Draft, NONE};
 use crate::prices::Reduced;
@@ -242,12 +243,7 @@ impl<'a, 'w, 'p> Beam<'a, 'w, 'p> {
 
     fn future(&self, until: usize) -> [u64; 2] {
         let mut future = [0; 2];
-        let mut tell = |word: u64| {
-            // Two odd multipliers with well spread bits (the golden ratio's and that of murmur's finaliser).
-            for (hash, by) in future.iter_mut().zip([0x9e37_79b9_7f4a_7c15, 0xff51_afd7_ed55_8ccd]) {
-                *hash = (u64::rotate_left(*hash, 23) ^ word).wrapping_mul(by);
-            }
-        };
+        let mut tell = |word: u64| pass::tell(&mut future, word);
         self.unserved().filter(|&robot| self.over[robot] > until).for_each(|robot| tell(robot as u64));
         // What is still going on takes the same of its station whatever there was before.
         for (robot, &way) in self.draft.chosen.iter().enumerate().filter(|(_, way)| **way != NONE) {

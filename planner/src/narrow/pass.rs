@@ -341,8 +341,9 @@ fn change(power: &mut [i32], site: &Site, taken: &Service, from: usize, by: i32)
     power[from..taken.drawn_to].iter_mut().zip(&draws[from - taken.start..]).for_each(|(power, draw)| *power += by * draw);
 }
 
+/// Takes a word of what is still to come into a hash of all of it.
 #[inline]
-fn tell(future: &mut [u64; 2], word: u64) {
+pub(super) fn tell(future: &mut [u64; 2], word: u64) {
     // Two odd multipliers with well spread bits (the golden ratio's and that of murmur's finaliser).
     for (hash, by) in future.iter_mut().zip([0x9e37_79b9_7f4a_7c15, 0xff51_afd7_ed55_8ccd]) {
         *hash = (u64::rotate_left(*hash, 23) ^ word).wrapping_mul(by);

@@ -3,6 +3,7 @@
 use super::{Run, heat};
 use crate::draft::NONE;
 use crate::guide::Guide;
+use crate::halves::Halves;
 use crate::prices::Prices;
 use crate::search::Search;
 
@@ -59,7 +60,7 @@ impl<'w, 'p> Run<'w, 'p, '_> {
 
     fn halve(&mut self, search: &mut Search<'_, '_>, guide: &Guide, heat: f64) {
         let moves = self.ways.problem().robots.len() as u64 * MOVES_IN_HALF;
-        self.halves.run(search, guide, &mut self.rng, moves, heat);
+        self.halves.get_or_init(|| Halves::new(self.ways)).run(search, guide, &mut self.rng, moves, heat);
         self.rounds += 1;
         self.clock.moves += 2 * moves;
     }
