@@ -136,7 +136,7 @@ pub fn charge_within(
     let expected_s = (target_soc - run.channel(Channel::Soc)).max(0.0) * facts.capacity_ah / begin_a * S_PER_H;
     let dt_s = (expected_s / STEPS).max(1.0);
     let (mut energy_wh, mut time_s) = (0.0, 0.0);
-    let mut barred = None;
+    let (mut barred, mut without_it) = (None, None);
     while time_s < TIME_MAX_S && run.channel(Channel::Soc) < target_soc {
         let cell_degc = run.channel(Channel::CellDegc);
         barred = if protected { facts.protection.no_charge_at(cell_degc, barred) } else { None };
@@ -159,8 +159,9 @@ pub fn charge_within(
             time_s = TIME_MAX_S;
             break;
         }
-        // A current cut by a shared limit is not the end of the charge.
+        // A current cut by a shared limit is not the end of the charge; a step below the cutoff comes after it.
         if current_a < facts.charge.cutoff_a.min(0.999 * limit_a) {
+            without_it = Some(before);
             break;
         }
         // The last step counts only up to the target.
@@ -171,7 +172,7 @@ pub fn charge_within(
         time_s += share * dt_s;
     }
     let stopped = barred.filter(|_| time_s >= TIME_MAX_S);
-    Charge { energy_wh, time_s, soc: run.channel(Channel::Soc).min(target_soc), stopped }
+    Charge { energy_wh, time_s, soc: without_it.unwrap_or_else(|| run.channel(Channel::Soc)).min(target_soc), stopped }
 }
 
 /// What a pack's estimate depends on, for a forecast with sigma: its charge, its parameters and

@@ -51,12 +51,12 @@ pub struct Sample {
 pub const MEASURED_MAX: f64 = 1e7;
 
 impl Sample {
-    /// Whether this can have been measured: every number finite and below [`MEASURED_MAX`], the interval not negative.
+    /// Whether this can have been measured: every number finite and below [`MEASURED_MAX`], and some time over which it was.
     /// Open inputs, lost messages and a driver's marks for "nothing" (such as -3.4e38) give others.
     #[must_use]
     pub fn is_reading(&self) -> bool {
         let values = [self.dt_s, self.current_a, self.voltage_v, self.temperature_degc];
-        values.iter().all(|value| value.abs() < MEASURED_MAX) && self.dt_s >= 0.0
+        values.iter().all(|value| value.abs() < MEASURED_MAX) && self.dt_s > 0.0
     }
 }
 

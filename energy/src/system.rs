@@ -93,11 +93,13 @@ impl System {
                 Channel::CellVoltageV,
                 Channel::CellDegc,
                 Channel::OcvV,
+                Channel::OcvShiftEmpty,
+                Channel::OcvShiftFull,
                 Channel::EntropyVPerK,
                 Channel::OverpotentialV,
                 Channel::HeatW,
             ],
-            System::Robot => &[Channel::PowerW],
+            System::Robot => &[Channel::PowerW, Channel::TractionN, Channel::CopperW],
             System::Station => &[Channel::PackPowerW],
         }
     }

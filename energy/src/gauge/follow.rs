@@ -62,7 +62,8 @@ pub(crate) fn follow(run: &mut Run<f64>, sample: &Sample, current_a: f64, soc: f
     let colder_degc = sample.temperature_degc - run.channels[Channel::TemperatureDegc];
     run.channels[Channel::AmbientDegc] += colder_degc * (sample.dt_s / AMBIENT_TAU_S).min(1.0);
     run.channels[Channel::TemperatureDegc] = sample.temperature_degc;
-    run.channels[Channel::CycleCount] = cycles;
+    // Beside what the pack had seen before the gauge, as where a run begins.
+    run.channels[Channel::CycleCount] = cycles + run.model().battery().cycle_count;
     run.channels[Channel::CurrentA] = current_a;
     run.step(sample.dt_s);
     let facts = run.model().battery();

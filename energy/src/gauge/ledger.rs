@@ -63,7 +63,7 @@ pub(crate) struct Seen<'a> {
     pub(crate) below_v: f64,
     /// Current through one cell, A, for the resistances; with each one's share there.
     pub(crate) load: Option<(f64, &'a [f64])>,
-    /// Whether capacity, current sensor and self-discharge may be learned from it.
+    /// Whether capacity, self-discharge and the errors of both sensors may be learned from it.
     pub(crate) teaches_capacity: bool,
 }
 
