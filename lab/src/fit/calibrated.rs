@@ -73,7 +73,7 @@ pub fn fit_calibrated(
     let mut values = model.values();
     free.iter().zip(&at).for_each(|(&index, &value)| values[index] = value);
     let solution = Solution { at, residual, jacobian, bound, ..plain.solution };
-    let fit = Fit { free: free.to_vec(), values, solution, certainty, rows: plain.rows };
+    let fit = Fit { free: free.to_vec(), values, rows: solution.residual.len(), solution, certainty };
     Ok(CalibratedFit { fit, logs, found: left_out(&state) })
 }
 

@@ -82,6 +82,11 @@ pub fn certainty(
     let mut middle = DMatrix::zeros(p, p);
     let mut worth = Vec::new();
     for segment in segments {
+        // What was found of a gap may have left nothing of a log's channel to judge.
+        if segment.range.is_empty() {
+            worth.push(SegmentCertainty { lag1: 0.0, effective_rows: 0.0 });
+            continue;
+        }
         let rows = segment.range.len() as f64;
         let part = jacobian.rows(segment.range.start, segment.range.len());
         let own = residual.rows(segment.range.start, segment.range.len());
@@ -211,6 +216,17 @@ mod tests {
         let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
         let certainty = certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &one_log(n), &[WIDE], true, &[]);
         assert!((certainty.sigma[0].unwrap() - 0.05).abs() < 2e-3, "{certainty:?}");
+    }
+
+    #[test]
+    fn a_log_of_which_nothing_is_judged_says_nothing() {
+        let n = 100;
+        let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
+        let jacobian = DMatrix::from_element(n, 1, -1.0);
+        let nothing = Segment { log: 1, channel: Channel::VoltageV, range: n..n, rows: Vec::new() };
+        let beside = [one_log(n), vec![nothing]].concat();
+        let of = |segments: &[Segment]| certainty(&jacobian, &residual, segments, &[WIDE], true, &[]).sigma;
+        assert_eq!(of(&beside), of(&one_log(n)));
     }
 
     #[test]
