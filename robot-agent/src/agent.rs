@@ -194,10 +194,15 @@ impl Agent {
                     return refused(Rejection::UnknownTarget, format!("no way to station {station} is known"));
                 }
                 let there = self.phase != Working && self.station.as_ref() == Some(station);
+                let is_told = there && self.bay == *bay;
                 (self.station, self.bay) = (Some(station.clone()), bay.clone());
+                let (station, bay) = (station.clone(), bay.clone());
                 if !there {
                     self.phase = Travelling;
-                    self.outputs.push_back(Output::Act(Act::TravelTo { station: station.clone(), bay: bay.clone() }));
+                    self.outputs.push_back(Output::Act(Act::TravelTo { station, bay }));
+                } else if !is_told {
+                    // A robot that came by its own rule, or for an exchange, has not heard of a bay: by itself it would never drive into it.
+                    self.outputs.push_back(Output::Act(Act::GoOnTo { station, bay }));
                 }
                 Outcome::Accepted
             }

@@ -68,6 +68,14 @@ pub enum Act {
         /// The bay that is meant for the robot there; none when its pack is exchanged.
         bay: Option<BayId>,
     },
+    /// Go on to another place at the station to which it is on its way, or where it stands. A robot before a lift stays: the
+    /// station moves it.
+    GoOnTo {
+        /// The same station as before.
+        station: StationId,
+        /// The bay that is meant for the robot now; none when its pack is exchanged.
+        bay: Option<BayId>,
+    },
     /// Switch the charger on.
     Charge,
     /// Switch the charger off.
@@ -81,6 +89,8 @@ impl fmt::Display for Act {
         match self {
             Self::TravelTo { station, bay: Some(bay) } => write!(f, "goes to {station} {bay}"),
             Self::TravelTo { station, bay: None } => write!(f, "goes to {station}"),
+            Self::GoOnTo { station, bay: Some(bay) } => write!(f, "goes on to {station} {bay}"),
+            Self::GoOnTo { station, bay: None } => write!(f, "goes on to where packs are exchanged at {station}"),
             Self::Charge => f.write_str("begins to charge"),
             Self::StopCharging => f.write_str("ends its charge"),
             Self::Resume => f.write_str("goes back to work"),

@@ -75,6 +75,11 @@ impl Agent {
                 let bay = self.bay.clone();
                 self.outputs.push_back(Output::Act(Act::TravelTo { station, bay }));
             }
+            // What was asked of it there may not have been begun. Where it stands already it stays.
+            (Waiting, Place::AtStation, Some(station)) if self.bay.is_some() => {
+                let bay = self.bay.clone();
+                self.outputs.push_back(Output::Act(Act::GoOnTo { station, bay }));
+            }
             (Working, Place::Underway | Place::AtStation, _) | (Waiting | Docked | Charging | Charged | Swapping, Place::Mission, _) => {
                 self.resume();
             }

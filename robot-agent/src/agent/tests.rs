@@ -252,6 +252,28 @@ fn without_a_coordinator_it_goes_to_charge_before_its_energy_gives_out_and_not_e
 }
 
 #[test]
+fn who_came_without_a_coordinator_hears_which_bay_is_meant_for_it() {
+    let mut bench = bench_at(0.08);
+    bench.agent.handle(bench.now, Input::Coordinator(false));
+    let acts = (0..70).find_map(|_| Some(bench.observe(|_| {})).filter(|acts| !acts.is_empty()));
+    assert_eq!(acts, Some(vec![Act::TravelTo { station: station("mds-1"), bay: None }]));
+    let named = |bay| vec![Act::GoOnTo { station: station("mds-1"), bay }];
+    // A coordinator is back before it has arrived.
+    assert_eq!(bench.ask(dock()), (Outcome::Accepted, named(bay())));
+    assert_eq!(bench.agent.phase, RobotPhase::Travelling);
+    bench.observe(|observation| observation.place = Place::AtStation);
+    assert_eq!(bench.ask(dock()).1, [], "it knows that bay");
+    let other = || Some(BayId::new("bay-2").unwrap());
+    for bay in [other(), None, bay()] {
+        assert_eq!(bench.ask(RobotAction::Dock { station: station("mds-1"), bay: bay.clone() }).1, named(bay));
+        assert_eq!(bench.agent.phase, RobotPhase::Waiting);
+    }
+    // It drives in by itself, and nothing feeds it yet.
+    bench.observe(|observation| observation.place = Place::InBay);
+    assert_eq!((bench.agent.phase, bench.agent.bay.clone()), (RobotPhase::Docked, bay()));
+}
+
+#[test]
 fn a_charge_without_a_coordinator_is_not_over_because_the_one_before_it_was() {
     let mut bench = bench_at(0.7);
     bench.enter_bay();

@@ -89,7 +89,7 @@ impl Hands {
     /// Begins an act.
     pub fn begin(&mut self, act: &Act) {
         let arguments: Vec<String> = match act {
-            Act::TravelTo { station, bay } => {
+            Act::TravelTo { station, bay } | Act::GoOnTo { station, bay } => {
                 let bay = bay.iter().map(ToString::to_string);
                 ["travel_to".to_owned(), station.to_string()].into_iter().chain(bay).collect()
             }
@@ -99,6 +99,8 @@ impl Hands {
         };
         match act {
             Act::TravelTo { .. } => self.place = Place::Underway,
+            // Where nobody drives it, it stays where it is.
+            Act::GoOnTo { .. } if self.program.is_set() => self.place = Place::Underway,
             Act::Resume if !self.powered => self.place = Place::Mission,
             _ => {}
         }

@@ -29,7 +29,7 @@ impl Source for Measured {
         match act {
             Act::Charge => self.reader.charge(true),
             Act::StopCharging => self.reader.charge(false),
-            Act::TravelTo { .. } | Act::Resume => {}
+            Act::TravelTo { .. } | Act::GoOnTo { .. } | Act::Resume => {}
         }
         self.hands.begin(act);
     }

@@ -270,6 +270,8 @@ impl Source for RobotBody {
                 self.journey = Journey { there_s: whole_s, back_s: 0.0, whole_s, courses };
                 self.place = Place::Underway;
             }
+            // Its bay is before a lift.
+            Act::GoOnTo { .. } => {}
             Act::Charge => {
                 self.charger_on = true;
                 if let Some((charger, charging)) = &mut self.charger {

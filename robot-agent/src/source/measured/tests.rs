@@ -54,7 +54,9 @@ fn a_program_drives_the_robot_and_says_where_it_is() {
     let body = Body { drive, ..Body::default() };
     let mut source = Measured::new(Script::new(idle), explorer(), body);
     let to = |bay: Option<&str>| Act::TravelTo { station: StationId::new("mds-1").unwrap(), bay: bay.map(|bay| bay.parse().unwrap()) };
-    source.act(&to(Some("bay-2")));
+    source.act(&to(Some("bay-1")));
+    wait_for(&mut source, |seen| seen.place == Place::InBay);
+    source.act(&Act::GoOnTo { station: StationId::new("mds-1").unwrap(), bay: Some("bay-2".parse().unwrap()) });
     wait_for(&mut source, |seen| seen.place == Place::InBay);
     source.act(&Act::Charge);
     let failed = wait_for(&mut source, |seen| seen.why_down.is_some());
@@ -62,8 +64,8 @@ fn a_program_drives_the_robot_and_says_where_it_is() {
     source.act(&Act::Resume);
     wait_for(&mut source, |seen| seen.place == Place::Mission && seen.why_down.is_none());
     let acts = || std::fs::read_to_string(folder.path().join("acts")).unwrap();
-    wait_for(&mut source, |_| acts().lines().count() == 3);
-    assert_eq!(acts(), "travel_to mds-1 bay-2\ncharge\nresume\n");
+    wait_for(&mut source, |_| acts().lines().count() == 4);
+    assert_eq!(acts(), "travel_to mds-1 bay-1\ntravel_to mds-1 bay-2\ncharge\nresume\n");
 }
 
 #[test]
