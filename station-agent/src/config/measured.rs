@@ -43,7 +43,8 @@ pub struct MeasuredConfig {
     /// A pack is taken above this voltage, V; 0 for any that can be used.
     #[serde(default)]
     pub take_above_v: f64,
-    /// A measured spare can be handed out from this state of charge on.
+    /// A measured spare can be handed out from this state of charge on, until it falls below by more than its readings differ by
+    /// themselves (the square root of two of their standard deviations).
     #[serde(default = "default_ready_soc")]
     pub ready_soc: f64,
     /// Temperature taken where nothing measures a pack's, °C.

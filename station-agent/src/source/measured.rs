@@ -86,7 +86,7 @@ impl MeasuredPack {
 pub struct MeasuredSpare {
     id: SpareId,
     device: Box<dyn Device>,
-    /// It counts as charged from here on, 0..1.
+    /// It counts as charged from here on, 0..1; see [`Self::is_charged`].
     ready_soc: f64,
     /// How far the device may be off where it does not say.
     soc_sigma: f64,
@@ -115,7 +115,8 @@ impl MeasuredSpare {
         match read {
             Ok(Some((soc, sigma))) => {
                 (self.trouble, self.silent_s) = (None, 0.0);
-                self.news(Estimate::new(soc, sigma.unwrap_or(self.soc_sigma)), soc >= self.ready_soc)
+                let soc = Estimate::new(soc, sigma.unwrap_or(self.soc_sigma));
+                self.news(soc, self.is_charged(soc))
             }
             Ok(None) => self.silent(dt_s),
             Err(error) => {
@@ -127,6 +128,15 @@ impl MeasuredSpare {
                 self.silent(dt_s)
             }
         }
+    }
+
+    /// Whether it can be handed out: from `ready_soc` on, and then until a reading is below that by more than the standard deviation
+    /// by which two readings of one charge differ. Without that the noise of a charge near `ready_soc` would take the spare away and
+    /// give it back with every reading, and plans would follow.
+    fn is_charged(&self, soc: Estimate) -> bool {
+        let was_charged = self.told.is_some_and(|(_, ready)| ready);
+        let doubt_soc = if was_charged { soc.sigma.hypot(soc.sigma) } else { 0.0 };
+        soc.value >= self.ready_soc - doubt_soc
     }
 
     fn silent(&mut self, dt_s: f64) -> Option<(Estimate, bool)> {

@@ -196,13 +196,30 @@ fn told_of(station: &mut MeasuredStation, dt_s: f64) -> Option<(f64, bool)> {
 #[test]
 fn a_spare_that_runs_down_or_is_taken_away_is_ready_no_longer() {
     let says = |soc: f64| vec![Report { soc: Some(soc), ..Report::default() }];
-    let says = [0.96, 0.952, 0.949, 0.945].map(says).into_iter().chain([Vec::new()]);
+    let says = [0.96, 0.952, 0.87, 0.865].map(says).into_iter().chain([Vec::new()]);
     let spare = MeasuredSpare::new(SpareId::new("spare-1").unwrap(), script(says), 0.95, 0.05);
     let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], vec![spare], no_hands());
     let told: Vec<_> = (0..4).map(|_| told_of(&mut station, 1.0)).collect();
-    assert_eq!(told, [Some((0.96, true)), None, Some((0.949, false)), None]);
+    assert_eq!(told, [Some((0.96, true)), None, Some((0.87, false)), None]);
     (0..60).for_each(|_| assert_eq!(told_of(&mut station, 1.0), None));
     assert_eq!([1.0, 1.0].map(|dt_s| told_of(&mut station, dt_s)), [Some((UNKNOWN_SOC.value, false)), None]);
+}
+
+#[test]
+fn a_noisy_charge_near_the_level_of_a_spare_does_not_take_it_away_and_give_it_back() {
+    let says = |soc: f64| vec![Report { soc: Some(soc), soc_sigma: Some(0.02), ..Report::default() }];
+    // Charged to the level, and noise as large as its deviation around that; then used up below it, with the same noise.
+    let noisy = [0.93, 0.951, 0.932, 0.968, 0.93, 0.97, 0.931, 0.966];
+    let used = [0.915, 0.94, 0.92, 0.949, 0.951];
+    let spare = MeasuredSpare::new(SpareId::new("spare-1").unwrap(), script(noisy.into_iter().chain(used).map(says)), 0.95, 0.05);
+    let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 0.5)])], vec![spare], no_hands());
+    let mut ready = || {
+        station.advance(1.0);
+        station.spares[0].told.unwrap().1
+    };
+    // By hand: it is ready from 0.95 on, and no longer below 0.95 - sqrt(2) 0.02 = 0.922.
+    assert_eq!([(); 8].map(|()| ready()), [false, true, true, true, true, true, true, true]);
+    assert_eq!([(); 5].map(|()| ready()), [false, false, false, false, true]);
 }
 
 #[test]
