@@ -34,6 +34,10 @@ pub struct Files {
 
 /// A day of validity, counted from 1970-01-01.
 pub type Day = i64;
+/// Seconds in such a day.
+pub const S_PER_DAY: i64 = energy::units::S_PER_DAY as i64;
+/// Milliseconds in such a day.
+pub const MS_PER_DAY: i64 = 1000 * S_PER_DAY;
 
 /// Name of the authority's files in its folder.
 const CA: &str = "ca";
@@ -131,7 +135,7 @@ fn known(certificate: &str) -> Option<(String, Day)> {
     let (_, pem) = x509_parser::pem::parse_x509_pem(certificate.as_bytes()).ok()?;
     let certificate = pem.parse_x509().ok()?;
     let name = certificate.subject().iter_common_name().next()?.as_str().ok()?.to_owned();
-    Some((name, certificate.validity().not_after.timestamp().div_euclid(86_400)))
+    Some((name, certificate.validity().not_after.timestamp().div_euclid(S_PER_DAY)))
 }
 
 fn files(folder: &Path, name: &str) -> Files {

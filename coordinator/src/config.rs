@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
+use energy::units::S_PER_DAY;
 use energy::{Model, System};
 use node::files::{ModelRef, read_text};
 use node::{Charging, ClockConfig, NetworkConfig};
@@ -140,7 +141,7 @@ pub struct StationConfig {
 
 /// Shortest and longest time that a configuration may state, s.
 const TIME_MIN_S: f64 = 0.1;
-const TIME_MAX_S: f64 = 30.0 * 86_400.0;
+const TIME_MAX_S: f64 = 30.0 * S_PER_DAY;
 
 /// Most moves of the search per robot.
 const MOVES_MAX: u64 = 1_000_000;

@@ -1,9 +1,10 @@
 //! Times in words, UTC: the time of day, with its date where it would be taken for another day's.
 
+use energy::units::S_PER_H;
 use proto::{Absence, Timestamp};
 
 /// What is closer than this is told by its time of day alone, s: half a day, as no two such times look alike.
-const SOON_S: f64 = 12.0 * 3600.0;
+const SOON_S: f64 = 12.0 * S_PER_H;
 
 /// `2026-01-03`.
 #[must_use]

@@ -1,4 +1,7 @@
-//! Conversion constants. No other file of the workspace converts units by a literal.
+//! Conversion constants: a file that converts units takes them from here, so that each is written, and can be wrong, once.
+//!
+//! Not here: minutes (60), percent and thousandths (ms, mV), which are plain where they stand; limits of a configuration, which stand
+//! as their messages tell them; and tests, which count by hand.
 
 /// Seconds in an hour.
 pub const S_PER_H: f64 = 3600.0;

@@ -2,6 +2,7 @@
 //! agent's configuration.
 
 use anyhow::ensure;
+use energy::units::S_PER_DAY;
 use serde::{Deserialize, Serialize};
 
 /// `depot`: when a pack of a station is exchanged, how long that takes, and what comes back.
@@ -34,7 +35,7 @@ impl Depot {
     /// # Errors
     /// Names the key and the range.
     pub fn check(&self) -> anyhow::Result<()> {
-        for (key, value, max) in [("below_soc", self.below_soc, 1.0), ("soc", self.soc, 1.0), ("away_s", self.away_s, 30.0 * 86_400.0)] {
+        for (key, value, max) in [("below_soc", self.below_soc, 1.0), ("soc", self.soc, 1.0), ("away_s", self.away_s, 30.0 * S_PER_DAY)] {
             ensure!((0.0..=max).contains(&value), "depot.{key} = {value}: must be between 0 and {max}");
         }
         ensure!(self.at_once >= 1, "depot.at_once = 0: at least one pack must be let go, or nothing is ever exchanged");

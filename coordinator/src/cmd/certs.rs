@@ -70,7 +70,7 @@ enum Command {
 /// When a file is there already, or cannot be written.
 pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     // A clock that is a little behind must not refuse what was issued today.
-    let today = node::clock::unix_ms() / 86_400_000;
+    let today = node::clock::unix_ms() / certs::MS_PER_DAY;
     match &args.command {
         Command::Init { site, dir, days } => {
             let files = certs::init(dir, site, today - 1..today + i64::from(*days))?;

@@ -6,6 +6,7 @@ use std::process::{ExitCode, Stdio};
 use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
+use energy::units::S_PER_DAY;
 use node::files::write_text;
 use node::{ClockConfig, NetworkConfig};
 use proto::{Key, Schedule};
@@ -18,7 +19,7 @@ use crate::service;
 use crate::web::WebConfig;
 
 /// Longest demonstration, real seconds.
-const SECONDS_MAX: f64 = 30.0 * 86_400.0;
+const SECONDS_MAX: f64 = 30.0 * S_PER_DAY;
 
 /// The fleet that is started when no scenario is named.
 const DEMO: &str = include_str!("../../../scenarios/demo.toml");

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use energy::DocumentError;
 use energy::document::Document;
+use energy::units::S_PER_DAY;
 use toml::Spanned;
 
 use super::expect;
@@ -12,7 +13,7 @@ use super::file::{Named, OneOrEach, PackEntry, RobotEntry, Scenario, StationEntr
 /// The only version of the file so far.
 const SCHEMA: u32 = 1;
 /// Longest run, s: a year.
-const DURATION_MAX_S: f64 = 365.0 * 86_400.0;
+const DURATION_MAX_S: f64 = 365.0 * S_PER_DAY;
 /// Most bays or robots in one entry.
 const COUNT_MAX: u32 = 100_000;
 

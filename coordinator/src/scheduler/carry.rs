@@ -2,7 +2,7 @@
 
 use energy::load::Terminals as _;
 use energy::pack::Battery as _;
-use energy::units::S_PER_H;
+use energy::units::{S_PER_DAY, S_PER_H};
 use energy::{Channel, Estimate, Pack, Start};
 
 use super::problem::{HANDOVER_S, PackState, StationView};
@@ -24,8 +24,8 @@ const SCALE_MAX: f64 = 1.3;
 const RESTS_MIN_S: f64 = 5.0 * HANDOVER_S;
 
 /// Packs are drained to their end in stretches of this, and for no longer than a week, s.
-const TAIL_S: f64 = 3600.0;
-const TAIL_MAX_S: f64 = 7.0 * 24.0 * 3600.0;
+const TAIL_S: f64 = S_PER_H;
+const TAIL_MAX_S: f64 = 7.0 * S_PER_DAY;
 
 /// A part of the load: from when until when (s from now), and how much (W).
 pub type Part = (f64, f64, f64);

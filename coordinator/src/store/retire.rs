@@ -10,6 +10,7 @@
 //! Old is what the coordinator's clock says: telemetry whose sender has another clock is dated by when it came (`came_ms`).
 //! Nothing here takes part in a decision: it may be late, or not run at all.
 
+use energy::units::S_PER_H;
 use proto::Timestamp;
 use sqlx::any::AnyArguments;
 use sqlx::query::Query;
@@ -49,7 +50,7 @@ const SENDERS_AT_ONCE: usize = 20;
 /// Rows of other tables that one step may delete.
 const ROWS_AT_ONCE: i64 = 20_000;
 /// Telemetry that one round may thin, ms: an old store is caught up with hour by hour.
-const THINNED_AT_ONCE_MS: i64 = 6 * 3_600_000;
+const THINNED_AT_ONCE_MS: i64 = 6 * 1000 * S_PER_H as i64;
 
 /// Where the work stands: it goes round all tables and senders, again and again.
 #[derive(Debug, Default)]

@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use energy::units::S_PER_DAY;
 use proto::{Estimate, Event, EventKind, PackId, RobotId, Schedule, Service, ServiceStatus, StationId, Timestamp};
 use serde::Serialize;
 
@@ -19,7 +20,7 @@ const POINTS_MAX: usize = 720;
 /// First period of a series, s.
 const PERIOD_S: f64 = 5.0;
 /// A full series spans at least this, s.
-const SPAN_S: f64 = 86_400.0;
+const SPAN_S: f64 = S_PER_DAY;
 
 /// A quantity over time: columns of equal length, as charts take them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]

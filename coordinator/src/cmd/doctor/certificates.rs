@@ -10,11 +10,11 @@ use proto::{SiteId, Timestamp};
 use x509_parser::prelude::*;
 
 use super::Finding;
+use crate::certs::MS_PER_DAY;
 use crate::config::Config;
 
 /// Days before its end at which a certificate is told of.
 const SOON_DAYS: i64 = 30;
-const MS_PER_DAY: i64 = 86_400_000;
 
 pub(super) fn check(config: &Config) -> Vec<Finding> {
     let network = &config.network;

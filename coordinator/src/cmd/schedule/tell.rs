@@ -1,6 +1,7 @@
 //! Schedule, capacity, explanation and events as text for people.
 
 use comfy_table::{Cell, CellAlignment};
+use energy::units::S_PER_H;
 use proto::{Capacity, Event, Explanation, Mode, Promise, Quality, Schedule};
 
 use crate::cmd::{say_text, table, text};
@@ -77,7 +78,7 @@ fn in_words(quality: &Quality) -> String {
     };
     let moved: Vec<String> = quality.moved.iter().map(ToString::to_string).collect();
     let moved = if moved.is_empty() { String::new() } else { format!("; moved: {}", moved.join(", ")) };
-    format!("{stranded}; {:.1} h of work are missed, {missed}{moved}", quality.missed_s / 3600.0)
+    format!("{stranded}; {:.1} h of work are missed, {missed}{moved}", quality.missed_s / S_PER_H)
 }
 
 pub(super) fn show_capacity(capacity: &Capacity) {
