@@ -68,8 +68,8 @@ fn untold<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unse
     // Between two plans a robot that was just let go is in neither list.
     let is_told = move |id: &RobotId| basis.running.contains_key(id) || in_plan.contains(id);
     basis.fleet.robots.iter().filter(move |(id, _)| !is_told(id)).filter_map(|(id, robot)| {
-        if robot.lost {
-            let since = robot.gone.map(|since| format!(": it has not been heard since {}", when::minute_from(basis.now, since)));
+        if robot.written_off {
+            let since = robot.lost_since.map(|since| format!(": it has not been heard since {}", when::minute_from(basis.now, since)));
             let why = format!("it was lost{}", since.unwrap_or_default());
             return Some(Unserved { robot: id.clone(), runs_empty: false, reasons: vec![why] });
         }
@@ -87,7 +87,7 @@ fn running_service(basis: &Basis<'_>, run: &ServiceRun) -> Service {
         How::Recharge { bay, to_soc } => (Mode::Recharge { to_soc: *to_soc }, Some(bay.clone())),
         How::Swap { spare } => (Mode::Swap { spare: spare.clone() }, None),
     };
-    let lost = basis.fleet.stations.get(&run.station).filter(|station| station.gone.is_some());
+    let lost = basis.fleet.stations.get(&run.station).filter(|station| station.is_lost());
     let lost = lost
         .into_iter()
         .map(|_| format!("{} was lost: whether the service goes on is not known; what follows is as it was planned", run.station));

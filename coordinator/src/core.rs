@@ -6,7 +6,7 @@
 //! ```
 //!
 //! One input, then poll until nothing is left. The same inputs give the same outputs.
-//! `hear.rs` takes in what is said, `plan.rs` plans, `serve.rs` carries services on, `ask.rs` sends commands
+//! `hear.rs` takes in what is said, `lost.rs` who says nothing any more, `plan.rs` plans, `serve.rs` carries services on, `ask.rs` sends commands
 //! and waits for their answers, `strays.rs` finds robots that are somewhere without a service, `before.rs` knows what the
 //! coordinator before this one had promised.
 
@@ -15,6 +15,7 @@ mod before;
 mod hear;
 mod input;
 mod leave;
+mod lost;
 mod plan;
 mod serve;
 mod strays;
@@ -197,7 +198,7 @@ impl Core {
         // What only time can change is looked at with the clock: a message costs the same in any fleet.
         let everybody = matches!(concerned, Concerned::Everybody);
         if everybody {
-            self.count_the_lost(now);
+            self.write_off_the_lost(now);
             self.doubt_gauges(now);
             self.resend(now);
         }
@@ -336,8 +337,8 @@ impl Core {
         self.selected.values_mut().chain(self.strays.values_mut()).for_each(earlier);
         self.trust.set_back(by_ms);
         self.refusals.set_back(by_ms);
-        let gone = self.fleet.robots.values_mut().map(|robot| &mut robot.gone);
-        gone.chain(self.fleet.stations.values_mut().map(|station| &mut station.gone)).flatten().for_each(earlier);
+        let lost = self.fleet.robots.values_mut().map(|robot| &mut robot.lost_since);
+        lost.chain(self.fleet.stations.values_mut().map(|station| &mut station.lost_since)).flatten().for_each(earlier);
         for station in self.fleet.stations.values_mut() {
             station.left.values_mut().map(|left| &mut left.since).chain(station.relieved.iter_mut().map(|(_, at)| at)).for_each(earlier);
         }

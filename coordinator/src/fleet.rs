@@ -1,4 +1,14 @@
 //! What the coordinator believes of robots and stations: the newest word of each.
+//!
+//! Who has spoken and is not there to be heard any more goes through two states:
+//!
+//! - **Lost**, from the moment on at which its liveliness token is gone ([`Robot::is_lost`], [`Station::is_lost`]). It is sent nowhere,
+//!   and planned for as before: most are back in a moment. This is what `lost` means in the API, the metrics, the journal's events and
+//!   WIRE.md.
+//! - **Written off**, once that has lasted and nobody waits for it any longer ([`Robot::written_off`], [`Station::written_off`]): nothing
+//!   is planned for it. Outside the program this shows in its place in the schedule, among the unserved and with when it was lost.
+//!
+//! Its next word, or its token, ends both.
 
 use std::collections::BTreeMap;
 
@@ -14,18 +24,18 @@ pub struct Robot {
     pub state: Option<RobotState>,
     /// When it first said, by its own clock, that it does what it does.
     pub phase_since: Timestamp,
-    /// Since when it is not there to be heard, after it had spoken.
-    pub gone: Option<Timestamp>,
-    /// Whether that has lasted, and nothing is planned for it any more.
-    pub lost: bool,
+    /// Since when it is lost.
+    pub lost_since: Option<Timestamp>,
+    /// Whether it is written off.
+    pub written_off: bool,
 }
 
-/// Who is gone for longer counts as lost, s: an agent that is restarted is back within seconds, and so is everybody after a pause of the
+/// Who is lost for longer is written off, s: an agent that is restarted is back within seconds, and so is everybody after a pause of the
 /// coordinator's own. A guess.
-pub const LOST_S: f64 = 30.0;
-/// A station that is gone for so long counts as lost, s, also where nobody would have to leave for it yet. A guess: a machine has started anew
-/// by then.
-pub const STATION_LOST_S: f64 = 300.0;
+pub const WRITTEN_OFF_S: f64 = 30.0;
+/// A station that is lost for so long is written off, s, also where nobody would have to leave for it yet. A guess: a machine has started
+/// anew by then.
+pub const STATION_WRITTEN_OFF_S: f64 = 300.0;
 
 impl Robot {
     /// Takes in a state message that is newer than the one before.
@@ -54,16 +64,22 @@ impl Robot {
         self.state.as_ref().filter(draws).map_or(0.0, |state| state.drain_w.value)
     }
 
+    /// Whether it is lost.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.lost_since.is_some()
+    }
+
     /// Gauge and state of a robot that can be planned for.
     #[must_use]
     pub fn known(&self) -> Option<(&Gauge, &RobotState)> {
-        if self.lost { None } else { Some((self.gauge.as_ref()?, self.state.as_ref()?)) }
+        if self.written_off { None } else { Some((self.gauge.as_ref()?, self.state.as_ref()?)) }
     }
 
     /// The same of one that is there to be heard.
     #[must_use]
     pub fn heard(&self) -> Option<(&Gauge, &RobotState)> {
-        if self.gone.is_some() { None } else { self.known() }
+        if self.is_lost() { None } else { self.known() }
     }
 }
 
@@ -83,10 +99,10 @@ pub struct Station {
     pub relieved: Option<(PackId, Timestamp)>,
     /// Packs that robots left and that are not charged yet, by the spare whose place they took.
     pub left: BTreeMap<SpareId, LeftPack>,
-    /// Since when it is not there to be heard, after it had spoken.
-    pub gone: Option<Timestamp>,
-    /// Whether that has lasted, and nothing is planned there any more.
-    pub lost: bool,
+    /// Since when it is lost.
+    pub lost_since: Option<Timestamp>,
+    /// Whether it is written off.
+    pub written_off: bool,
 }
 
 /// A pack that a robot left.
@@ -164,6 +180,12 @@ impl Station {
         state
     }
 
+    /// Whether it is lost.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.lost_since.is_some()
+    }
+
     /// Power out of one of its packs by its last word, W.
     #[must_use]
     pub fn drawn_w(&self, pack: &PackId) -> f64 {
@@ -187,13 +209,13 @@ impl Station {
     #[must_use]
     pub fn known(&self) -> Option<&StationState> {
         let state = self.state.as_ref()?;
-        (self.unheard(state).next().is_none() && !self.lost).then_some(state)
+        (self.unheard(state).next().is_none() && !self.written_off).then_some(state)
     }
 
     /// The same of one that is there to be heard.
     #[must_use]
     pub fn heard(&self) -> Option<&StationState> {
-        if self.gone.is_some() { None } else { self.known() }
+        if self.is_lost() { None } else { self.known() }
     }
 
     /// Packs that are in their places and have not spoken yet.
@@ -206,7 +228,7 @@ impl Station {
     #[must_use]
     pub fn why_unknown(&self) -> String {
         let Some(state) = &self.state else { return "it has not been heard".to_owned() };
-        if self.lost {
+        if self.written_off {
             return "it was lost: nothing has been heard of it since".to_owned();
         }
         let unheard: Vec<&str> = self.unheard(state).map(AsRef::as_ref).collect();

@@ -205,7 +205,7 @@ impl ServiceRun {
             (How::Recharge { bay, .. }, Stage::Unloading) if station.heard().is_some() && !self.held(bay, station) => {
                 return Step::Enter(Stage::LetOut);
             }
-            (_, Stage::LetOut) if robot.gone.is_some() => return Step::Done,
+            (_, Stage::LetOut) if robot.is_lost() => return Step::Done,
             _ => {}
         }
         let (Some((gauge, state)), Some(place)) = (robot.heard(), station.heard()) else { return Step::Wait };

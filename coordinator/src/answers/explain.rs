@@ -48,7 +48,7 @@ impl<'a, 'w> Explainer<'a, 'w> {
         };
         let service = self.services.get(robot).copied();
         let mut reasons = Vec::new();
-        let since = belief.gone.map(|since| when::minute_from(basis.now, since));
+        let since = belief.lost_since.map(|since| when::minute_from(basis.now, since));
         reasons.extend(since.map(|since| format!("it has not been heard since {since}: what follows is what it said before")));
         if let Some((gauge, state)) = belief.known() {
             let (soc, left) = (gauge.soc, gauge.remaining_wh);

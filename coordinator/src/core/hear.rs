@@ -1,12 +1,12 @@
 //! Takes in what robots and stations say: the newest word of each, and what changed with it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use proto::{BayPhase, EventKind, Gauge, PackId, PackState, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 use super::{Core, REFUSED_MAX};
 use crate::clocks::Agent;
-use crate::fleet::{LOST_S, LeftPack, Robot, STATION_LOST_S, Station, newer};
+use crate::fleet::{LeftPack, Robot, Station, newer};
 use crate::models::from_wire;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;
@@ -99,25 +99,6 @@ impl Core {
             }
             _ => String::new(),
         }
-    }
-
-    pub(super) fn robot_alive(&mut self, now: Timestamp, id: &RobotId, alive: bool) -> bool {
-        let Some(robot) = self.fleet.robots.get_mut(id) else { return false };
-        let new = robot.gone.is_none() != alive;
-        if new {
-            robot.gone = if alive { None } else { Some(now) };
-            // Who was gone for a moment is planned for as before.
-            let was_lost = std::mem::take(&mut robot.lost) && alive;
-            let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
-            self.event(now, kind, Some(id), None, None, format!("{id} {verb}"));
-            if alive {
-                self.trust.back(now, &Owner::Robot(id.clone()));
-            }
-            if was_lost {
-                self.replan(format!("{id} {verb}"));
-            }
-        }
-        new
     }
 
     pub(super) fn station_state(&mut self, now: Timestamp, id: &StationId, state: StationState) -> bool {
@@ -292,58 +273,6 @@ impl Core {
         }
     }
 
-    pub(super) fn station_alive(&mut self, now: Timestamp, id: &StationId, alive: bool) -> bool {
-        let Some(station) = self.fleet.stations.get_mut(id) else { return false };
-        let new = station.gone.is_none() != alive;
-        if new {
-            station.gone = if alive { None } else { Some(now) };
-            let was_lost = std::mem::take(&mut station.lost) && alive;
-            let packs: Vec<PackId> = station.packs.keys().cloned().collect();
-            let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
-            self.event(now, kind, None, Some(id), None, format!("{id} {verb}"));
-            if alive {
-                packs.into_iter().for_each(|pack| self.trust.back(now, &Owner::Pack(id.clone(), pack)));
-            }
-            if was_lost {
-                self.replan(format!("{id} {verb}"));
-            }
-        }
-        new
-    }
-
-    /// Ceases to plan for whom nobody waits any longer: who was promised a service is waited for until it would have to leave for it, and a
-    /// station until somebody would have to leave for it.
-    pub(super) fn count_the_lost(&mut self, now: Timestamp) {
-        let has_lasted = |gone: Option<Timestamp>, lost_s: f64| gone.is_some_and(|since| now.seconds_since(since) >= lost_s);
-        let robots: Vec<&RobotId> =
-            self.fleet.robots.iter().filter(|(_, one)| !one.lost && has_lasted(one.gone, LOST_S)).map(|(id, _)| id).collect();
-        let stations: Vec<(&StationId, bool)> = self
-            .fleet
-            .stations
-            .iter()
-            .filter(|(_, one)| !one.lost && has_lasted(one.gone, LOST_S))
-            .map(|(id, one)| (id, has_lasted(one.gone, STATION_LOST_S)))
-            .collect();
-        if robots.is_empty() && stations.is_empty() {
-            return;
-        }
-        let waited: BTreeSet<&RobotId> = self.plan.planned.iter().filter(|one| one.leave > now).map(|one| &one.robot).collect();
-        let robots: Vec<RobotId> = robots.into_iter().filter(|id| !waited.contains(id)).cloned().collect();
-        let is_due = |id: &StationId| {
-            let mut there = self.plan.planned.iter().filter(|one| one.station == *id).peekable();
-            there.peek().is_none() || there.any(|one| one.leave <= now)
-        };
-        let stations: Vec<StationId> = stations.into_iter().filter(|(id, long)| *long || is_due(id)).map(|(id, _)| id.clone()).collect();
-        for id in robots {
-            self.fleet.robots.entry(id.clone()).or_default().lost = true;
-            self.replan(format!("{id} was lost"));
-        }
-        for id in stations {
-            self.fleet.stations.entry(id.clone()).or_default().lost = true;
-            self.replan(format!("{id} was lost"));
-        }
-    }
-
     /// Tells of a clock that is off or right again, and plans anew: deadlines are read on it.
     fn heard_clock(&mut self, now: Timestamp, agent: &Agent, said: Timestamp) {
         let Some(text) = self.clocks.heard(now, agent, said) else { return };
@@ -369,12 +298,12 @@ impl Core {
     }
 
     fn doubt_gauge(&mut self, now: Timestamp, owner: &Owner) {
-        let (is_gone, robot, station, pack) = match owner {
-            Owner::Robot(id) => (self.fleet.robots.get(id).is_none_or(|belief| belief.gone.is_some()), Some(id), None, None),
-            Owner::Pack(id, pack) => (self.fleet.stations.get(id).is_none_or(|belief| belief.gone.is_some()), None, Some(id), Some(pack)),
+        let (is_lost, robot, station, pack) = match owner {
+            Owner::Robot(id) => (self.fleet.robots.get(id).is_none_or(|belief| belief.is_lost()), Some(id), None, None),
+            Owner::Pack(id, pack) => (self.fleet.stations.get(id).is_none_or(|belief| belief.is_lost()), None, Some(id), Some(pack)),
         };
-        // Who is gone says nothing, and that is told already.
-        if is_gone {
+        // Who is lost says nothing, and that is told already.
+        if is_lost {
             return;
         }
         let Some(fault) = self.trust.news(now, owner) else { return };

@@ -16,9 +16,9 @@ impl Core {
         let due: Vec<Planned> = self.plan.planned.iter().filter(|planned| planned.leave <= now).cloned().collect();
         for service in due {
             // Nobody is sent who does not hear it, nor to where nobody takes it in.
-            let is_gone = self.fleet.robots.get(&service.robot).is_some_and(|robot| robot.gone.is_some())
-                || self.fleet.stations.get(&service.station).is_some_and(|station| station.gone.is_some());
-            if is_gone {
+            let is_lost = self.fleet.robots.get(&service.robot).is_some_and(|robot| robot.is_lost())
+                || self.fleet.stations.get(&service.station).is_some_and(|station| station.is_lost());
+            if is_lost {
                 continue;
             }
             // What a lift has begun ends first; then the robot is where it did not plan to be.
@@ -261,7 +261,7 @@ impl Core {
         let How::Recharge { bay, .. } = &run.how else { return false };
         let wanted = |planned: &Planned| planned.station == run.station && planned.bay.as_ref() == Some(bay);
         run.under_way()
-            && robot.gone.is_some()
+            && robot.is_lost()
             && now.seconds_since(run.start) > self.settings.deadline_s
             && station.bay_phase(bay) == Some(BayPhase::Free)
             && !self.running.values().any(|other| other.at_place() && other.is_in(&run.station, bay))

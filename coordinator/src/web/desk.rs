@@ -170,13 +170,13 @@ fn fleet(now: Timestamp, core: &Core) -> String {
         .fleet()
         .robots
         .iter()
-        .map(|(id, robot)| (id, RobotWord { lost: robot.gone.is_some(), gauge: robot.gauge.as_ref(), state: robot.state.as_ref() }))
+        .map(|(id, robot)| (id, RobotWord { lost: robot.is_lost(), gauge: robot.gauge.as_ref(), state: robot.state.as_ref() }))
         .collect();
     let stations: std::collections::BTreeMap<_, _> = core
         .fleet()
         .stations
         .iter()
-        .map(|(id, station)| (id, StationWord { lost: station.gone.is_some(), state: station.state.as_ref(), packs: &station.packs }))
+        .map(|(id, station)| (id, StationWord { lost: station.is_lost(), state: station.state.as_ref(), packs: &station.packs }))
         .collect();
     json(&serde_json::json!({ "at": now, "robots": robots, "stations": stations }))
 }

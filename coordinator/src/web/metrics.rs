@@ -93,11 +93,11 @@ fn kept(sheet: &Sheet, standing: &Standing) {
 fn robots(sheet: &Sheet, core: &Core) {
     let by_phase = sheet.gauges("tender_robots", "Robots heard and not lost, by what they do.", &["phase"]);
     for phase in PHASES {
-        let here = core.fleet().robots.values().filter(|robot| robot.gone.is_none() && robot.phase() == Some(phase)).count();
+        let here = core.fleet().robots.values().filter(|robot| !robot.is_lost() && robot.phase() == Some(phase)).count();
         by_phase.with_label_values(&[&phase.to_string()]).set(here as f64);
     }
     let lost = sheet.gauges("tender_robots_lost", "Robots that have spoken and are no longer heard.", &[]);
-    lost.with_label_values::<&str>(&[]).set(core.fleet().robots.values().filter(|robot| robot.gone.is_some()).count() as f64);
+    lost.with_label_values::<&str>(&[]).set(core.fleet().robots.values().filter(|robot| robot.is_lost()).count() as f64);
     let soc = sheet.gauges("tender_robot_charge_ratio", "State of charge of a robot's battery, 0 to 1.", &["robot", "kind"]);
     let left = sheet.gauges("tender_robot_remaining_energy_joules", "Energy left in a robot's battery.", &["robot", "kind"]);
     let empty = sheet.gauges("tender_robot_time_to_empty_seconds", "Time until a robot is empty at its recent load.", &["robot", "kind"]);
@@ -115,7 +115,7 @@ fn robots(sheet: &Sheet, core: &Core) {
 fn packs(sheet: &Sheet, core: &Core) {
     let powered = sheet.gauges("tender_station_powered", "Whether a station's bays have power: 1 or 0.", &["station"]);
     let lost = sheet.gauges("tender_stations_lost", "Stations that have spoken and are no longer heard.", &[]);
-    lost.with_label_values::<&str>(&[]).set(core.fleet().stations.values().filter(|station| station.gone.is_some()).count() as f64);
+    lost.with_label_values::<&str>(&[]).set(core.fleet().stations.values().filter(|station| station.is_lost()).count() as f64);
     let labels = ["station", "pack", "kind"];
     let soc = sheet.gauges("tender_pack_charge_ratio", "State of charge of a station's pack, 0 to 1.", &labels);
     let left = sheet.gauges("tender_pack_remaining_energy_joules", "Energy left in a station's pack.", &labels);

@@ -125,7 +125,7 @@ impl Past {
                 self.robots.entry(id.clone()).or_default().push(now, gauge.soc);
             }
         }
-        for (id, station) in core.fleet().stations.iter().filter(|(_, station)| station.gone.is_none()) {
+        for (id, station) in core.fleet().stations.iter().filter(|(_, station)| !station.is_lost()) {
             for (pack, gauge) in &station.packs {
                 self.packs.entry((id.clone(), pack.clone())).or_default().push(now, gauge.remaining_wh);
             }

@@ -113,5 +113,8 @@ fn who_is_gone_for_a_moment_keeps_what_it_was_promised_and_who_stays_away_gives_
     // Back again, it is planned for at once.
     joins(&mut core, leave_s + 10.0, 0);
     core.handle(at(leave_s + 12.0), Input::Tick);
-    assert!(!core.fleet.robots[&id::<RobotId>("r0")].lost && !core.schedule().unserved.iter().any(|left| left.reasons[0].contains("lost")));
+    assert!(
+        !core.fleet.robots[&id::<RobotId>("r0")].written_off
+            && !core.schedule().unserved.iter().any(|left| left.reasons[0].contains("lost"))
+    );
 }

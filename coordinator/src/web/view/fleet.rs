@@ -126,7 +126,7 @@ fn row(basis: &Basis<'_>, schedule: &Schedule, id: &RobotId, robot: &Robot) -> R
 /// What a robot does and where, and how that stands.
 pub(super) fn doing(robot: &Robot) -> (String, Tone) {
     let Some(state) = &robot.state else { return ("not heard yet".to_owned(), Tone::Quiet) };
-    if robot.gone.is_some() {
+    if robot.is_lost() {
         return (format!("lost while {}", state.phase), Tone::Bad);
     }
     let place = match (&state.station, &state.bay, state.phase) {

@@ -102,7 +102,7 @@ fn card(basis: &Basis<'_>, schedule: &Schedule, stacks: &Stacks, id: &StationId)
 }
 
 fn standing(now: Timestamp, station: &Station, state: &StationState) -> (String, Tone) {
-    if station.gone.is_some() {
+    if station.is_lost() {
         return ("lost".to_owned(), Tone::Bad);
     }
     if !state.powered {

@@ -82,11 +82,11 @@ fn next_empty(basis: &Basis<'_>) -> Tile {
 fn at_work(basis: &Basis<'_>) -> Tile {
     let robots = basis.fleet.robots.values();
     let (all, working) =
-        (robots.len(), robots.clone().filter(|robot| robot.phase() == Some(RobotPhase::Working) && robot.gone.is_none()).count());
+        (robots.len(), robots.clone().filter(|robot| robot.phase() == Some(RobotPhase::Working) && !robot.is_lost()).count());
     let count = |so: &dyn Fn(&crate::fleet::Robot) -> bool| basis.fleet.robots.values().filter(|robot| so(robot)).count();
     let stranded = count(&|robot| robot.phase() == Some(RobotPhase::Stranded));
-    let lost = count(&|robot| robot.gone.is_some());
-    let lost_stations = basis.fleet.stations.values().filter(|station| station.gone.is_some()).count();
+    let lost = count(&|robot| robot.is_lost());
+    let lost_stations = basis.fleet.stations.values().filter(|station| station.is_lost()).count();
     let in_words = if lost_stations == 1 { "station lost" } else { "stations lost" };
     let troubles: Vec<String> = [(stranded, "stranded"), (lost, "lost"), (lost_stations, in_words)]
         .iter()
