@@ -18,34 +18,8 @@ pub mod schedule;
 mod serve;
 pub mod simulate;
 
-use std::path::Path;
-use std::process::ExitCode;
-
-use anyhow::Context as _;
 use clap::ValueEnum;
 use comfy_table::{LineStyle, Table, TableStyle};
-
-/// Writes a page of the manual for a program and for each of its commands.
-///
-/// # Errors
-/// When the folder cannot be written to.
-pub fn write_manual(program: clap::Command, dir: &Path) -> anyhow::Result<ExitCode> {
-    let written = std::fs::create_dir_all(dir).and_then(|()| clap_mangen::generate_to(program, dir));
-    written.with_context(|| format!("cannot write manual pages into {}", dir.display()))?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Prints a script with which a shell completes a program's commands.
-///
-/// # Errors
-/// None: what cannot be printed ends the program (see [`say_text`]).
-pub fn write_completions(mut program: clap::Command, shell: clap_complete::Shell) -> anyhow::Result<ExitCode> {
-    let mut script = Vec::new();
-    let name = program.get_name().to_owned();
-    clap_complete::generate(shell, &mut program, name, &mut script);
-    say_text(&String::from_utf8_lossy(&script));
-    Ok(ExitCode::SUCCESS)
-}
 
 /// How an answer is printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]

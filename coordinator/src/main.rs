@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use coordinator::cmd;
 use node::log::LogFormat;
+use node::manual;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -47,7 +48,7 @@ enum Command {
     /// Prints a completion script for a shell.
     Completions {
         /// Which shell.
-        shell: clap_complete::Shell,
+        shell: manual::Shell,
     },
     /// Writes manual pages into a folder.
     Man {
@@ -78,8 +79,8 @@ fn execute(command: Command) -> anyhow::Result<ExitCode> {
         Command::Import(args) => cmd::import::execute(&args),
         Command::Certs(args) => cmd::certs::execute(&args),
         Command::Doctor(args) => live()?.block_on(cmd::doctor::execute(&args)),
-        Command::Completions { shell } => cmd::write_completions(Cli::command(), shell),
-        Command::Man { dir } => cmd::write_manual(Cli::command(), &dir),
+        Command::Completions { shell } => manual::write_completions(Cli::command(), shell).map(|()| ExitCode::SUCCESS),
+        Command::Man { dir } => manual::write_manual(Cli::command(), &dir).map(|()| ExitCode::SUCCESS),
         Command::Demo(args) => live()?.block_on(cmd::demo::execute(&args)),
         Command::Agent(args) => live()?.block_on(cmd::demo::agent(&args)),
     }

@@ -20,6 +20,7 @@
 //!           telemetry.rs logs that the lab reads; live_log.rs those of a running agent, log_file.rs on a disk that may be full
 //!           memory.rs   what a restarted agent must not have forgotten
 //!           stop.rs     when to end
+//!           manual.rs   manual pages and completions of a command line
 //! ```
 //!
 //! Robot agent, station agent and coordinator use it; nothing here knows which of them it serves.
@@ -36,6 +37,7 @@ pub mod ledger;
 mod live_log;
 pub mod log;
 mod log_file;
+pub mod manual;
 mod memory;
 pub mod mission;
 mod network;

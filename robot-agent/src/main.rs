@@ -1,13 +1,13 @@
 //! `robot-agent`: the command line.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{CommandFactory as _, Parser, Subcommand};
 use node::files::ModelRef;
 use node::log::LogFormat;
-use node::{ClockConfig, NetworkConfig};
+use node::{ClockConfig, NetworkConfig, manual};
 use proto::{RobotId, SiteId, StationId};
 use robot_agent::{Config, SourceConfig, SourceKind};
 
@@ -30,7 +30,7 @@ enum Command {
     /// Prints a completion script for a shell.
     Completions {
         /// Which shell.
-        shell: clap_complete::Shell,
+        shell: manual::Shell,
     },
     /// Writes manual pages into a folder.
     Man {
@@ -79,20 +79,7 @@ struct RunArgs {
 
 fn main() -> ExitCode {
     let Cli { log_format, command } = Cli::parse();
-    let args = match command {
-        Command::Run(args) => args,
-        Command::Completions { shell } => return write_completions(shell),
-        Command::Man { dir } => return write_manual(&dir),
-    };
-    node::log::to_stderr("robot_agent", log_format);
-    let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
-        Ok(runtime) => runtime,
-        Err(error) => {
-            eprintln!("robot-agent: {error}");
-            return ExitCode::from(2);
-        }
-    };
-    match runtime.block_on(run(*args)) {
+    match execute(log_format, command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("robot-agent: {error:#}");
@@ -101,27 +88,15 @@ fn main() -> ExitCode {
     }
 }
 
-fn write_completions(shell: clap_complete::Shell) -> ExitCode {
-    let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "robot-agent", &mut script);
-    match std::io::Write::write_all(&mut std::io::stdout(), &script) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            eprintln!("robot-agent: cannot print the completions: {error}");
-            ExitCode::from(2)
-        }
-        _ => ExitCode::SUCCESS,
-    }
-}
-
-fn write_manual(dir: &Path) -> ExitCode {
-    let written = std::fs::create_dir_all(dir).and_then(|()| clap_mangen::generate_to(Cli::command(), dir));
-    match written {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("robot-agent: cannot write manual pages into {}: {error}", dir.display());
-            ExitCode::from(2)
-        }
-    }
+fn execute(log_format: LogFormat, command: Command) -> anyhow::Result<()> {
+    let args = match command {
+        Command::Run(args) => args,
+        Command::Completions { shell } => return manual::write_completions(Cli::command(), shell),
+        Command::Man { dir } => return manual::write_manual(Cli::command(), &dir),
+    };
+    node::log::to_stderr("robot_agent", log_format);
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    runtime.block_on(run(*args))
 }
 
 async fn run(args: RunArgs) -> anyhow::Result<()> {

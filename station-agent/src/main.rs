@@ -1,11 +1,12 @@
 //! `station-agent`: the command line.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use node::log::LogFormat;
+use node::manual;
 use station_agent::Config;
 
 /// Tender's agent beside a docking station: publishes the gauges of its packs and the state of
@@ -42,7 +43,7 @@ enum Command {
     /// Prints a completion script for a shell.
     Completions {
         /// Which shell.
-        shell: clap_complete::Shell,
+        shell: manual::Shell,
     },
     /// Writes manual pages into a folder.
     Man {
@@ -53,20 +54,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let Cli { log_format, command } = Cli::parse();
-    let (config, set, connect, log) = match command {
-        Command::Run { config, set, connect, log } => (config, set, connect, log),
-        Command::Completions { shell } => return write_completions(shell),
-        Command::Man { dir } => return write_manual(&dir),
-    };
-    node::log::to_stderr("station_agent", log_format);
-    let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
-        Ok(runtime) => runtime,
-        Err(error) => {
-            eprintln!("station-agent: {error}");
-            return ExitCode::from(2);
-        }
-    };
-    match runtime.block_on(run(config, &set, connect, log)) {
+    match execute(log_format, command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("station-agent: {error:#}");
@@ -75,27 +63,15 @@ fn main() -> ExitCode {
     }
 }
 
-fn write_completions(shell: clap_complete::Shell) -> ExitCode {
-    let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "station-agent", &mut script);
-    match std::io::Write::write_all(&mut std::io::stdout(), &script) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            eprintln!("station-agent: cannot print the completions: {error}");
-            ExitCode::from(2)
-        }
-        _ => ExitCode::SUCCESS,
-    }
-}
-
-fn write_manual(dir: &Path) -> ExitCode {
-    let written = std::fs::create_dir_all(dir).and_then(|()| clap_mangen::generate_to(Cli::command(), dir));
-    match written {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("station-agent: cannot write manual pages into {}: {error}", dir.display());
-            ExitCode::from(2)
-        }
-    }
+fn execute(log_format: LogFormat, command: Command) -> anyhow::Result<()> {
+    let (config, set, connect, log) = match command {
+        Command::Run { config, set, connect, log } => (config, set, connect, log),
+        Command::Completions { shell } => return manual::write_completions(Cli::command(), shell),
+        Command::Man { dir } => return manual::write_manual(Cli::command(), &dir),
+    };
+    node::log::to_stderr("station_agent", log_format);
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    runtime.block_on(run(config, &set, connect, log))
 }
 
 async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<PathBuf>) -> anyhow::Result<()> {
