@@ -11,12 +11,12 @@ use energy::gauge::Kind;
 use energy::selector::Rule;
 use node::files::{ModelRef, read_text};
 use node::{Age, Charging, ClockConfig, Depot, NetworkConfig, Publish, SelectorConfig, UNTIL_EMPTY, Vehicle};
-use proto::{BayId, Estimate, PackId, SiteId, SpareId, SpareState, StationId};
+use proto::{BayId, PackId, SiteId, SpareId, SpareState, StationId};
 use serde::{Deserialize, Serialize};
 
 pub use self::measured::{GaugeConfig, MeasuredConfig};
 use crate::agent::{Agent, Alone, Profile};
-use crate::source::{Source, StationBody, World, WorldPack};
+use crate::source::{Source, StationBody, World, WorldPack, label};
 
 /// Everything a station agent is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -85,7 +85,7 @@ pub struct SpareConfig {
 impl SpareConfig {
     /// What the agent says of it at first: what is written on it. One that is measured is not handed out before its device has spoken.
     fn stated(&self, measured: bool) -> SpareState {
-        SpareState { spare: self.id.clone(), soc: Estimate::new(self.soc, 0.01), ready: !measured, battery: self.battery.clone() }
+        SpareState { spare: self.id.clone(), soc: node::wire(label(self.soc)), ready: !measured, battery: self.battery.clone() }
     }
 }
 

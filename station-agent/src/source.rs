@@ -15,6 +15,15 @@ use node::Stride;
 use proto::{BayId, PackId, RobotId, SimDraw, SimSupply, SpareId};
 use serde::{Deserialize, Serialize};
 
+/// How well the charge is known that is written on a pack (standard deviation). A guess: whoever charged it knew it by a gauge or by the
+/// end of the charger's taper, and these agree within a percent or so.
+const LABEL_SIGMA: f64 = 0.01;
+
+/// The charge that is written on a pack.
+pub(crate) fn label(soc: f64) -> Estimate {
+    Estimate::new(soc, LABEL_SIGMA)
+}
+
 /// What the source knows after it moved on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {

@@ -17,7 +17,7 @@ use proto::{PackId, RobotId, SimDraw, SimSupply, SpareId, Timestamp};
 use self::drive::Drive;
 use self::paths::Paths;
 use self::recharge::{PackCharger, Shelf};
-use super::{Act, Lifted, Observation, Source, Swapped};
+use super::{Act, Lifted, Observation, Source, Swapped, label};
 
 /// What is true of a simulated station, whatever its agent believes.
 #[derive(Debug, Clone)]
@@ -245,8 +245,7 @@ impl StationBody {
 
     fn give(&mut self, robot: RobotId, docked: bool, exchanged: Option<f64>) {
         let at = Timestamp::from_unix_ms((self.now_s * 1000.0) as i64);
-        // The label on a charged spare is as good as the gauge that watched it being charged.
-        let exchanged = exchanged.map(|soc| proto::Estimate::new(soc, 0.01));
+        let exchanged = exchanged.map(|soc| node::wire(label(soc)));
         let charge_w_max = Some(self.bay_w_max).filter(|limit_w| docked && limit_w.is_finite());
         self.supplies.push((robot, SimSupply { at, powered: docked && self.powered, exchanged, docked, charge_w_max }));
     }

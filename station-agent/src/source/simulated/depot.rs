@@ -1,17 +1,9 @@
 //! Packs that go to a depot and come back charged.
 
-use energy::{Channel, Estimate};
-use node::Depot;
+use energy::Channel;
 
 use super::StationBody;
-
-/// How well the depot knows the charge of what it brings.
-const LABEL_SIGMA: f64 = 0.01;
-
-/// What is written on a pack that the depot brings.
-pub(super) fn label(depot: &Depot) -> Estimate {
-    Estimate::new(depot.soc, LABEL_SIGMA)
-}
+use crate::source::label;
 
 impl StationBody {
     /// Lets packs go that are low and feed nothing, and puts those in that come.
@@ -22,7 +14,7 @@ impl StationBody {
             if pack.away_s.is_some_and(|left_s| left_s <= 0.0) {
                 pack.body.exchange(depot.soc);
                 (pack.away_s, pack.depleted) = (None, false);
-                pack.exchanged = Some(label(&depot));
+                pack.exchanged = Some(label(depot.soc));
             }
         }
         let mut away = self.packs.iter().filter(|pack| pack.away_s.is_some()).count();

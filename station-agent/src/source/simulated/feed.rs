@@ -8,9 +8,8 @@ use energy::service::{Situation, charge_w_within};
 use node::UNTIL_EMPTY;
 use node::body::Task;
 
-use super::recharge::label;
 use super::{Pack, StationBody};
-use crate::source::PackReading;
+use crate::source::{PackReading, label};
 
 /// A robot that takes at least this share of its limit might take more.
 const AT_LIMIT: f64 = 0.98;
@@ -91,13 +90,13 @@ impl StationBody {
             self.paths.count(&self.load, dt_s);
         }
         self.recharge(&mut samples, dt_s);
-        let label = self.depot.map(|depot| super::depot::label(&depot));
+        let brought = self.depot.map(|depot| label(depot.soc));
         let rest = |(pack, sample): (&mut Pack, Option<_>)| PackReading {
             pack: pack.id.clone(),
             sample: sample.or_else(|| Some(pack.body.step(dt_s, Task::Rest).unwrap_or_else(|_| pack.body.sample(dt_s)))),
             depleted: pack.depleted,
             connected: pack.away_s.is_none(),
-            back: pack.away_s.zip(label),
+            back: pack.away_s.zip(brought),
             exchanged: pack.exchanged.take(),
         };
         self.packs.iter_mut().zip(samples).map(rest).collect()

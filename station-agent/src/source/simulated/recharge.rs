@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use energy::charger::{self, Charger, PowerPath, Stage};
 use energy::gauge::Sample;
-use energy::{Channel, Estimate, Model};
+use energy::{Channel, Model};
 use node::Age;
 use node::body::{PackBody, Task};
 use proto::{RobotId, SpareId};
@@ -121,9 +121,4 @@ impl Shelf {
         let done: Vec<SpareId> = done.map(|(place, _)| place.clone()).collect();
         done.into_iter().filter_map(|place| Some((place.clone(), self.left.remove(&place)?.body.truth(Channel::Soc)))).collect()
     }
-}
-
-/// The label on a spare that was charged here: as good as the charger's taper.
-pub(super) fn label(soc: f64) -> Estimate {
-    Estimate::new(soc, 0.01)
 }
