@@ -6,14 +6,13 @@ mod explain;
 use std::collections::BTreeSet;
 
 use energy::units::S_PER_H;
-use proto::{Mode, PackId, Quality, RobotAction, RobotId, Schedule, Service, ServiceStatus, StationAction, StationId, Unserved};
+use proto::{Mode, PackId, Quality, RobotId, Schedule, Service, ServiceStatus, StationId, Unserved};
 
 pub use self::capacity::capacity;
 pub use self::explain::{Explainer, changes};
 use crate::forecast;
 use crate::models::from_wire;
-use crate::scheduler::HANDOVER_S;
-use crate::scheduler::{Plan, Planned};
+use crate::scheduler::{HANDOVER_S, Plan, Planned};
 use crate::service_run::{How, ServiceRun};
 use crate::trust::Owner;
 use crate::view::Basis;
@@ -152,16 +151,4 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     let holding = others.filter_map(|pack| Some((pack, usable_wh(&pack.pack)?))).filter(|(_, left_wh)| *left_wh > enough_wh);
     let (next, _) = holding.min_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(next.pack.clone())
-}
-
-/// A robot's command in words.
-#[must_use]
-pub fn robot_action(action: &RobotAction) -> String {
-    action.to_string()
-}
-
-/// A station's command in words.
-#[must_use]
-pub fn station_action(action: &StationAction) -> String {
-    action.to_string()
 }

@@ -6,7 +6,6 @@ use proto::{
 };
 
 use super::{Core, Output};
-use crate::answers;
 use crate::clocks::Agent;
 use crate::fleet::Robot;
 use crate::service_run::{Again, Stage};
@@ -59,7 +58,7 @@ impl Core {
         // Who is asked reads the deadline on its own clock.
         command.deadline = given_up.plus_s(self.clocks.ahead_s(&Agent::Robot(robot.clone())));
         self.record(Record::RobotCommand { robot: robot.clone(), command: command.clone() });
-        let text = format!("{} to {robot}: {}", command.id, answers::robot_action(&command.action));
+        let text = format!("{} to {robot}: {}", command.id, command.action);
         self.event(now, EventKind::CommandSent, Some(robot), None, None, text);
         let asked = AskedCommand::Robot(robot.clone(), command.clone());
         self.remember(now, command.id.clone(), given_up, asked, service);
@@ -71,7 +70,7 @@ impl Core {
         let given_up = command.deadline;
         command.deadline = given_up.plus_s(self.clocks.ahead_s(&Agent::Station(station.clone())));
         self.record(Record::StationCommand { station: station.clone(), command: command.clone() });
-        let text = format!("{} to {station}: {}", command.id, answers::station_action(&command.action));
+        let text = format!("{} to {station}: {}", command.id, command.action);
         self.event(now, EventKind::CommandSent, service.as_ref().map(|(robot, _)| robot).cloned().as_ref(), Some(station), None, text);
         let asked = AskedCommand::Station(station.clone(), command.clone());
         self.remember(now, command.id.clone(), given_up, asked, service);

@@ -9,8 +9,8 @@ fn heard(core: &mut Core) -> (Vec<(CommandId, String)>, Vec<EventKind>) {
     let (mut commands, mut kinds) = (Vec::new(), Vec::new());
     while let Some(output) = core.poll() {
         match output {
-            Output::ToRobot(_, command) => commands.push((command.id, answers::robot_action(&command.action))),
-            Output::ToStation(_, command) => commands.push((command.id, answers::station_action(&command.action))),
+            Output::ToRobot(_, command) => commands.push((command.id, command.action.to_string())),
+            Output::ToStation(_, command) => commands.push((command.id, command.action.to_string())),
             Output::Record(Record::Event(event)) => kinds.push(event.kind),
             _ => {}
         }
