@@ -5,8 +5,9 @@
 //!                                            └──> commands ──> query; the answer is an input
 //! ```
 //!
-//! What a command rests on is in the store before the command leaves. When the store cannot be
-//! written, the fleet is served on: events and commands wait in memory, old telemetry is dropped.
+//! What a command rests on is in the store before the command leaves, as long as the store takes it. When it cannot be
+//! written, or has not answered for two seconds, the fleet is served on: commands leave, what is to be kept waits in memory, and
+//! telemetry makes room.
 
 mod hear;
 mod keep;

@@ -215,12 +215,12 @@ impl Store {
         let failed = |source| StoreError::database(&self.path, "appending", source);
         // For a file, IMMEDIATE asks for the write lock at once, where waiting for it is possible. On a
         // server the row of the count is held, so that nobody counts a start meanwhile.
-        let (begin, fence) = match self.right {
+        let (begin, count) = match self.right {
             Right::File(_) => ("BEGIN IMMEDIATE", "SELECT value FROM meta WHERE name = 'epoch'"),
             Right::Server(_) => ("BEGIN", "SELECT value FROM meta WHERE name = 'epoch' FOR SHARE"),
         };
         let mut transaction = connection.begin_with(begin).await.map_err(failed)?;
-        let epoch: i64 = sqlx::query_scalar(fence).fetch_one(&mut *transaction).await.map_err(failed)?;
+        let epoch: i64 = sqlx::query_scalar(count).fetch_one(&mut *transaction).await.map_err(failed)?;
         if epoch != self.epoch.cast_signed() {
             return Err(StoreError::Deposed { path: shown(&self.path) });
         }

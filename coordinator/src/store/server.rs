@@ -1,8 +1,13 @@
 //! A store on a PostgreSQL server: several coordinators may share it, one leads.
 //!
 //! Who leads holds a lease that it renews; the server's clock decides when it has run out. The next
-//! leader counts a start, and every write of ours asks for the count: a leader that was replaced can
-//! write nothing more, and what is not written is not commanded.
+//! leader counts a start, and each batch of the journal asks in its own transaction whether that count is still ours: a leader that
+//! was replaced can add nothing to the journal.
+//!
+//! That alone does not keep it from commanding, since commands leave unwritten too while the server fails or hangs
+//! (`service/keep.rs`). It stops when its lease has ended by its own clock, which it looks at before commands leave
+//! (`service/lead.rs`). What left just before, or while the process was suspended, may arrive later; agents refuse it by its epoch once
+//! they have heard the next leader.
 
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::path::{Path, PathBuf};
