@@ -41,7 +41,8 @@ pub const MS_PER_DAY: i64 = 1000 * S_PER_DAY;
 
 /// Name of the authority's files in its folder.
 const CA: &str = "ca";
-/// Who only listens needs no name in its certificate; these are for those who stand on one machine.
+/// The names and addresses in a certificate for which none are given. Only who is connected to needs its own there: whoever connects
+/// compares them with the address that it has called. These do where all processes stand on one machine.
 const HOSTS: [&str; 2] = ["localhost", "127.0.0.1"];
 
 impl Holder {

@@ -90,8 +90,10 @@ pub struct Station {
     pub state: Option<StationState>,
     /// The last gauge message of each pack; of one that was brought back since, with the charge that its station expected it with.
     pub packs: BTreeMap<PackId, Gauge>,
-    /// How warm it is there, °C, as is counted with: what its coolest pack is on average, since work only warms them, once that has
-    /// moved by a degree; none before one has spoken.
+    /// How warm it is there, °C, as plans count with it; none before a pack has spoken.
+    ///
+    /// Nothing measures the air. Work only warms packs, so the coolest one comes nearest to it. One reading is noisy, so an average of it
+    /// is kept; and plans see that average only when it has moved by a degree, so that promises do not come and go with its tenths.
     pub surroundings_degc: Option<f64>,
     /// That average, °C.
     average_degc: Option<f64>,

@@ -45,7 +45,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Deviations below its expectation on which something is counted.
+    /// By how many standard deviations less than expected of a quantity plans count on, so that there is as much with the probability
+    /// that is asked for ([`Settings::confidence`]).
     #[must_use]
     pub fn caution(&self) -> f64 {
         Normal::standard().inverse_cdf(self.confidence)

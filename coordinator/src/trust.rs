@@ -9,11 +9,12 @@ use proto::{Gauge, PackId, RobotId, StationId, Timestamp};
 use crate::models::from_wire;
 use crate::when::second_from;
 
-/// A gauge that has not been heard for so long is stale, s, and for so many of its periods.
+/// A robot's gauge is silent when it has not been heard for longer than this, s, and for longer than [`PERIODS_MAX`] of its own periods.
+/// Then its last word says too little of what is left.
 const SILENT_S: f64 = 120.0;
-/// The same for a pack, s: one that rests, and whose device measures no current, is heard of every five minutes.
+/// The same for a pack's gauge, s: one that rests, and whose device measures no current, is heard of every five minutes.
 const PACK_SILENT_S: f64 = 360.0;
-/// See [`SILENT_S`].
+/// A gauge that usually speaks less often has to be left out so many times before it is silent.
 const PERIODS_MAX: f64 = 12.0;
 /// A gauge that repeats itself for so long while its battery is drawn from is frozen, s. No gauge that measures
 /// repeats a voltage to the last digit for that long.

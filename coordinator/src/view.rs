@@ -60,7 +60,8 @@ pub struct Basis<'a> {
     pub(crate) trust: &'a Trust,
     /// Services that were refused.
     pub(crate) refusals: &'a Refusals,
-    /// So many robots more are taken in side by side than a station's converters feed at full current.
+    /// How many more robots a station takes in side by side than its converters feed at full current. Plans try 0, and more where somebody
+    /// would run empty while waiting for a bay; policies that do not search take the most.
     pub(crate) crowd: usize,
     /// What the robots that can come to each station ask of it, counted when first asked for.
     pub(crate) in_reach: OnceCell<BTreeMap<StationId, InReach>>,

@@ -15,9 +15,11 @@ use crate::report::{Device, Report, Supply};
 /// Without a report for this long, what was drawn meanwhile is not known: the gauge starts anew from
 /// what the device says, s.
 const HISTORY_LOST_S: f64 = 60.0;
-/// A device whose clock shows the same for longer than this, s, though it reports has none: until then it may repeat itself.
+/// A report with the same time as the one before may be that one again: then no time has passed. A device that goes on like that for
+/// longer than this, s, has a clock that stands, and ours counts.
 const STANDS_S: f64 = 5.0;
-/// What the first report after that shows stands for no more than so much, s.
+/// For how long the current of a first report has flowed nobody knows, be it the first of all or the first after a gap: it counts for no
+/// more than this, s.
 const FIRST_S: f64 = 1.0;
 /// A device that measures no current is heard again after this time even if its charge has not
 /// moved, s: the time over which gauges look for rest.

@@ -108,8 +108,8 @@ impl Link {
         subscriber.await.map_err(|error| anyhow!("{error}"))
     }
 
-    /// Takes questions under a key expression into a queue, until the queryable is dropped. Where more ask than are
-    /// answered, those beyond the queue go without an answer, and ask again.
+    /// Puts the questions that come under a key expression into a queue, until the queryable is dropped. A question that finds the queue
+    /// full is dropped, since waiting would hold up the whole session: who asked gets no answer, and asks again.
     ///
     /// # Errors
     /// When the session is closed.

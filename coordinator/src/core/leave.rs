@@ -125,7 +125,11 @@ impl Core {
         (left_s <= all_s).then(|| (left_s, format!("{} leaves at {}", run.station, minute_from(now, leaves))))
     }
 
-    /// The same until its packs have given out: in a station without power nobody gets out of a bay.
+    /// How long there is until a station's packs have given out, s, and why somebody has to be out; none where that is longer than it takes
+    /// to let all out (`all_s`), or where more energy comes in time. Without power nobody gets out of a bay.
+    ///
+    /// There are three accounts of what the packs hold: their gauges', their models' at the present load and, of a pack whose model is
+    /// doubted, its voltage's. The least of them counts.
     fn gives_out(&self, now: Timestamp, run: &ServiceRun, station: &Station, all_s: f64) -> Option<(f64, String)> {
         let (state, models) = (station.heard()?, self.models.stations.get(&run.station)?);
         if !state.powered || state.pack_power_w <= 0.0 {
@@ -141,24 +145,25 @@ impl Core {
         };
         let gauged_wh = sum(here().filter_map(|pack| gauged_wh(&pack.pack)));
         let surely_wh = gauged_wh.value - self.settings.caution() * gauged_wh.sigma;
-        // What a pack holds whose model is doubted, its voltage knows better in the end. At no current that would be as much:
+        // Where a pack's model is doubted, its voltage knows better in the end. It holds no more than that would mean at no current.
         let shown_at_most_wh = |pack: &PackId| {
             let soc = self.watch.shown_soc(&run.station, pack);
             soc.map_or(f64::INFINITY, |soc| models.packs.get(pack).map_or(0.0, |model| soc * model.battery().stored_wh()))
         };
         let shown_at_most_wh: f64 = here().map(|pack| shown_at_most_wh(&pack.pack)).sum();
-        // Mostly there is plenty, by any account.
+        // Mostly there is plenty by any account, and the costly look below is not needed.
         if lasts_s(surely_wh.min(shown_at_most_wh)) > PLENTY * (all_s + HANDOVER_S) {
             return None;
         }
         let basis = self.basis(now);
         let view = basis.station(&run.station, models, Some(station));
         let held_wh = sum(view.packs.iter().filter(|pack| pack.available_s <= 0.0).map(|pack| pack.usable_wh)).value;
-        // A promise that is expected to be kept is not broken because it may not be; one that is broken anyway strands nobody.
+        // While promises are expected to be kept, the expected energy counts: none is broken only because it might be. Once they cannot be
+        // kept anyway, only what is there for certain counts, so that at least nobody is left in a dark station.
         let is_enough = held_wh.min(gauged_wh.value) >= view.begun().mean_wh;
         let gauged_wh = if is_enough { gauged_wh.value } else { surely_wh };
         let left_s = lasts_s(held_wh.min(gauged_wh).min(basis.shown_wh(&run.station, models, station, state)));
-        // What is there in time is waited for, and so is what comes into packs that rest.
+        // A pack that is brought in time is waited for, and so is what charges packs that rest.
         let in_time = |at: Timestamp| (-OVERDUE_S..left_s.max(0.0)).contains(&at.seconds_since(now));
         let comes = state.packs.iter().any(|pack| !pack.connected && pack.back.is_some_and(|back| in_time(back.at)));
         let waits = comes || basis.is_charged_from_outside(&run.station, models, station, state);

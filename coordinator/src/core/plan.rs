@@ -116,7 +116,8 @@ impl Core {
         self.take_plan(now, solved, trigger, effort);
     }
 
-    /// What is believed, one of which is known, with as many robots side by side as come into question, the fewest first.
+    /// What is believed, as one view for each number of robots that may be taken in side by side, the fewest first. One of these views is
+    /// `known` already and not made again: that takes long for a large fleet.
     fn views(&self, now: Timestamp, known: View) -> impl Iterator<Item = View> {
         let (crowds, mut known) = (crowds(&self.settings, self.basis(now).crowd_max()), Some(known));
         let made = move |crowd| Basis { crowd, ..self.basis(now) }.view();

@@ -2,8 +2,9 @@
 
 use super::problem::{RobotView, SpareView, StationView, View};
 
-/// Spares that hold so much less than another of their kind, which is ready no later, and less than those that are charged again, are handed
-/// out later: a plan takes all for as full as the last one.
+/// A plan takes all spares of a kind that are handed out next for as full as the emptiest of them. One that holds so much less (of its
+/// charge) than another that is ready no later would make all of them look that empty. It waits for its turn, unless it holds as much as
+/// spares that are charged again.
 const ALIKE_SOC: f64 = 0.1;
 
 /// The kinds of all stations' spares, as a plan tells them apart.

@@ -1,7 +1,7 @@
-//! Whose service ends early where a station's packs turn out to hold less than all that have begun were promised.
+//! Whose service ends early where a station's packs turn out to hold less than was promised to all whose services have begun.
 //!
-//! A pack may have aged, or its gauge has learned better since. Were everybody to go on until the packs give out, nobody would get
-//! what was promised. Whoever takes most from the others is let go, if that is expected to keep more promises than it breaks.
+//! A pack may have aged, or its gauge may know better by now. If all went on until the packs give out, nobody would get what was
+//! promised. So one robot is let go: the one without which most of the others are expected to get theirs.
 
 use energy::Need;
 use energy::units::S_PER_H;
@@ -22,14 +22,17 @@ pub struct Draw {
     pub may_end: bool,
 }
 
-/// Which of the services that have begun at a station is to be ended, so that as many as possible get what they were promised; none
-/// where that ends best with all of them, or where it is not known how the packs stand. Who cannot get it anyway goes on as long as the others
-/// are as sure of theirs, together, as is asked of one.
+/// Which of the services that have begun at a station is to be ended, so that as many as possible get what they were promised. None where
+/// it is best to go on with all of them, or where it is not known how the packs stand.
+///
+/// Whoever is let go does not get what was promised: that is one broken promise for certain. All counted, there have to be fewer of them by
+/// more than `1 - asked`. So a service that would fail anyway goes on with what it can get, as long as the others are as sure of theirs,
+/// together, as is asked of one.
 #[must_use]
 pub fn shed(station: &StationView, draws: &[Draw], asked: f64) -> Option<usize> {
     let all: Vec<&Draw> = draws.iter().collect();
     let with_all = broken(station, &all, f64::INFINITY)?;
-    // Who goes is one that does not get it.
+    // Counted in promises that are expected to be broken: that of who is let go is one of them.
     let mut best = None;
     let mut fewest = with_all - 1.0 - (1.0 - asked);
     if fewest <= 0.0 {
@@ -44,7 +47,8 @@ pub fn shed(station: &StationView, draws: &[Draw], asked: f64) -> Option<usize> 
     best
 }
 
-/// How many of these services are expected to find the packs empty before they end; none where that is more than so many, or not known.
+/// How many of these services are expected to find the packs empty before they end. None where that is not known, or more than `most`:
+/// then it does not matter how many.
 fn broken(station: &StationView, draws: &[&Draw], most: f64) -> Option<f64> {
     let packs: Option<Vec<_>> = station.packs.iter().map(|pack| Some((pack.available_s, pack.state.as_ref()?))).collect();
     let packs = packs?;
@@ -59,7 +63,7 @@ fn broken(station: &StationView, draws: &[&Draw], most: f64) -> Option<f64> {
         let load = Load { parts: &parts, overhead_w: station.overhead_per_h.mean_wh, overhead_from_s: 0.0, until_s };
         Normal::standard().cdf(-load.spare_wh(&packs, sigma) / sigma)
     };
-    // None is surer than those that end before it: mostly the last one is sure enough for all.
+    // A service that ends later is never surer than one that ends before it. So the last one comes first: where it is sure, all are.
     let mut ends: Vec<f64> = draws.iter().map(|draw| draw.ends_s.max(1.0)).collect();
     ends.sort_by(f64::total_cmp);
     let (mut sum, mut left) = (0.0, ends.len() as f64);

@@ -11,7 +11,8 @@ use tracing::{error, warn};
 
 use crate::store::{Store, StoreError};
 
-/// A core that has taken in nothing for so long, not even a tick, does not lead any more: by far more than a plan takes.
+/// A core that has taken in nothing for so long, not even a tick, hangs. Its lease is not renewed any more, so that another can lead. No
+/// plan takes nearly as long: one that does its work must not lose the lease over it.
 const HUNG: Duration = Duration::from_secs(30);
 
 /// The right to command.

@@ -11,8 +11,8 @@ use super::Basis;
 use crate::scheduler::{Begun, Fed, StationView};
 
 impl Basis<'_> {
-    /// Leaves bays out that would not be fed: free ones, and, where more are held than are fed, those that are given back first. What is in these
-    /// still counts, and nobody comes after it.
+    /// Leaves out the bays that would not be fed: free ones first. Where even more bays are held than are fed, those that are given back
+    /// first are left out too: what is in them still counts, and nobody is planned into them after it.
     pub(super) fn leave_unfed(&self, view: &mut StationView) {
         let fed = self.side_by_side(&view.station);
         if fed == self.most_side_by_side(&view.station) {
@@ -29,22 +29,25 @@ impl Basis<'_> {
         view.bays.retain(|bay| kept.contains(bay));
     }
 
-    /// How many robots may charge side by side at a station: as many as its converters feed at full current, and the crowd beside these.
+    /// How many robots may charge side by side at a station: as many as its converters feed at full current, and so many more as this plan
+    /// tries ([`Basis::crowd`]).
     #[must_use]
     pub fn side_by_side(&self, id: &StationId) -> usize {
         let most = self.most_side_by_side(id);
         self.fed(id).map_or(most, |fed| fed.full.saturating_add(self.crowd).min(self.most_in_a_crowd(id, fed)))
     }
 
-    /// By how many the converters of a station could take in more side by side than they feed at full current, at most.
+    /// The most robots that any station could take in beyond those that its converters feed at full current.
     #[must_use]
     pub fn crowd_max(&self) -> usize {
         let ids = self.models.stations.keys();
         ids.filter_map(|id| self.fed(id).map(|fed| self.most_in_a_crowd(id, fed) - fed.full)).max().unwrap_or(0)
     }
 
-    /// How many may be side by side if somebody is to be saved. Who is taken in although that leaves less for all is saved at the cost of the
-    /// others: a station that robots ask more of than it can give at its best does not take that up again.
+    /// How many robots may be side by side where one more saves somebody from running empty.
+    ///
+    /// Beyond `gaining` each robot more leaves less for all of them together. A station with time to spare makes that up later, so all its
+    /// bays may be taken. One of which robots ask more than it can give at its best never does: there the others would pay for it.
     fn most_in_a_crowd(&self, id: &StationId, fed: Fed) -> usize {
         let levels_soc = self.settings.charge_to_soc - self.settings.serve_below_soc;
         let is_overloaded =

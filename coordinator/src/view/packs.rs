@@ -19,8 +19,8 @@ use crate::watch::Subject;
 /// A pack that rests is charged from outside where so much of an equal share of the supply goes into it by its gauge: less is noise, or the end
 /// of a charge. A guess; a charger's current falls to a tenth or a twentieth before it ends.
 const IS_CHARGING: f64 = 0.05;
-/// A pack that was relieved so lately counts as charged before its gauge shows it, s: what is counted on beyond the turn of the one that is charged now
-/// is what goes into it.
+/// A pack from which another has just taken over rests, and is charged from now on. Its gauge shows that only after a moment, so it counts
+/// as charged without for so long, s: plans had counted on it before, and what they promised must not vanish for that moment.
 const JUST_FED_S: f64 = 60.0;
 /// Power into a pack is counted in such parts of its share, rounded up: a gauge's noise must not move what is promised.
 const PARTS: f64 = 20.0;

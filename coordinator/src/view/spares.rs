@@ -15,7 +15,8 @@ use crate::scheduler::{Recharging, SpareView, StationView};
 use crate::service_run::{How, ServiceRun};
 use crate::watch::Subject;
 
-/// A spare that should have been charged by now is counted on after as long as it is late already, and this long at least, s.
+/// A spare that should have been charged by now, and is not, is expected once more as long from now as it is late already: what is hardly
+/// late comes soon, and what is very late does not. It is not expected earlier than this, s.
 const LATE_S: f64 = 60.0;
 
 /// What is left of the charge of a pack that a robot left.

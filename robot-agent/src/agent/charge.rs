@@ -5,8 +5,8 @@ use energy::charger::{Charger, PowerPath};
 use energy::gauge::Sample;
 use energy::protection::Trip;
 
-/// A charger that gives nothing for so many times as long as it waits at the end of a taper, with nothing known that holds it up, has
-/// ended for reasons of its own.
+/// At the end of a taper a charger waits for a moment (`cutoff_hold_s`) before it is done. One that gives nothing for so many such
+/// moments, while nothing is known that holds it up, is done as well, for a reason of its own. A guess: well above one moment.
 const GIVES_NOTHING_HOLDS: f64 = 10.0;
 /// A current of less than so many times the cutoff is the last part of a taper: what holds a charge up cuts it off from above that.
 const LAST_PART: f64 = 3.0;
