@@ -6,6 +6,7 @@
 //! file; [`left_out`] names it. That is why a written model, compared with the same logs, leaves a
 //! little more error than the search did.
 
+use energy::units::S_PER_H;
 use energy::{Channel, Facts, Model, OcvTable};
 use serde::Serialize;
 
@@ -109,7 +110,7 @@ fn through_gaps(state: &State) -> Vec<LeftOut> {
             .filter(|(_, piece)| piece.gap == gap)
             .filter_map(|(number, piece)| Some((piece, place(Rough::Unmeasured { log, piece: number })?)))
             .collect();
-        let hours = |piece: &Unmeasured| (piece.to_s - piece.from_s) / 3600.0;
+        let hours = |piece: &Unmeasured| (piece.to_s - piece.from_s) / S_PER_H;
         let (first, last) = (pieces.first()?.0, pieces.last()?.0);
         let shift: f64 = pieces.iter().map(|(piece, place)| hours(piece) * state.x[frame.free.len() + place]).sum();
         let stated_sigma = pieces.iter().map(|(piece, _)| (hours(piece) * piece.current_sigma_a).powi(2)).sum::<f64>().sqrt();

@@ -5,12 +5,14 @@
 //! `FORMAT`, and one line in `FORMATS`.
 
 mod csv;
+mod edges;
 mod ending;
 mod facts;
 mod limits;
 mod log;
 mod mapping;
 mod mcap;
+mod settling;
 mod store;
 mod table;
 mod thin;
@@ -24,10 +26,12 @@ use std::path::Path;
 
 use energy::DocumentError;
 
+pub use edges::leave_out_edges;
 pub use facts::{GapCurrent, History, LogFacts, Overrides, Role};
 pub use limits::BYTES_MAX as LOG_BYTES_MAX;
 pub use log::{Column, Log};
 pub use mapping::Mapping;
+pub use settling::leave_out_settling;
 pub use store::{StoreQuery, Subject, instant, read_store};
 pub use table::{Cells, GaugeStart, Table};
 pub use thin::{LONG, Thinning, thin, uneven_sampling};

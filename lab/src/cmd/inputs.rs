@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
-use lab::measurement::{Log, LogFacts, Role, Thinning, thin, uneven_sampling};
+use lab::measurement::{Log, LogFacts, Role, Thinning, leave_out_edges, leave_out_settling, thin, uneven_sampling};
 use lab::prepare::{Prepared, counted_as_zero, odd_current, odd_voltage, predicted_channels, prepare_to_judge};
 use lab::{ModelSource, load_model};
 
@@ -122,6 +122,8 @@ impl LogArgs {
             } else {
                 log.notes.extend(odd_voltage(model, log));
             }
+            leave_out_settling(log, model);
+            leave_out_edges(log, model);
             thin(log, model, self.rows.thinning());
             say(&log.notes[told..]);
         }

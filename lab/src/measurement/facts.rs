@@ -60,6 +60,8 @@ pub struct LogFacts {
     pub ambient_is_read: bool,
     /// What is known of its gaps; as of an accident, nothing, where this says nothing.
     pub gap_current: Option<GapCurrent>,
+    /// Time from the first row over which what was before the log may still show, s: nothing is compared there.
+    pub settling_s: Option<f64>,
     /// What the log is used for.
     pub role: Option<Role>,
     /// Numbers that this logger writes when nothing was measured.
@@ -82,6 +84,7 @@ struct Raw {
     ambient_degc: Option<toml::Spanned<f64>>,
     ambient_sigma_k: Option<toml::Spanned<f64>>,
     gap_current: Option<GapCurrent>,
+    settling_s: Option<toml::Spanned<f64>>,
     role: Option<Role>,
     #[allow(dead_code, reason = "for readers of the file")]
     source: Option<String>,
@@ -128,6 +131,7 @@ impl LogFacts {
             ambient_sigma_k: within("ambient_sigma_k", raw.ambient_sigma_k, SIGMA_K.0, SIGMA_K.1)?,
             ambient_is_read: false,
             gap_current: raw.gap_current,
+            settling_s: within("settling_s", raw.settling_s, SETTLING_S.0, SETTLING_S.1)?,
             role: raw.role,
             missing: raw.missing,
             topic: raw.topic,
@@ -140,6 +144,7 @@ const SOC: (f64, f64) = (0.0, 1.0);
 const VOLTAGE_V: (f64, f64) = (0.0, 1e4);
 const DEGC: (f64, f64) = (-100.0, 200.0);
 const SIGMA_K: (f64, f64) = (0.0, 50.0);
+const SETTLING_S: (f64, f64) = (0.0, 1e6);
 
 fn out_of_range(name: &str, value: f64, min: f64, max: f64) -> String {
     format!("{name} = {value}: must be between {min} and {max}")
@@ -160,6 +165,8 @@ pub struct Overrides {
     pub ambient_sigma_k: Option<f64>,
     /// See [`LogFacts::gap_current`].
     pub gap_current: Option<GapCurrent>,
+    /// See [`LogFacts::settling_s`].
+    pub settling_s: Option<f64>,
     /// See [`LogFacts::missing`].
     pub missing: Vec<f64>,
     /// See [`LogFacts::topic`].
@@ -180,6 +187,7 @@ impl Overrides {
             ("--rest-voltage-v", self.rest_voltage_v, VOLTAGE_V),
             ("--ambient-degc", self.ambient_degc, DEGC),
             ("--ambient-sigma-k", self.ambient_sigma_k, SIGMA_K),
+            ("--settling-s", self.settling_s, SETTLING_S),
         ];
         for (name, value, (min, max)) in given {
             if let Some(value) = value.filter(|value| !(min..=max).contains(value)) {
@@ -207,6 +215,7 @@ impl Overrides {
         facts.ambient_degc = self.ambient_degc.or(facts.ambient_degc);
         facts.ambient_sigma_k = self.ambient_sigma_k.or(facts.ambient_sigma_k);
         facts.gap_current = self.gap_current.or(facts.gap_current);
+        facts.settling_s = self.settling_s.or(facts.settling_s);
         facts.missing.extend(&self.missing);
         facts.topic = self.topic.clone().or(facts.topic);
         for mapping in &self.columns {

@@ -9,7 +9,7 @@ use super::facts::misspelt;
 use super::mapping::Source;
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
-use super::unmeasured::{Unmeasured, asked_for, unmeasured};
+use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
 use super::values::{explaining_step, for_a_shell, missing, spikes, within_range, without_given, without_sentinels};
 use super::{GapCurrent, LogError, LogFacts, Table};
 
@@ -98,10 +98,11 @@ impl Log {
             }
         }
         reader.tell_spikes(&channels);
-        let stated = facts.gap_current == Some(GapCurrent::Stated);
-        let current_a = channels.get(&Channel::CurrentA).filter(|_| !stated);
-        let unmeasured = current_a.map_or_else(Vec::new, |current_a| unmeasured(&time_s, current_a));
-        reader.notes.extend(asked_for(&unmeasured));
+        let current_a = channels.get(&Channel::CurrentA).filter(|_| facts.gap_current != Some(GapCurrent::Stated));
+        let unknown = facts.gap_current == Some(GapCurrent::Unknown);
+        let (unmeasured, gaps) = current_a.map_or_else(Default::default, |current_a| unmeasured(&time_s, current_a, unknown));
+        reader.notes.extend(asked_for(&unmeasured, gaps));
+        reader.notes.extend(current_a.filter(|_| facts.gap_current.is_none()).and_then(|_| could_be_asked_for(&time_s)));
         let mut notes = [table.notes.clone(), reader.notes].concat();
         if let (Some(start), None, None) =
             (table.start.filter(|start| (0.0..=1.0).contains(&start.soc)), facts.soc_initial, facts.rest_voltage_v)

@@ -10,6 +10,7 @@ mod hidden;
 
 use energy::{Channel, Facts, Model, catalogue};
 use hidden::Hidden;
+pub(super) use hidden::jump;
 
 use super::times::usual_step_s;
 use super::{Column, Log};
@@ -267,7 +268,7 @@ pub fn uneven_sampling(logs: &[Log]) -> Option<String> {
 }
 
 /// `1,000,000`
-fn thousands(number: usize) -> String {
+pub(super) fn thousands(number: usize) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (index, digit) in digits.chars().enumerate() {

@@ -5,8 +5,9 @@ use super::some_places;
 
 /// A step longer than this many usual ones is a gap.
 pub(super) const GAP: f64 = 10.0;
-/// More gaps than this share of all steps are the logger's way, not accidents.
+/// More gaps than this share of all steps are the logger's way, not accidents; a way that shows so few times is none.
 const UNEVEN: f64 = 0.01;
+const OFTEN: usize = 10;
 /// A share of repeated times above this is a clock coarser than the logger, not an accident.
 const COARSE: f64 = 0.1;
 
@@ -96,26 +97,26 @@ pub(crate) fn usual_step_s(time_s: &[f64]) -> f64 {
     *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Rows that follow a gap.
-fn after_gaps(time_s: &[f64]) -> Vec<usize> {
+/// Rows that follow a step of more than so many usual ones.
+pub(super) fn after_gaps(time_s: &[f64], steps: f64) -> Vec<usize> {
     let usual_s = usual_step_s(time_s);
-    (1..time_s.len()).filter(|&row| time_s[row] - time_s[row - 1] > GAP * usual_s).collect()
+    (1..time_s.len()).filter(|&row| time_s[row] - time_s[row - 1] > steps * usual_s).collect()
 }
 
 /// Whether so many gaps are the way in which a log of so many rows was made.
 fn come_unevenly(gaps: usize, rows: usize) -> bool {
-    gaps as f64 > UNEVEN * rows as f64 && gaps > 1
+    gaps as f64 > UNEVEN * rows as f64 && gaps > OFTEN
 }
 
-/// Rows that follow a gap which is no habit of the logger.
-pub(super) fn accidents(time_s: &[f64]) -> Vec<usize> {
-    let rows = after_gaps(time_s);
+/// Rows that follow a step of more than so many usual ones, where that is no habit of the logger.
+pub(super) fn accidents(time_s: &[f64], steps: f64) -> Vec<usize> {
+    let rows = after_gaps(time_s, steps);
     if come_unevenly(rows.len(), time_s.len()) { Vec::new() } else { rows }
 }
 
 /// What is to be said about rows that are missing.
 pub(super) fn gaps(time_s: &[f64], lines: &[u64], names: &str) -> Option<String> {
-    let (usual_s, rows) = (usual_step_s(time_s), after_gaps(time_s));
+    let (usual_s, rows) = (usual_step_s(time_s), after_gaps(time_s, GAP));
     let length = |row: usize| time_s[row] - time_s[row - 1];
     let longest = rows.iter().copied().max_by(|&a, &b| length(a).total_cmp(&length(b)))?;
     if come_unevenly(rows.len(), time_s.len()) {
@@ -180,8 +181,9 @@ mod tests {
         let note = gaps(&time_s, &lines(12), "lines").unwrap();
         assert!(note.starts_with("1 gap longer than 10 usual steps of 1 s, the longest 3600 s;"), "{note}");
         assert!(note.ends_with("(before line 12)"), "{note}");
-        let uneven: Vec<f64> = time_s.iter().copied().chain([9000.0]).collect();
-        assert!(gaps(&uneven, &lines(13), "lines").unwrap().starts_with("rows come unevenly: mostly 1 s apart, but up to 5390 s;"));
+        let late = |gaps: u32| (0..gaps).flat_map(|gap| (0..20).map(move |row| f64::from(row + 120 * gap))).collect::<Vec<f64>>();
+        assert!(gaps(&late(11), &lines(220), "lines").unwrap().starts_with("10 gaps longer than"));
+        assert!(gaps(&late(12), &lines(240), "lines").unwrap().starts_with("rows come unevenly: mostly 1 s apart, but up to 101 s;"));
         assert_eq!(gaps(&[0.0, 5.0, 10.0], &lines(3), "lines"), None);
     }
 

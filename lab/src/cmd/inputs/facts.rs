@@ -34,6 +34,10 @@ pub(in crate::cmd) struct FactArgs {
     /// stored, or nobody knows what flowed, as without this.
     #[arg(long)]
     gap_current: Option<GapCurrent>,
+    /// Time from the first row over which a battery that was under load before may still show it, s:
+    /// nothing is compared there.
+    #[arg(long, allow_negative_numbers = true)]
+    settling_s: Option<f64>,
     /// A number that the logger writes when nothing was measured.
     #[arg(long, allow_negative_numbers = true)]
     missing: Vec<f64>,
@@ -68,6 +72,7 @@ impl FactArgs {
             ambient_degc: self.ambient_degc,
             ambient_sigma_k: self.ambient_sigma_k,
             gap_current: self.gap_current,
+            settling_s: self.settling_s,
             missing: self.missing.clone(),
             topic: self.topic.clone(),
             columns: self.columns.clone(),

@@ -13,6 +13,14 @@ const HIDDEN: f64 = 1.0 / 3.0;
 /// Change of an input, as a share of its range, that is a jump, if it is more than its sensor's noise.
 const JUMP: f64 = 0.02;
 
+/// Change of an input from which on it has jumped, in its unit.
+pub(in crate::measurement) fn jump(values: &[f64], model: &Model, channel: Channel) -> f64 {
+    let sensor = model.sensor(channel);
+    let known = || values.iter().filter(|value| !value.is_nan());
+    let range = known().fold(f64::NEG_INFINITY, |most, &v| most.max(v)) - known().fold(f64::INFINITY, |least, &v| least.min(v));
+    (INPUT_SIGMAS * sensor.sigma + sensor.quantum).max(JUMP * range)
+}
+
 /// What means of inputs hide.
 pub(super) struct Hidden {
     /// Kept rows since the last of which an input has jumped and is not what it was on average, by input, and by how much all of its
@@ -26,10 +34,7 @@ impl Hidden {
     pub(super) fn of(log: &Log, model: &Model, inputs: &[Channel], kept: &[usize]) -> Hidden {
         let of = |&channel: &Channel| {
             let values = &log.channels[&channel];
-            let sensor = model.sensor(channel);
-            let known = || values.iter().filter(|value| !value.is_nan());
-            let range = known().fold(f64::NEG_INFINITY, |most, &v| most.max(v)) - known().fold(f64::INFINITY, |least, &v| least.min(v));
-            let most = (INPUT_SIGMAS * sensor.sigma + sensor.quantum).max(JUMP * range);
+            let most = jump(values, model, channel);
             let (mut edges, mut squares, mut readings) = (Vec::new(), 0.0, 0.0);
             for (place, (pair, mean)) in kept.windows(2).zip(means(&log.time_s, values, kept).into_iter().skip(1)).enumerate() {
                 let step = &values[pair[0] + 1..=pair[1]];
