@@ -37,8 +37,12 @@ fn seen(truth: &Arc<Model>, seed: u128) -> Log {
 
 /// The log as a file would hold it without the rows, or without the currents, of a time.
 fn without(log: &Log, lost_s: std::ops::Range<f64>, row_too: bool) -> Log {
+    without_all(log, &[lost_s], row_too)
+}
+
+fn without_all(log: &Log, lost_s: &[std::ops::Range<f64>], row_too: bool) -> Log {
     let (current_a, voltage_v) = (&log.channels[&Channel::CurrentA], &log.channels[&Channel::VoltageV]);
-    let row = |row: usize| match lost_s.contains(&log.time_s[row]) {
+    let row = |row: usize| match lost_s.iter().any(|lost_s| lost_s.contains(&log.time_s[row])) {
         true if row_too => String::new(),
         true => format!("{},,{}\n", log.time_s[row], voltage_v[row]),
         false => format!("{},{},{}\n", log.time_s[row], current_a[row], voltage_v[row]),
@@ -63,6 +67,19 @@ fn what_flowed_in_a_gap_is_no_missing_effect() {
             let lacking = found(&base, &without(&seen(&truth, seed), lost_s.clone(), row_too));
             assert_eq!((lacking.verdict, &lacking.selected[..]), (Verdict::Missing, &["rc1"][..]), "{seed} {lost_s:?}");
         }
+    }
+}
+
+/// With pieces for four of them, thirteen of twenty logs with six gaps were "unknown".
+#[test]
+fn what_flowed_in_many_gaps_is_no_missing_effect_either() {
+    let truth = made_up::model(&format!("{SENSORS}{OHMIC}{PAIR}"));
+    for (seed, gaps) in [(0, 6), (1, 6), (2, 12), (3, 12)] {
+        let lost_s: Vec<_> = (1..=gaps).map(|gap| f64::from(gap * 3600 / (gaps + 1))).map(|from_s| from_s..from_s + 110.0).collect();
+        let log = without_all(&seen(&truth, seed), &lost_s, true);
+        assert_eq!(log.unmeasured.last().map(|piece| piece.gap + 1), Some(gaps as usize));
+        let right = found(&truth, &log);
+        assert_eq!((right.verdict, &right.selected[..]), (Verdict::Complete, &[][..]), "{seed}: {:?}", right.residual);
     }
 }
 

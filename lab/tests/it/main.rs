@@ -27,6 +27,7 @@ mod rounded;
 mod sets;
 mod stored;
 mod surroundings;
+mod switches;
 mod thinning;
 mod together;
 mod unvisited;
