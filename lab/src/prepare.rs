@@ -2,21 +2,23 @@
 
 mod error;
 mod late;
+mod needs;
 mod plausible;
 mod still;
 mod zeros;
 
-pub use error::PrepareError;
+pub use error::{Missing, PrepareError};
+pub use needs::needed_inputs;
 pub use plausible::{odd_current, odd_voltage};
 pub use zeros::counted_as_zero;
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-use energy::document::hint;
 use energy::{Channel, Facts, Model, Start, System, catalogue};
 
-use crate::measurement::{History, Log, Unmeasured};
+use crate::measurement::{History, Log, Unmeasured, for_missing};
+use needs::{lacked_too, lacking};
 
 /// What a model predicts and a log has measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,7 +125,7 @@ const REST_SLACK_V: f64 = 0.1;
 pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     let predicted = predicted_channels(model);
     let computed = |channel: Channel| predicted.contains(&channel) || model.system.computed().contains(&channel);
-    let needed = needed_inputs(model, computed);
+    let needed = needed_inputs(model);
     let mut known = vec![true; log.rows()];
     let mut inputs = Vec::new();
     for (&channel, read) in log.channels.iter().filter(|(channel, _)| !computed(**channel)) {
@@ -146,10 +148,10 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     if let (Some(ambient_degc), false) = (log.facts.ambient_degc, log.channels.contains_key(&Channel::AmbientDegc)) {
         inputs.push((Channel::AmbientDegc, vec![ambient_degc; log.rows()]));
     }
-    for (channel, needed_by) in needed {
-        if !inputs.iter().any(|(present, _)| *present == channel) {
-            return Err(missing(log, channel, needed_by));
-        }
+    let missing = lacking(log, needed, |channel| inputs.iter().any(|(present, _)| *present == channel));
+    if !missing.is_empty() {
+        let columns = log.columns().collect::<Vec<_>>().join(", ");
+        return Err(PrepareError::MissingChannels { file: log.file.clone(), missing, columns, facts: format!("{}.toml", log.name) });
     }
     let targets = predicted.iter().filter_map(|&channel| {
         let held = if model.system == System::Battery { late::instants } else { late::intervals };
@@ -208,12 +210,15 @@ pub fn prepare_to_judge(model: &Model, log: &Log, only: &[Channel]) -> Result<Pr
     let names = |channels: &[Channel], between: &str| channels.iter().map(|channel| channel.name()).collect::<Vec<_>>().join(between);
     // What the model could not be judged by is told before what it lacks to predict it.
     if measured.is_empty() {
-        let near = predicted.iter().map(|channel| hint(channel.name(), log.columns())).find(|hint| hint.contains('?'));
+        let near = predicted.iter().map(|channel| for_missing(channel.name(), log.columns())).find(|(hint, _)| hint.contains('?'));
+        let near = near.map(|(hint, flag)| format!("{hint} Map it with {flag}."));
+        let of_another = if near.is_none() { of_another_system(model.system, log) } else { None };
+        let hint = of_another.unwrap_or_else(|| near.unwrap_or_else(|| ".".to_owned()) + &lacked_too(model, log));
         return Err(PrepareError::NoTarget {
             file: log.file.clone(),
             system: model.system.name(),
             predicted: names(&predicted, ", "),
-            hint: near.or_else(|| of_another_system(model.system, log)).unwrap_or_else(|| ".".to_owned()),
+            hint,
             columns: log.columns().collect::<Vec<_>>().join(", "),
         });
     }
@@ -244,19 +249,6 @@ fn of_another_system(system: System, log: &Log) -> Option<String> {
     Some(format!("; this looks like the log of a {}, whose models predict {}.", other.name(), channel.name()))
 }
 
-fn needed_inputs(model: &Model, computed: impl Fn(Channel) -> bool) -> Vec<(Channel, String)> {
-    let system = model.system.inputs().iter().map(|&channel| (channel, format!("every {} model", model.system.name())));
-    let effects =
-        model.effects().flat_map(|effect| effect.spec().needs.iter().map(|&channel| (channel, format!("effect `{}`", effect.spec().id))));
-    let mut needed: Vec<(Channel, String)> = Vec::new();
-    for (channel, by) in system.chain(effects) {
-        if !computed(channel) && !needed.iter().any(|(known, _)| *known == channel) {
-            needed.push((channel, by));
-        }
-    }
-    needed
-}
-
 /// The values with every hole filled by the next known value, at the end by the last one.
 pub(crate) fn held(values: &[f64]) -> Option<Vec<f64>> {
     let mut next = *values.iter().rev().find(|value| value.is_finite())?;
@@ -269,17 +261,6 @@ pub(crate) fn held(values: &[f64]) -> Option<Vec<f64>> {
         }
     }
     Some(filled)
-}
-
-fn missing(log: &Log, channel: Channel, needed_by: String) -> PrepareError {
-    let hint = hint(channel.name(), log.columns());
-    PrepareError::MissingChannel {
-        file: log.file.clone(),
-        channel: channel.name(),
-        needed_by,
-        hint: if hint.is_empty() { ".".to_owned() } else { hint },
-        columns: log.columns().collect::<Vec<_>>().join(", "),
-    }
 }
 
 fn start(model: &Model, log: &Log, inputs: &[(Channel, Vec<f64>)]) -> Result<Start, PrepareError> {
@@ -306,7 +287,10 @@ fn start(model: &Model, log: &Log, inputs: &[(Channel, Vec<f64>)]) -> Result<Sta
             }
             facts.ocv.soc(per_cell_v)
         }
-        (None, None) => return Err(PrepareError::NoStart { file: log.file.clone(), facts: format!("{}.toml", log.name) }),
+        (None, None) => {
+            let soc = first(Channel::Soc).filter(|soc| (0.0..=1.0).contains(soc));
+            return Err(PrepareError::NoStart { file: log.file.clone(), facts: format!("{}.toml", log.name), soc });
+        }
     };
     Ok(start)
 }
@@ -333,6 +317,7 @@ mod tests {
         let robot = load_model("explorer-robot").unwrap().model;
         let error = prepare(&robot, &log("time_s,speed_kmh\n0,1\n1,1\n", LogFacts::default())).unwrap_err().to_string();
         assert!(error.contains("no column `speed_mps`, which effect `motion` needs; did you mean `speed_kmh`?"), "{error}");
+        assert!(error.contains("--column speed_mps=speed_kmh/3.6"), "{error}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use std::io::BufRead;
 
 use super::ending::LastCells;
 use super::limits::{COLUMNS_MAX, Line, Lines, check_cells};
+use super::values::count;
 use super::{Cells, Format, LogError, LogFacts, Table, some_places};
 
 pub(super) const FORMAT: Format = Format { name: "CSV", extensions: &["csv"], parse };
@@ -48,12 +49,18 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             }
             continue;
         }
-        if cells.len() != table.names.len() {
+        let is_wider = table.names.len() == 1 && [';', '\t'].iter().any(|&other| looks_like_a_header(text, other));
+        if cells.len() != table.names.len() || is_wider {
             if !whole && cells.len() < table.names.len() {
                 table.notes.push(cut());
                 break;
             }
-            return Err(broken(format!("{} cells where the header has {} columns", cells.len(), table.names.len())));
+            let columns = count(table.names.len(), "column");
+            let shape = match is_wider {
+                true => format!("the header has {columns}"),
+                false => format!("{} where the header has {columns}", count(cells.len(), "cell")),
+            };
+            return Err(broken(shape + &preamble(line, &table, text, separator)));
         }
         // A logger that was started again writes its header again.
         if cells.iter().zip(&table.names).all(|(cell, name)| cell == name) {
@@ -132,6 +139,26 @@ fn split(text: &str, separator: char) -> Option<Vec<Cow<'_, str>>> {
     }
 }
 
+/// Whether a line could name the columns of a log.
+fn looks_like_a_header(text: &str, separator: char) -> bool {
+    let is_name = |cell: &Cow<'_, str>| cell.chars().any(char::is_alphabetic) && cell.parse::<f64>().is_err();
+    split(text, separator).is_some_and(|cells| cells.len() > 1 && cells.iter().all(is_name))
+}
+
+/// That what was taken for the header is the first line of a preamble, where a later line looks like the header.
+fn preamble(line: u64, table: &Table, text: &str, separator: char) -> String {
+    let is_header = [separator, ';', '\t'].iter().any(|&one| looks_like_a_header(text, one) && text.split(one).count() > table.names.len());
+    if !is_header {
+        return String::new();
+    }
+    let before = if line == 2 { "line 1 is".to_owned() } else { format!("lines 1 to {} are", line - 1) };
+    format!(
+        "; perhaps {before} a preamble (`{}`), and line {line} is the header (`{text}`): take out what stands before it, or begin those lines \
+         with #",
+        table.names.join(",")
+    )
+}
+
 fn check_header(file: &str, line: u64, names: &[String]) -> Result<(), LogError> {
     let fail = |message: String| Err(LogError::Row { file: file.to_owned(), line, message });
     if names.len() > COLUMNS_MAX {
@@ -203,11 +230,28 @@ mod tests {
     #[test]
     fn a_broken_shape_is_named_with_its_line() {
         let message = |text: &str| read(text).unwrap_err();
-        assert_eq!(message("time_s,voltage_v\n0,1\n1\n"), "a.csv:3: 1 cells where the header has 2 columns");
+        assert_eq!(message("time_s,voltage_v\n0,1\n1\n"), "a.csv:3: 1 cell where the header has 2 columns");
         assert_eq!(message("# by hand\ntime_s,a,a\n0,1,2\n"), "a.csv:2: two columns are named `a`");
         assert!(message("0,1\n1,2\n").contains("must be a header"));
         assert!(message("").contains("the log is empty"));
         assert!(message("# nothing\n").contains("the log is empty"));
+    }
+
+    #[test]
+    fn a_preamble_is_told_from_the_header_behind_it() {
+        let message = |text: &str| read(text).unwrap_err();
+        let header = "time_s,current_a,voltage_v\n0,1,4\n";
+        assert_eq!(
+            message(&format!("Cycler: Arbin\nDate: 2025-01-01\n\n{header}")),
+            "a.csv:4: 3 cells where the header has 1 column; perhaps lines 1 to 3 are a preamble (`Cycler: Arbin`), and line 4 is the header \
+             (`time_s,current_a,voltage_v`): take out what stands before it, or begin those lines with #"
+        );
+        assert!(
+            message(&format!("Cycler,Arbin\n{header}")).contains("perhaps line 1 is a preamble (`Cycler,Arbin`), and line 2 is the header")
+        );
+        assert!(message("Cycler: Arbin\ntime_s;current_a\n0;1\n").contains("and line 2 is the header (`time_s;current_a`)"));
+        // A row that is merely too long is none.
+        assert_eq!(message("time_s,a\n0,1,2\n"), "a.csv:2: 3 cells where the header has 2 columns");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use energy::DocumentError;
 use energy::document::{Document, hint};
 use serde::{Deserialize, Serialize};
 
-use super::Mapping;
+use super::{Mapping, Mark};
 
 /// How the state of charge at the start was reached: it sets the branch of the hysteresis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
@@ -65,7 +65,7 @@ pub struct LogFacts {
     /// What the log is used for.
     pub role: Option<Role>,
     /// Numbers that this logger writes when nothing was measured.
-    pub missing: Vec<f64>,
+    pub missing: Vec<Mark>,
     /// Which topic of a recording that holds several.
     pub topic: Option<String>,
     /// Column names and units of this logger.
@@ -90,7 +90,7 @@ struct Raw {
     source: Option<String>,
     topic: Option<String>,
     #[serde(default)]
-    missing: Vec<f64>,
+    missing: Vec<Mark>,
     #[serde(default)]
     columns: BTreeMap<String, String>,
 }
@@ -168,7 +168,7 @@ pub struct Overrides {
     /// See [`LogFacts::settling_s`].
     pub settling_s: Option<f64>,
     /// See [`LogFacts::missing`].
-    pub missing: Vec<f64>,
+    pub missing: Vec<Mark>,
     /// See [`LogFacts::topic`].
     pub topic: Option<String>,
     /// See [`LogFacts::columns`].
@@ -216,7 +216,7 @@ impl Overrides {
         facts.ambient_sigma_k = self.ambient_sigma_k.or(facts.ambient_sigma_k);
         facts.gap_current = self.gap_current.or(facts.gap_current);
         facts.settling_s = self.settling_s.or(facts.settling_s);
-        facts.missing.extend(&self.missing);
+        facts.missing.extend(self.missing.iter().cloned());
         facts.topic = self.topic.clone().or(facts.topic);
         for mapping in &self.columns {
             facts.columns.retain(|known| known.canonical != mapping.canonical);

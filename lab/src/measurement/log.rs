@@ -6,12 +6,13 @@ use energy::Channel;
 use energy::document::hint;
 
 use super::facts::misspelt;
+use super::hints::{as_flag, conversion_of_time, odd_epoch};
 use super::mapping::Source;
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
-use super::values::{explaining_step, for_a_shell, missing, spikes, within_range, without_given, without_sentinels};
-use super::{GapCurrent, LogError, LogFacts, Table};
+use super::values::{count, explaining_step, missing, plain, spikes, within_range, without_given, without_sentinels};
+use super::{GapCurrent, LogError, LogFacts, Mark, Table};
 
 /// The column that every log begins with, in seconds.
 const TIME: &str = "time_s";
@@ -73,6 +74,7 @@ impl Log {
         let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
         let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
         let mut reader = Reader { file, table: &table, missing: &facts.missing, notes: Vec::new(), places: Vec::new() };
+        reader.tell_what_is_not_read(&mapped);
         let (time_s, rows) = reader.time_s(mapped.get(TIME).copied())?;
         let (mut channels, mut extra) = (BTreeMap::new(), BTreeMap::new());
         let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
@@ -97,7 +99,7 @@ impl Log {
                 }
             }
         }
-        reader.tell_spikes(&channels);
+        reader.tell_spikes(&channels, &mapped);
         let current_a = channels.get(&Channel::CurrentA).filter(|_| facts.gap_current != Some(GapCurrent::Stated));
         let unknown = facts.gap_current == Some(GapCurrent::Unknown);
         let (unmeasured, gaps) = current_a.map_or_else(Default::default, |current_a| unmeasured(&time_s, current_a, unknown));
@@ -123,16 +125,11 @@ impl Log {
 struct Reader<'a> {
     file: &'a str,
     table: &'a Table,
-    missing: &'a [f64],
+    missing: &'a [Mark],
     /// What the reader should know.
     notes: Vec<String>,
     /// Place in the source of every row of the log.
     places: Vec<u64>,
-}
-
-/// Whether the name of a column ends in a unit of milliseconds.
-fn in_milliseconds(name: &str) -> bool {
-    name.trim_end_matches([')', ']']).rsplit(|c: char| !c.is_alphanumeric()).next() == Some("ms")
 }
 
 impl Reader<'_> {
@@ -153,9 +150,10 @@ impl Reader<'_> {
             (None, None) => {
                 let near = hint(TIME, names.iter().map(String::as_str));
                 let first = names.first().map_or("SOURCE", String::as_str);
+                let began = self.table.columns.first().and_then(|column| column.numbers().iter().copied().find(|time| !time.is_nan()));
                 return Err(whole(format!(
-                    "no `{TIME}` column{near} The first column must be `{TIME}` in seconds, found `{first}`; map it: --column {}",
-                    for_a_shell(&format!("{TIME}={first}{}", if in_milliseconds(first) { "/1000" } else { "" }))
+                    "no `{TIME}` column{near} The first column must be `{TIME}` in seconds, found `{first}`; map it: {}",
+                    as_flag(TIME, first, conversion_of_time(TIME, first, began))
                 )));
             }
         };
@@ -163,11 +161,14 @@ impl Reader<'_> {
             Some(time_s) => time_s,
             None => self.numbers(TIME, source)?,
         };
+        if let Source::Column { index, scale, .. } = source {
+            self.notes.extend(odd_epoch(&time_s, &names[index], scale));
+        }
         let (rows, note) = Rows::of(&time_s, &self.table.lines, self.table.places)
             .map_err(|(row, message)| self.row_error(row, format!("column `{TIME}`: {message}")))?;
         let time_s = rows.numbers(time_s);
         if time_s.len() < 2 {
-            return Err(whole(format!("{} rows of different time; a log needs at least 2", time_s.len())));
+            return Err(whole(format!("{} of different time; a log needs at least 2", count(time_s.len(), "row"))));
         }
         self.places = rows.firsts(self.table.lines.clone());
         self.notes.extend(note);
@@ -193,8 +194,8 @@ impl Reader<'_> {
     fn channel(&mut self, channel: Channel, source: Source, rows: &Rows) -> Result<Vec<f64>, LogError> {
         let (lines, places) = (&self.table.lines, self.table.places);
         let mut values = self.numbers(channel.name(), source)?;
-        if let Source::Column { scale, offset, .. } = source {
-            without_given(&mut values, self.missing);
+        if let Source::Column { index, scale, offset } = source {
+            without_given(&mut values, &self.marks(channel.name(), index));
             self.notes.extend(missing(channel.name(), &values, lines, places));
             self.notes.extend(without_sentinels(channel.name(), &mut values, lines, places));
             values.iter_mut().for_each(|value| *value = *value * scale + offset);
@@ -208,14 +209,47 @@ impl Reader<'_> {
         Ok(rows.numbers(values))
     }
 
-    fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>) {
+    /// What the logger writes in a column when nothing was measured.
+    fn marks(&self, name: &str, index: usize) -> Vec<f64> {
+        let names = [name, self.table.names[index].as_str()];
+        self.missing.iter().filter(|mark| mark.is_of(names)).map(|mark| mark.value).collect()
+    }
+
+    /// Columns beside which one number was given for every row, and signs of columns that are not there.
+    fn tell_what_is_not_read(&mut self, mapped: &BTreeMap<&str, Source>) {
+        let names = &self.table.names;
+        let has = |name: &str| names.iter().any(|known| known == name);
+        for (name, source) in mapped.iter().filter(|(name, _)| has(name)) {
+            if let Source::Constant(value) = source {
+                self.notes.push(format!(
+                    "`{name}`: {} stands for every row, and the column of that name is not read; leave out --column {name}={} (or the \
+                     line in [columns]) to read it",
+                    plain(*value),
+                    plain(*value)
+                ));
+            }
+        }
+        for column in self.missing.iter().filter_map(|mark| mark.column.as_deref()) {
+            if !has(column) && !mapped.contains_key(column) {
+                let near = hint(column, names.iter().map(String::as_str));
+                self.notes.push(format!("--missing {column}=NUMBER (or `missing`): the log has no column `{column}`{near}"));
+            }
+        }
+    }
+
+    fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>, mapped: &BTreeMap<&str, Source>) {
         let input = channels.get(&Channel::CurrentA).or(channels.get(&Channel::PackCurrentA));
         let explains = input.map(|input| (input, explaining_step(input)));
         for (&channel, values) in channels {
             // An input that is missing may have done anything.
             let step = |input: &[f64], row: usize| (input[row] - input[row - 1]).abs();
             let moves = |row: usize| explains.is_some_and(|(input, least)| step(input, row).is_nan() || step(input, row) > least);
-            self.notes.extend(spikes(channel, values, moves, &self.places, self.table.places));
+            // What the logger wrote is known for sure where it is of our unit, or nothing.
+            let as_written = |value: f64| match mapped.get(channel.name()) {
+                Some(Source::Column { scale, offset, .. }) if (*scale, *offset) != (1.0, 0.0) => *offset == 0.0 && value == 0.0,
+                _ => true,
+            };
+            self.notes.extend(spikes(channel, values, moves, as_written, (&self.places, self.table.places)));
         }
         for pair in [(Channel::CurrentA, Channel::VoltageV), (Channel::PackCurrentA, Channel::PackVoltageV)] {
             if let (Some(current_a), Some(voltage_v)) = (channels.get(&pair.0), channels.get(&pair.1)) {
@@ -257,7 +291,8 @@ impl Reader<'_> {
         if cells.first_text().is_some() {
             return Some(Column::Text(rows.firsts(cells.as_texts())));
         }
-        let value = |&value: &f64| if self.missing.contains(&value) { f64::NAN } else { value * scale + offset };
+        let marks = self.marks(name, index);
+        let value = |&value: &f64| if marks.contains(&value) { f64::NAN } else { value * scale + offset };
         Some(Column::Number(rows.numbers(cells.numbers().iter().map(value).collect())))
     }
 }
@@ -269,7 +304,7 @@ mod tests {
 
     fn read(text: &str, columns: &[&str]) -> Result<Log, String> {
         let columns: Vec<Mapping> = columns.iter().map(|text| text.parse().unwrap()).collect();
-        let facts = LogFacts { columns, missing: vec![-9999.0], ..LogFacts::default() };
+        let facts = LogFacts { columns, missing: vec![(-9999.0).into()], ..LogFacts::default() };
         read_log("dir/a.csv", text.as_bytes(), facts).map_err(|error| error.to_string())
     }
 
@@ -340,7 +375,7 @@ mod tests {
     #[test]
     fn time_must_come_first_and_increase() {
         assert_eq!(read("time_s\n0\n2\n1\n", &[]).unwrap_err(), "dir/a.csv:4: column `time_s`: time goes backwards: 1 s after 2 s");
-        assert!(read("time_s\n0\n0\n", &[]).unwrap_err().contains("1 rows of different time; a log needs at least 2"));
+        assert!(read("time_s\n0\n0\n", &[]).unwrap_err().contains("1 row of different time; a log needs at least 2"));
         assert!(read("time_s,a\n0,1\n,1\n", &[]).unwrap_err().contains("every row needs a time"));
         assert!(read("time,a\n0,1\n1,1\n", &[]).unwrap_err().contains("--column time_s=time"));
         assert!(read("a,time_s\n0,1\n1,2\n", &[]).unwrap_err().contains("must be the first column"));

@@ -142,7 +142,13 @@ pub(super) fn explaining_step(input: &[f64]) -> f64 {
 
 /// What is to be said about single values that leave both neighbours. Only of states: an input
 /// may well last one row. `moves` tells rows at which an input changed, which explains a jump.
-pub(super) fn spikes(channel: Channel, values: &[f64], moves: impl Fn(usize) -> bool, lines: &[u64], places: &str) -> Option<String> {
+pub(super) fn spikes(
+    channel: Channel,
+    values: &[f64],
+    moves: impl Fn(usize) -> bool,
+    is_as_written: impl Fn(f64) -> bool,
+    (lines, places): (&[u64], &str),
+) -> Option<String> {
     let state = matches!(
         channel,
         Channel::VoltageV | Channel::TemperatureDegc | Channel::AmbientDegc | Channel::PackVoltageV | Channel::CycleCount
@@ -170,9 +176,12 @@ pub(super) fn spikes(channel: Channel, values: &[f64], moves: impl Fn(usize) -> 
     let found: Vec<(usize, usize)> = (1..values.len() - 1).filter_map(spike).collect();
     let &(first, before) = found.first()?;
     let rows: Vec<usize> = found.iter().map(|&(row, _)| row).collect();
+    let is_one = rows.iter().all(|&row| values[row] == values[first]) && is_as_written(values[first]);
+    let name = channel.name();
+    let how = format!(", unless --missing {name}={} says that this is no measurement", plain(values[first]));
+    let how = if is_one && values[first].to_string() == plain(values[first]) { how } else { String::new() };
     Some(format!(
-        "`{}`: {} far from both neighbours (by more than {SPIKE_DIFFERENCES} usual differences), such as {} after {}; not removed ({})",
-        channel.name(),
+        "`{name}`: {} far from both neighbours (by more than {SPIKE_DIFFERENCES} usual differences), such as {} after {}; not removed{how} ({})",
         count(rows.len(), "single value"),
         plain(values[first]),
         plain(values[before]),
@@ -241,18 +250,25 @@ mod tests {
     #[test]
     fn a_spike_is_told_unless_an_input_explains_it() {
         let values = [3.70, 3.701, 2.9, 3.70, 3.701];
-        assert!(spikes(Channel::VoltageV, &values, |_| false, &LINES, "lines").unwrap().contains("such as 2.9 after 3.701"));
-        assert_eq!(spikes(Channel::VoltageV, &values, |row| row == 2, &LINES, "lines"), None);
-        assert_eq!(spikes(Channel::CurrentA, &values, |_| false, &LINES, "lines"), None);
+        assert!(spikes(Channel::VoltageV, &values, |_| false, |_| true, (&LINES, "lines")).unwrap().contains("such as 2.9 after 3.701"));
+        assert_eq!(spikes(Channel::VoltageV, &values, |row| row == 2, |_| true, (&LINES, "lines")), None);
+        assert_eq!(spikes(Channel::CurrentA, &values, |_| false, |_| true, (&LINES, "lines")), None);
+        let told = spikes(Channel::VoltageV, &[3.7, 3.701, 0.0, 3.70, 3.701], |_| false, |_| true, (&LINES, "lines")).unwrap();
+        assert!(told.ends_with("not removed, unless --missing voltage_v=0 says that this is no measurement (line 4)"), "{told}");
+        let mapped = spikes(Channel::VoltageV, &values, |_| false, |_| false, (&LINES, "lines")).unwrap();
+        assert!(mapped.ends_with("such as 2.9 after 3.701; not removed (line 4)"), "what the logger wrote is not known: {mapped}");
         // Also beside a reading that is missing, but not alone among such.
         for missing in [1, 3] {
             let mut gone = values;
             gone[missing] = f64::NAN;
-            assert!(spikes(Channel::VoltageV, &gone, |_| false, &LINES, "lines").unwrap().contains("such as 2.9 after 3.7"), "{gone:?}");
-            assert_eq!(spikes(Channel::VoltageV, &gone, |row| row == 3, &LINES, "lines"), None, "{gone:?}");
+            assert!(
+                spikes(Channel::VoltageV, &gone, |_| false, |_| true, (&LINES, "lines")).unwrap().contains("such as 2.9 after 3.7"),
+                "{gone:?}"
+            );
+            assert_eq!(spikes(Channel::VoltageV, &gone, |row| row == 3, |_| true, (&LINES, "lines")), None, "{gone:?}");
         }
         let alone = [f64::NAN, f64::NAN, 2.9, f64::NAN, 3.7];
-        assert_eq!(spikes(Channel::VoltageV, &alone, |_| false, &LINES, "lines"), None);
+        assert_eq!(spikes(Channel::VoltageV, &alone, |_| false, |_| true, (&LINES, "lines")), None);
         // Noise of a current explains nothing, a step of it does, and one in a current that else holds still as well.
         assert_eq!(explaining_step(&[0.0, 0.001, 0.0, 2.0, 2.001]), 0.01);
         assert_eq!(explaining_step(&[0.0, 0.0, 0.0, 0.001]), 0.0);

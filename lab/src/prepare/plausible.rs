@@ -2,8 +2,9 @@
 
 use energy::{Channel, Facts, Model};
 
-use super::prepare;
+use super::{Target, prepare};
 use crate::measurement::Log;
+use crate::report::quantity::digits;
 
 /// Charge beyond empty or full that no gain, offset or capacity explains, share of the capacity.
 const BEYOND: f64 = 0.5;
@@ -91,8 +92,7 @@ pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
 /// costs in a cell in any good condition.
 const FIRST_V: f64 = 0.25;
 const QUICK_C: f64 = 1.5;
-/// Share of the OCV table's span that a voltage goes through, while less than this share of the charge passes, that is told.
-const SPAN: f64 = 0.6;
+/// Share of the charge up to whose passing a voltage that goes too far is told: what passes more shows itself where the charge ends.
 const HARDLY_PASSED: f64 = 0.15;
 
 /// What is odd about how a battery log's voltage goes with the charge that is said to be there, in words.
@@ -116,6 +116,14 @@ pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
             log.file, target.observed[first], facts.series, facts.series
         ));
     }
+    if let Some((from, to)) = falls_without_current(current_a, target).filter(|(from, to)| (from - to).abs() > FIRST_V * cells) {
+        return Some(format!(
+            "{}: current_a is 0 in every row, and the voltage goes from {:.2} to {:.2} V per cell: is it the right column, and was the current measured at all?",
+            log.file,
+            from / cells,
+            to / cells
+        ));
+    }
     let times = (target.observed[first] / open).round();
     if facts.series == 1 && times >= 2.0 && (target.observed[first] / times - open).abs() <= FIRST_V {
         return Some(format!(
@@ -130,26 +138,59 @@ pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
             100.0 * soc
         ));
     }
-    let gentle = || (1..prepared.time_s.len()).filter(|row| target.used[*row]).filter(gentle);
-    let ends =
-        |values: &mut dyn Iterator<Item = f64>| values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-    let volts = ends(&mut gentle().map(|row| target.observed[row] / cells));
     let mut charge = prepared.start.soc;
-    let charges = ends(&mut (1..prepared.time_s.len()).map(|row| {
-        charge -= passed(row);
-        charge
-    }));
-    let table = facts.ocv.points().1;
-    let span = table[table.len() - 1] - table[0];
-    (prepared.unmeasured.is_empty() && volts.1 - volts.0 > SPAN * span && charges.1 - charges.0 < HARDLY_PASSED).then(|| {
+    let charges: Vec<f64> = (0..prepared.time_s.len())
+        .map(|row| {
+            charge -= if row == 0 { 0.0 } else { passed(row) };
+            charge
+        })
+        .collect();
+    let gentle: Vec<usize> = (1..prepared.time_s.len()).filter(|row| target.used[*row]).filter(gentle).collect();
+    let ends = |values: &[f64]| {
+        gentle.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &row| (values[row].min(low), values[row].max(high)))
+    };
+    let (volts, (emptiest, fullest)) = (ends(&target.observed), ends(&charges));
+    let moved_v = moved_with(&charges, current_a, &target.observed, &gentle) / cells;
+    let open_v = facts.ocv.voltage_v(fullest.clamp(0.0, 1.0)) - facts.ocv.voltage_v(emptiest.clamp(0.0, 1.0));
+    (prepared.unmeasured.is_empty() && fullest - emptiest < HARDLY_PASSED && moved_v > open_v + FIRST_V).then(|| {
         format!(
-            "{}: the voltage goes from {:.2} to {:.2} V per cell while {:.1} % of the charge passes: time_s must be in s, current_a in A, and capacity_ah that of this battery",
+            "{}: the voltage goes from {:.2} to {:.2} V per cell while {} % of the charge passes: time_s must be in s, current_a in A, and capacity_ah that of this battery, in Ah",
             log.file,
-            volts.1,
-            volts.0,
-            100.0 * (charges.1 - charges.0)
+            volts.1 / cells,
+            volts.0 / cells,
+            digits(100.0 * (fullest - emptiest))
         )
     })
+}
+
+/// Rows at either end of a log that say together where its voltage begins and ends: single ones may be no readings.
+const AT_AN_END: usize = 9;
+
+/// Where a voltage begins and ends, medians over a few rows, in a log whose current is nothing in every row.
+fn falls_without_current(current_a: &[f64], target: &Target) -> Option<(f64, f64)> {
+    let known: Vec<f64> = target.observed.iter().copied().filter(|volts| volts.is_finite()).collect();
+    let is_long = known.len() > 2 * AT_AN_END && current_a.iter().all(|current_a| *current_a == 0.0);
+    let median = |values: &[f64]| {
+        let mut values = values.to_vec();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    is_long.then(|| (median(&known[..AT_AN_END]), median(&known[known.len() - AT_AN_END..])))
+}
+
+/// How far a voltage moves with the charge over these rows, V: by least squares beside what it moves with the current.
+fn moved_with(charges: &[f64], current_a: &[f64], voltage_v: &[f64], rows: &[usize]) -> f64 {
+    let mean = |values: &[f64]| rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len().max(1) as f64;
+    let means = [mean(charges), mean(current_a), mean(voltage_v)];
+    let of = |a: (&[f64], f64), b: (&[f64], f64)| rows.iter().map(|&row| (a.0[row] - a.1) * (b.0[row] - b.1)).sum::<f64>();
+    let (charge, current, voltage) = ((charges, means[0]), (current_a, means[1]), (voltage_v, means[2]));
+    let (qq, ii, qi) = (of(charge, charge), of(current, current), of(charge, current));
+    let (qv, iv) = (of(charge, voltage), of(current, voltage));
+    // A current that holds says nothing of its own.
+    let slope = if ii > 0.0 && qq * ii - qi * qi > 1e-9 * qq * ii { (qv * ii - iv * qi) / (qq * ii - qi * qi) } else { qv / qq };
+    let (low, high) =
+        rows.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &row| (charges[row].min(low), charges[row].max(high)));
+    if qq > 0.0 { (slope * (high - low)).abs() } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -188,7 +229,31 @@ mod tests {
     fn a_log_that_begins_in_the_middle_or_counts_minutes_is_told_and_a_right_one_is_not() {
         assert_eq!(voltage(0, 1.0), None);
         assert!(voltage(1800, 1.0).unwrap().contains("in the middle?"), "{:?}", voltage(1800, 1.0));
-        assert!(voltage(0, 1.0 / 60.0).unwrap().contains("while 1.6 % of the charge passes: time_s must be in s"));
+        assert!(voltage(0, 1.0 / 60.0).unwrap().contains(" % of the charge passes: time_s must be in s"));
+    }
+
+    /// An hour at 0.5 C with steps, as a model of another capacity sees it, or as an ammeter shows it that was not connected.
+    fn of_capacity(capacity_ah: f64, factor: f64) -> Option<String> {
+        let mut model = Model::clone(&load_model("enertech-lco-2280mah").unwrap().model);
+        let Facts::Battery(facts) = &mut model.facts else { panic!("a battery") };
+        let (true_ah, mut soc) = (facts.capacity_ah, 0.95);
+        let row = |now: u32| {
+            let current_a = true_ah * if (now / 30).is_multiple_of(2) { 0.3 } else { 0.7 };
+            soc -= 10.0 * current_a / 3600.0 / true_ah;
+            format!("{},{},{}\n", 10 * now, factor * current_a, facts.ocv.voltage_v(soc) - 0.05 * current_a)
+        };
+        let text = (0..360).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+        facts.capacity_ah = capacity_ah;
+        let facts = LogFacts { soc_initial: Some(0.95), ..LogFacts::default() };
+        odd_voltage(&model, &read_log("log.csv", text.as_bytes(), facts).unwrap())
+    }
+
+    #[test]
+    fn a_capacity_in_mah_and_an_ammeter_that_shows_nothing_are_told() {
+        assert_eq!(of_capacity(2.28, 1.0), None);
+        let told = of_capacity(2280.0, 1.0).unwrap();
+        assert!(told.contains("while 0.0510 % of the charge passes") && told.ends_with("that of this battery, in Ah"), "{told}");
+        assert!(of_capacity(2.28, 0.0).unwrap().contains("current_a is 0 in every row"), "{:?}", of_capacity(2.28, 0.0));
     }
 
     #[test]

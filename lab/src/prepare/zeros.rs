@@ -35,7 +35,7 @@ fn read(model: &Model) -> Vec<Channel> {
     inputs.dedup();
     let computed = |channel: Channel| predicted.contains(&channel) || model.system.computed().contains(&channel);
     // Without one that an effect cannot do without there is no answer at all.
-    let needed = needed_inputs(model, computed);
+    let needed = needed_inputs(model);
     inputs.retain(|&channel| !computed(channel));
     let model = Arc::new(model.clone());
     let with = |channel: Channel, value: f64| {

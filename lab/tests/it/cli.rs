@@ -86,8 +86,10 @@ fn a_missing_column_is_named_with_who_needs_it() {
     let outcome = compare("time_s,current,voltage_v\n0,1,4.1\n1,1,4.1\n", &[]);
     refuses(
         &outcome,
-        &["run.csv: no column `current_a`, which every battery model needs; did you mean `current`?", "--column current_a=SOURCE"],
+        &["run.csv: no column `current_a`, which every battery model needs; did you mean `current`?", "--column current_a=current."],
     );
+    let outcome = compare("time_s,current_ma,voltage_mv\n0,1,4100\n1,1,4100\n", &["--column", "voltage_v=voltage_mv/1000"]);
+    refuses(&outcome, &["Map with --column current_a=current_ma/1000."]);
     let outcome = compare("time_s,current_a,voltage\n0,1,4.1\n1,1,4.1\n", &[]);
     refuses(&outcome, &["nothing to compare with: a battery model predicts voltage_v; did you mean `voltage`?"]);
     let outcome = compare("time_s,current_a,voltage_v\n0,1,4.1\n1,1,\n2,1,nan\n", &[]);

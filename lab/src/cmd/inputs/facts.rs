@@ -5,7 +5,7 @@ use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use lab::measurement::{GapCurrent, LOG_BYTES_MAX, Log, LogFacts, Mapping, Overrides, read_log_from};
+use lab::measurement::{GapCurrent, LOG_BYTES_MAX, Log, LogFacts, Mapping, Mark, Overrides, read_log_from};
 
 use super::say;
 
@@ -38,9 +38,9 @@ pub(in crate::cmd) struct FactArgs {
     /// nothing is compared there.
     #[arg(long, allow_negative_numbers = true)]
     settling_s: Option<f64>,
-    /// A number that the logger writes when nothing was measured.
-    #[arg(long, allow_negative_numbers = true)]
-    missing: Vec<f64>,
+    /// A number that the logger writes when nothing was measured, in any column or in one, e.g. voltage_v=0.
+    #[arg(long, value_name = "[COLUMN=]NUMBER", allow_negative_numbers = true)]
+    missing: Vec<Mark>,
     /// Which topic of an MCAP recording with several batteries.
     #[arg(long)]
     topic: Option<String>,
