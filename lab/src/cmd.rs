@@ -1,6 +1,7 @@
 //! The command line: one file per verb. Exit 0 yes, 1 no, 2 could not answer.
 
 mod add;
+mod busy;
 mod case;
 mod compare;
 mod diagnose;

@@ -5,6 +5,7 @@
 //!   rough      what a model knows roughly: OCV table, sensors' offsets and gains, SoC at the start
 //!     |
 //!   evidence   the rows that are judged, alone or in means
+//!     |          judges   which held-out logs can judge a model
 //!     |          steady   over which of them the inputs hold
 //!     |          course   as few steps as show them
 //!     |          floors   what a model makes of its inputs' noise
@@ -41,6 +42,7 @@
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |          prune   effects that a later one made needless
 //!     |          exchange   effects that stood in for another one
+//!     |          progress   what is told while it goes on
 //!     |
 //!   answer       all of that in numbers and names, for the terminal, JSON and the report
 //!
@@ -68,10 +70,12 @@ pub mod floors;
 pub mod frame;
 mod handover;
 pub mod judge;
+pub mod judges;
 mod lens;
 pub mod noise;
 pub mod other_numbers;
 pub mod other_starts;
+pub mod progress;
 pub mod propose;
 mod prune;
 pub mod rough;

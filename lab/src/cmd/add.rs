@@ -15,7 +15,8 @@ use lab::infer::trial::{Trial, held_out};
 use lab::learned::left_out;
 use lab::report::addition::{Addition, Look};
 
-use super::case::{Case, Written, busy};
+use super::busy::busy;
+use super::case::{Case, Written};
 use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
@@ -44,13 +45,15 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let base = case.fitted();
     let trial = trial(&case, &base, spec)?;
     bar.finish_and_clear();
-    let before = case.held.as_ref().map_or_else(Vec::new, |held| held_out(base.told(), held));
+    // Both are judged by the logs that the model with the effect can predict.
+    let before = trial.held.as_ref().map_or_else(Vec::new, |held| held_out(base.told(), held));
     // Only this one was tried, and its name is not the logs' choice but the user's.
     let whatever_size = !explained(&base) && explained(&trial.state);
-    let refused = refusals(&base, &trial, &before, Court { holdout: case.held.as_ref(), tried: 1, begun: &[], whatever_size });
+    let refused = refusals(&base, &trial, &before, Court { holdout: trial.held.as_ref(), tried: 1, begun: &[], whatever_size });
     let trial = Trial { state: trial.state.undiluted(), ..trial };
     let refitted = case.learned(base.told(), None, args.save.date())?;
     let extended = case.learned(trial.state.told(), args.save.output(), args.save.date())?;
+    extended.unpredicted.iter().for_each(|one| eprintln!("lab: note: {}", one.words()));
     if let Some(path) = args.save.output() {
         extended.save(path)?;
     }

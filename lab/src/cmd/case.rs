@@ -1,13 +1,10 @@
 //! A model with the logs that a search learns from and those that it is judged by.
 
-use std::io::{IsTerminal as _, stderr};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 use anyhow::{Context as _, bail, ensure};
 use energy::Model;
-use indicatif::{ProgressBar, ProgressStyle};
 use lab::ModelSource;
 use lab::compare::compare;
 use lab::decision::{Decisions, Seen};
@@ -16,10 +13,11 @@ use lab::infer::candidate::held_at_defaults;
 use lab::infer::evidence::Evidence;
 use lab::infer::floors::fitted;
 use lab::infer::frame::Frame;
+use lab::infer::judges::Unpredicted;
 use lab::infer::state::State;
 use lab::infer::{other_numbers, other_starts, stated};
 use lab::learned;
-use lab::measurement::Log;
+use lab::measurement::{Log, shared_rows};
 use lab::model_source::{Origin, parse_beside};
 use lab::output::{directory_of, write_whole};
 use lab::prepare::Prepared;
@@ -47,6 +45,8 @@ pub(super) struct Written {
     pub(super) train: Vec<Prepared>,
     /// Logs to judge by, ready for it.
     pub(super) holdout: Vec<Prepared>,
+    /// Those that it cannot predict.
+    pub(super) unpredicted: Vec<Unpredicted>,
 }
 
 impl<'a> Case<'a> {
@@ -108,8 +108,16 @@ impl<'a> Case<'a> {
     }
 
     fn as_written(&self, text: String, model: Arc<Model>) -> anyhow::Result<Written> {
-        let (train, holdout) = (self.inputs.ready(&model, &self.train)?, self.inputs.ready(&model, &self.holdout)?);
-        Ok(Written { text, model, train, holdout })
+        let as_given = self.held.as_ref().map_or(&[][..], |held| &held.logs[..]);
+        let (mut unpredicted, mut predicted) = (Vec::new(), Vec::new());
+        for (log, as_given) in self.holdout.iter().zip(as_given) {
+            match Unpredicted::of(&model, as_given) {
+                Some(one) => unpredicted.push(one),
+                None => predicted.push(log.clone()),
+            }
+        }
+        let (train, holdout) = (self.inputs.ready(&model, &self.train)?, self.inputs.ready(&model, &predicted)?);
+        Ok(Written { text, model, train, holdout, unpredicted })
     }
 
     /// What a search found, for people and programs. `last` is its last state, `written` the same as
@@ -128,7 +136,7 @@ impl<'a> Case<'a> {
         let file_rms = rms(&written.model, &written.train);
         let mut holdout_unexplained = Vec::new();
         let mut files = FileErrors::of(&rms(given, &self.evidence.logs), &file_rms, false);
-        if let Some(held) = &self.held {
+        if let Some(held) = self.held.as_ref().and_then(|held| held.that_judges(&written.model)) {
             let found = compared(&written.model, &written.holdout);
             files.extend(FileErrors::of(&rms(given, &held.logs), &rms_of(&found), true));
             holdout_unexplained = Unexplained::of(&discovery, &found);
@@ -147,6 +155,7 @@ impl<'a> Case<'a> {
             file_rms,
             files,
             holdout_unexplained,
+            holdout_unpredicted: written.unpredicted.clone(),
             other_starts,
             other_numbers,
             within_stated,
@@ -181,6 +190,15 @@ pub(super) fn unlike(train: &[Log], holdout: &[Log]) -> anyhow::Result<()> {
         if let Some(seen) = train.iter().find(|log| same(log, held)) {
             bail!("{} holds the same readings as {}: a log that was learned from cannot judge", held.file, seen.file);
         }
+        for (seen, rows) in train.iter().map(|seen| (seen, shared_rows(held, seen))).filter(|(_, rows)| *rows > 0) {
+            eprintln!(
+                "lab: note: {}: {rows} of its {} rows hold the times and readings of {}: what was learned from cannot judge, so cut them \
+                 out of one of the two",
+                held.file,
+                held.rows(),
+                seen.file
+            );
+        }
     }
     Ok(())
 }
@@ -196,15 +214,4 @@ pub(super) fn origin(logs: &[Prepared], date: Option<&str>) -> String {
 pub(super) fn same_directory(one: &Path, other: &Path) -> bool {
     let whole = |path: &Path| directory_of(path).canonicalize();
     matches!((whole(one), whole(other)), (Ok(one), Ok(other)) if one == other)
-}
-
-/// Shows on a terminal, and nowhere else, that work goes on and for how long already.
-pub(super) fn busy(words: String) -> ProgressBar {
-    if !stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{spinner} {msg} {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner());
-    let bar = ProgressBar::new_spinner().with_style(style).with_message(words);
-    bar.enable_steady_tick(Duration::from_millis(100));
-    bar
 }

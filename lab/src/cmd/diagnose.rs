@@ -4,7 +4,8 @@ use lab::infer::answer::{Discovery, Verdict};
 use lab::infer::discover::{Outcome, Search, Step};
 use lab::report::discovery::Reach;
 
-use super::case::{Case, busy};
+use super::busy::while_telling;
+use super::case::Case;
 use super::inputs::{LogInputs, ModelArg};
 use super::{Answer, Format, print};
 
@@ -18,10 +19,10 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let mut case = Case::read(&args.model, &args.logs)?;
-    let bar = busy(format!("looking at what {} lacks", case.source.model.name));
-    let base = case.fitted();
-    let step = Step::look(base, case.held.as_ref());
-    bar.finish_and_clear();
+    let step = while_telling(format!("looking at what {} lacks", case.source.model.name), |told| {
+        let base = case.fitted();
+        Step::look_and_tell(base, case.held.as_ref(), told)
+    });
     // One look says whether something is missing, and what is the best of it: whether that is all is
     // for the whole search to say.
     let (verdict, last) = match &step.outcome {

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use lab::infer::answer::{Discovery, Verdict};
-use lab::infer::discover::{Search, search};
+use lab::infer::discover::{Search, search_and_tell};
 use lab::report::discovery::Reach;
 
-use super::case::{Case, busy};
+use super::busy::while_telling;
+use super::case::Case;
 use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
@@ -38,8 +39,7 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
 
 /// The whole search.
 pub(super) fn searched(case: &Case<'_>) -> Search {
-    let bar = busy(format!("looking for what {} lacks", case.source.model.name));
-    let search = search(Arc::clone(&case.source.model), Arc::clone(&case.evidence), case.held.as_ref());
-    bar.finish_and_clear();
-    search
+    while_telling(format!("looking for what {} lacks", case.source.model.name), |told| {
+        search_and_tell(Arc::clone(&case.source.model), Arc::clone(&case.evidence), case.held.as_ref(), told)
+    })
 }

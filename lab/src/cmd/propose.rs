@@ -41,8 +41,9 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let (train, holdout) = split(args.logs.train(model)?, args.logs.holdout(model)?)?;
     unlike(&train, &holdout)?;
     let names: Vec<String> = train.iter().map(|log| log.name.clone()).collect();
-    let evidence = |logs: &[Log]| anyhow::Ok(Arc::new(Evidence::new(model, args.logs.ready(model, logs)?)));
-    let (seen, held) = (evidence(&train)?, evidence(&holdout)?);
+    let evidence = |logs: &[Log]| anyhow::Ok(Evidence::new(model, args.logs.ready(model, logs)?));
+    let held = Arc::new(evidence(&holdout)?);
+    let seen = Arc::new(evidence(&train)?.judged_by(&held));
     let proposal = propose(Arc::clone(model), &seen, &held);
     let mut report = ProposalReport::of(&proposal);
     if report.status == Status::Proposal {

@@ -1,6 +1,7 @@
 //! What a search found, for people and programs: the answer of `lab diagnose` and `lab discover`.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use energy::{Channel, EffectSpec, Model, Parameter};
 use serde::Serialize;
@@ -8,7 +9,8 @@ use serde::Serialize;
 use super::candidate::Untested;
 use super::certainty::range_sigma;
 use super::discover::{Outcome, Search, Step};
-use super::judge::{Refusal, leaves_little};
+use super::evidence::Evidence;
+use super::judge::{Refusal, before_on, leaves_little};
 use super::noise::Noise;
 use super::state::State;
 use super::trial::Trial;
@@ -173,9 +175,22 @@ impl Discovery {
             parameters: parameters(&first.base.frame.model, last),
             residual: left(last),
             experiment,
-            untested: first.untested.clone(),
+            untested: untested(search),
         }
     }
+}
+
+/// Effects that the model as given could not be tried with, and those that could be until something was found which leaves no held-out
+/// log to judge them.
+fn untested(search: &Search) -> Vec<Untested> {
+    let mut all = search.steps[0].untested.clone();
+    let later = search.steps.last().into_iter().flat_map(|step| &step.untested).filter(|one| one.unjudged.is_some());
+    for one in later {
+        if !all.iter().any(|known| known.effect == one.effect) {
+            all.push(one.clone());
+        }
+    }
+    all
 }
 
 /// Share of the squared error beyond the floor that may be left when what was found is called the
@@ -229,7 +244,7 @@ fn experiment(a: &EffectSpec, b: &EffectSpec) -> String {
 
 fn ranking(step: &Step) -> Vec<Ranked> {
     let before = by_channel(&step.base.told().rms());
-    let holdout_before = by_channel(&step.base_holdout);
+    let before_on = |held: Option<&Arc<Evidence>>| by_channel(&before_on(&step.base, step.held.as_ref(), &step.base_holdout, held));
     let trial = |id: &str| step.trials.iter().position(|trial| trial.spec.id == id);
     let mut all: Vec<Ranked> = step
         .scores
@@ -254,7 +269,7 @@ fn ranking(step: &Step) -> Vec<Ranked> {
                 confounded_with: alike.collect(),
                 rms_before: before.clone(),
                 rms_after: refit.map(|trial| by_channel(&trial.state.told().rms())).unwrap_or_default(),
-                holdout_before: holdout_before.clone(),
+                holdout_before: before_on(refit.and_then(|trial| trial.held.as_ref())),
                 holdout_after: refit.map(|trial| by_channel(&trial.holdout)).unwrap_or_default(),
                 refused: place.map(|place| step.refusals[place].clone()).unwrap_or_default(),
                 passed_over: place.is_some_and(|place| step.passes_over(place)),
@@ -304,21 +319,24 @@ fn ladder(search: &Search) -> Vec<Rung> {
     let floor = by_channel(&search.last.frame.evidence.floors);
     let floor_from_rows = floors_from_rows(&search.last);
     let first = &search.steps[0];
+    let found = || search.steps.iter().filter(|step| matches!(step.outcome, Outcome::Missing(_)));
+    // Errors are told of the same logs all the way: of those that the model at the end can predict.
+    let held = found().last().and_then(|step| step.trials[0].held.as_ref());
     let mut rungs = vec![Rung {
         effect: None,
         delta_bic: None,
         train_rms: by_channel(&first.base.told().rms()),
-        holdout_rms: by_channel(&first.base_holdout),
+        holdout_rms: by_channel(&before_on(&first.base, first.held.as_ref(), &first.base_holdout, held)),
         floor: floor.clone(),
         floor_from_rows: floor_from_rows.clone(),
     }];
-    for step in search.steps.iter().filter(|step| matches!(step.outcome, Outcome::Missing(_))) {
+    for step in found() {
         let best = &step.trials[0];
         rungs.push(Rung {
             effect: Some(best.spec.id),
             delta_bic: Some(best.delta_bic),
             train_rms: by_channel(&best.state.told().rms()),
-            holdout_rms: by_channel(&best.holdout),
+            holdout_rms: by_channel(&before_on(&best.state, best.held.as_ref(), &best.holdout, held)),
             floor: floor.clone(),
             floor_from_rows: floor_from_rows.clone(),
         });

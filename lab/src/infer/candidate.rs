@@ -6,6 +6,7 @@ use energy::units::S_PER_H;
 use energy::{Channel, EffectSpec, Facts, Model, Parameter, ParameterSpec, catalogue};
 
 use super::frame::Frame;
+use super::judges::Unjudged;
 use crate::prepare::Prepared;
 use crate::report::quantity::{quantity, unit_of};
 
@@ -32,6 +33,15 @@ pub struct Untested {
     pub effect: &'static str,
     /// Why.
     pub reason: String,
+    /// The column that these logs have and no held-out log has, where that alone is why.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unjudged: Option<Unjudged>,
+}
+
+impl Untested {
+    fn new(spec: &EffectSpec, reason: String) -> Untested {
+        Untested { effect: spec.id, reason, unjudged: None }
+    }
 }
 
 /// Every effect of the model's system that it lacks: those that can be tried at the frame's
@@ -45,35 +55,32 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
     for effect in catalogue().iter().filter(|effect| effect.spec().system == base.system && !has(effect.spec().id)) {
         let spec = effect.spec();
         if let Some(part) = effect.lumps().iter().find(|part| has(part)) {
-            unable.push(Untested {
-                effect: spec.id,
-                reason: format!("it is the sum of several effects, and the model has {part} by itself"),
-            });
+            unable.push(Untested::new(spec, format!("it is the sum of several effects, and the model has {part} by itself")));
             continue;
         }
         if let Some(sum) = base.effects().find(|sum| sum.lumps().contains(&spec.id)) {
             let reason = format!("is a part of {}, which the model has: `lab fit --free {0}` asks for its numbers", sum.spec().id);
-            unable.push(Untested { effect: spec.id, reason });
+            unable.push(Untested::new(spec, reason));
             continue;
         }
         if let Some(reason) = effect.ruled_out(&base.facts) {
-            unable.push(Untested { effect: spec.id, reason: reason.to_owned() });
+            unable.push(Untested::new(spec, reason.to_owned()));
             continue;
         }
         if let Some((channel, log)) = effect.told_by().iter().find_map(|&channel| Some((channel, tells(&frame.evidence.logs, channel)?))) {
             let reason = format!("is asked about only where nothing tells {}, which {log} does", channel.name());
-            unable.push(Untested { effect: spec.id, reason });
+            unable.push(Untested::new(spec, reason));
             continue;
         }
         if let Some((way, _)) = ["out of", "into"].iter().zip(passed).find(|(_, passed)| *passed < effect.reversal()) {
             let reason = format!("needs logs in which {:.1} % of the capacity pass {way} the battery in one go", 100.0 * effect.reversal());
-            unable.push(Untested { effect: spec.id, reason });
+            unable.push(Untested::new(spec, reason));
             continue;
         }
         let model = match base.with(spec.id) {
             Ok(model) => model,
             Err(reason) => {
-                unable.push(Untested { effect: spec.id, reason });
+                unable.push(Untested::new(spec, reason));
                 continue;
             }
         };
@@ -83,15 +90,19 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
             let input = |wanted| log.inputs.iter().any(|(channel, _)| *channel == wanted);
             needs().find(|&channel| !input(channel)).map(|channel| (channel, log.name.as_str()))
         });
-        let missing = missing.or_else(|| needs().find_map(|channel| Some((channel, frame.evidence.lacking(channel)?))));
         if let Some((channel, log)) = missing {
-            unable.push(Untested { effect: spec.id, reason: format!("needs the column {}, which {log} lacks", channel.name()) });
+            unable.push(Untested::new(spec, format!("needs the column {}, which {log} lacks", channel.name())));
+            continue;
+        }
+        if let Some(unjudged) = frame.evidence.unjudged(&base, &model) {
+            let reason = format!("needs the column {}, which {}", unjudged.column, unjudged.who_lacks());
+            unable.push(Untested { unjudged: Some(unjudged), ..Untested::new(spec, reason) });
             continue;
         }
         if let Some((channel, log)) = predicts_an_input(frame, &model) {
             let channel = channel.name();
             let reason = format!("predicts {channel}, which {log} measured and nothing is judged by (--target)");
-            unable.push(Untested { effect: spec.id, reason });
+            unable.push(Untested::new(spec, reason));
             continue;
         }
         let first = model.parameters().iter().position(|parameter| parameter.effect == spec.id).unwrap_or(0);

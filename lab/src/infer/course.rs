@@ -99,6 +99,15 @@ impl Course {
         Course { inputs: inputs.collect(), ..self.clone() }
     }
 
+    /// The same steps where segments stand elsewhere: for each its place, where its rows began, and where they begin now.
+    pub(super) fn with_segments_at(&self, moved: &[(usize, usize, usize)]) -> Course {
+        let show = |show: &Show| {
+            let (segment, began, begins) = moved[show.segment];
+            Show { segment, row: show.row - began + begins, ..*show }
+        };
+        Course { shows: self.shows.iter().map(show).collect(), ..self.clone() }
+    }
+
     /// What a step shows.
     #[inline]
     pub(super) fn shows(&self, step: usize) -> &[Show] {

@@ -9,7 +9,8 @@ use super::candidate::Untested;
 use super::evidence::Evidence;
 use super::exchange::{begun_otherwise, exchanged};
 use super::floors::{fitted, resettled};
-use super::judge::{Court, Refusal, STRONG, explained, falls, hardly_moves, refusals, squared, squares, threshold};
+use super::judge::{Court, Refusal, STRONG, before_on, explained, falls, hardly_moves, on_the_same_logs, refusals, squared, threshold};
+use super::progress::{Progress, Told, silent};
 use super::prune::{plainer, shorter, taken};
 use super::score::Score;
 use super::sketch::{Sketch, Sketches, are_taken_for_each_other};
@@ -21,7 +22,9 @@ use super::trial::{Trial, held_out};
 pub struct Step {
     /// The model so far, fitted.
     pub base: State,
-    /// RMS on held-out logs with the model so far, by channel; empty without such logs.
+    /// The held-out logs that it can predict; none where there is none.
+    pub held: Option<Arc<Evidence>>,
+    /// RMS on these, by channel; empty without such logs.
     pub base_holdout: Vec<(Channel, f64)>,
     /// Every absent effect that the logs excite, by how much it explains.
     pub scores: Vec<Score>,
@@ -56,22 +59,35 @@ impl Step {
     /// like a gain of an effect may be that of a better place to begin.
     #[must_use]
     pub fn look(base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+        Step::look_and_tell(base, holdout, &silent)
+    }
+
+    /// The same, and says how far it is.
+    #[must_use]
+    pub fn look_and_tell(base: State, holdout: Option<&Arc<Evidence>>, told: Told<'_>) -> Step {
+        told(Progress::stands(&base, &[]));
         let begun = squared(&base);
-        Step::look_after(&begun, base, holdout)
+        Step::look_after(&begun, base, holdout, told)
     }
 
     /// The same where effects were found since every channel had so much squared error, in floors.
-    pub(super) fn look_after(begun: &[f64], base: State, holdout: Option<&Arc<Evidence>>) -> Step {
+    pub(super) fn look_after(begun: &[f64], base: State, holdout: Option<&Arc<Evidence>>, told: Told<'_>) -> Step {
+        let held = holdout.and_then(|all| all.that_judges(&base.frame.model));
         let from = |base: State| {
-            let sketches = Sketches::new(&base);
-            Step::of(base, sketches, begun, holdout)
+            let sketches = Sketches::new(&base, told);
+            Step::of(base, sketches, begun, held.as_ref())
         };
-        let sketches = Sketches::new(&base);
+        let sketches = Sketches::new(&base, told);
         let step = match sketches.better_base(&base) {
             Some(base) => from(base),
-            None => Step::of(base, sketches, begun, holdout),
+            None => Step::of(base, sketches, begun, held.as_ref()),
         };
-        step.better_base().map_or(step, from).or_what_is_small(begun, holdout)
+        step.better_base().map_or(step, from).or_what_is_small(begun)
+    }
+
+    /// The same look with another base, which is a trial's model before it.
+    pub(super) fn after(self, found: &Trial, base: State) -> Step {
+        Step { held: found.held.clone(), base_holdout: found.holdout.clone(), base, ..self }
     }
 
     /// Whether a trial gains as much as the first, and was neither taken nor is among those that the logs cannot tell from it: it has more
@@ -94,11 +110,11 @@ impl Step {
 
     /// Where nothing is accepted and something is left: what would be too small to matter by itself, and yet is all that keeps the
     /// model from the sensors' floors.
-    fn or_what_is_small(mut self, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Step {
+    fn or_what_is_small(mut self, begun: &[f64]) -> Step {
         if self.outcome != Outcome::Unknown {
             return self;
         }
-        let court = Court { holdout, tried: self.scores.len(), begun, whatever_size: true };
+        let court = Court { holdout: self.held.as_ref(), tried: self.scores.len(), begun, whatever_size: true };
         let (trials, refused) = (std::mem::take(&mut self.trials), std::mem::take(&mut self.refusals));
         let judged = trials.into_iter().zip(refused).map(|(trial, refused)| {
             let counts = refused == [Refusal::TooSmall] && explained(&trial.state);
@@ -106,17 +122,18 @@ impl Step {
             (trial, refused)
         });
         let judged = judged.collect();
-        (self.trials, self.refusals, self.outcome) = concluded(&self.base, judged, holdout);
+        (self.trials, self.refusals, self.outcome) = concluded(&self.base, judged);
         self
     }
 
     /// Refits and judges the most promising effects, the next ones as long as none is accepted.
-    fn of(base: State, mut sketches: Sketches, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Step {
+    fn of(base: State, mut sketches: Sketches<'_>, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Step {
         let court = Court { holdout, tried: sketches.tried, begun, whatever_size: false };
         let base_holdout = holdout.map_or_else(Vec::new, |evidence| held_out(base.told(), evidence));
         let mut judged: Vec<(Trial, Vec<Refusal>)> = Vec::new();
-        let judge = |sketches: &Sketches, wave: Vec<Sketch>, judged: &mut Vec<(Trial, Vec<Refusal>)>| {
+        let judge = |sketches: &Sketches<'_>, wave: Vec<Sketch>, judged: &mut Vec<(Trial, Vec<Refusal>)>| {
             for sketch in wave {
+                sketches.tell_refit(sketch.place);
                 let trial = Trial::refit(&base, &sketches.scored[sketch.place].0, sketch.state, holdout);
                 let refusals = refusals(&base, &trial, &base_holdout, court);
                 judged.push((trial, refusals));
@@ -153,9 +170,9 @@ impl Step {
             judged[place] = (trial, refusals);
         }
         refuse_what_stands_for_something_small(&mut judged, court);
-        let (trials, refusals, outcome) = concluded(&base, judged, holdout);
+        let (trials, refusals, outcome) = concluded(&base, judged);
         let scores = sketches.scored.into_iter().map(|(score, _)| score).collect();
-        Step { base, base_holdout, scores, trials, refusals, untested: sketches.untested, outcome }
+        Step { base, held: holdout.cloned(), base_holdout, scores, trials, refusals, untested: sketches.untested, outcome }
     }
 }
 
@@ -164,7 +181,7 @@ impl Step {
     /// held-out logs what either is worth there. Where the one would hardly help in the logs that were fitted either (an arm that lifts
     /// before each docking, where what docks then draws is missing too, leaves steps that contradict it), it must be accepted beside the other. Without
     /// held-out logs those that were fitted must speak for both.
-    fn jointly(&self, begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Option<[Step; 2]> {
+    fn jointly(&self, begun: &[f64], holdout: Option<&Arc<Evidence>>, told: Told<'_>) -> Option<[Step; 2]> {
         let least = STRONG * threshold(self.scores.len());
         let likely = |place: &usize| {
             let refused = &self.refusals[*place];
@@ -172,18 +189,21 @@ impl Step {
         };
         (0..self.trials.len()).filter(likely).take(JOINTLY).find_map(|place| {
             let one = &self.trials[place];
-            let other = Step::look_after(begun, one.state.clone(), holdout);
+            let other = Step::look_after(begun, one.state.clone(), holdout, told);
             let Outcome::Missing(_) = other.outcome else { return None };
             let both = &other.trials[0];
-            let helps = match holdout {
-                Some(held) => falls(held, &self.base_holdout, &both.holdout),
+            let helps = match &both.held {
+                Some(held) => {
+                    let before = before_on(&self.base, self.held.as_ref(), &self.base_holdout, Some(held));
+                    falls(held, &before, &both.holdout)
+                }
                 None => falls(&self.base.frame.evidence, &self.base.told().rms(), &both.state.told().rms()),
             };
             let stands = || {
                 let without = both.state.without(one.spec);
                 let beside = Trial::of(&without, both.state.clone(), one.spec, one.uniqueness, holdout);
-                let court = Court { holdout, tried: self.scores.len(), begun, whatever_size: false };
-                let before = holdout.map_or_else(Vec::new, |held| held_out(without.told(), held));
+                let court = Court { holdout: beside.held.as_ref(), tried: self.scores.len(), begun, whatever_size: false };
+                let before = court.holdout.map_or_else(Vec::new, |held| held_out(without.told(), held));
                 refusals(&without, &beside, &before, court).is_empty()
             };
             (helps && (self.refusals[place] == [Refusal::Holdout] || stands())).then(|| [taken(self.clone(), one.clone()), other])
@@ -192,17 +212,13 @@ impl Step {
 }
 
 /// What was judged in the order in which it is told, and the conclusion.
-fn concluded(
-    base: &State,
-    mut judged: Vec<(Trial, Vec<Refusal>)>,
-    holdout: Option<&Arc<Evidence>>,
-) -> (Vec<Trial>, Vec<Vec<Refusal>>, Outcome) {
+fn concluded(base: &State, mut judged: Vec<(Trial, Vec<Refusal>)>) -> (Vec<Trial>, Vec<Vec<Refusal>>, Outcome) {
     // The accepted ones come first, and of those that do as well the simplest.
     judged.sort_by(|(a, _), (b, _)| b.delta_bic.total_cmp(&a.delta_bic));
     judged.sort_by_key(|(_, refusals)| !refusals.is_empty());
     only_once(&mut judged);
     let accepted = judged.iter().take_while(|(_, refusals)| refusals.is_empty()).count();
-    if let Some(simplest) = simplest(&judged[..accepted], holdout) {
+    if let Some(simplest) = simplest(&judged[..accepted]) {
         judged[..=simplest].rotate_right(1);
     }
     if let Some(first) = first_of_a_tie(&judged[..accepted]) {
@@ -225,8 +241,8 @@ fn refuse_what_stands_for_something_small(judged: &mut [(Trial, Vec<Refusal>)], 
     let as_well = small.delta_bic - ALIKE.max(AS_WELL * small.delta_bic);
     for (trial, refused) in judged.iter_mut().filter(|(trial, refusals)| refusals.is_empty() && trial.delta_bic < as_well) {
         let Some(state) = small.state.with(trial.spec, &trial.state, None) else { continue };
-        let beside = Trial::of(&small.state, state, trial.spec, trial.uniqueness, court.holdout);
-        *refused = refusals(&small.state, &beside, &small.holdout, court);
+        let beside = Trial::of(&small.state, state, trial.spec, trial.uniqueness, small.held.as_ref());
+        *refused = refusals(&small.state, &beside, &small.holdout, Court { holdout: small.held.as_ref(), ..court });
     }
 }
 
@@ -272,13 +288,16 @@ fn alternatives(trials: &[Trial], refusals: &[Vec<Refusal>]) -> Vec<usize> {
 /// hundredth below the first's, or predictions that hardly differ, with an error on held-out logs that is no larger. A table of
 /// numbers finds something to do in the last rows before empty, where a tiny error of charge is one
 /// of millivolts.
-fn simplest(judged: &[(Trial, Vec<Refusal>)], holdout: Option<&Arc<Evidence>>) -> Option<usize> {
+fn simplest(judged: &[(Trial, Vec<Refusal>)]) -> Option<usize> {
     let (first, _) = judged.first()?;
-    let held = |trial: &Trial| holdout.map_or(1.0, |evidence| squares(evidence, &trial.holdout));
+    let no_worse = |trial: &Trial| {
+        let (own, of_first) = on_the_same_logs(trial, first);
+        own <= (1.0 + AS_WELL) * of_first
+    };
     let does_as_well = |&place: &usize| {
         let trial = &judged[place].0;
         let near = trial.delta_bic > (1.0 - AS_WELL) * first.delta_bic || hardly_moves(&first.state, &trial.state);
-        near && held(trial) <= (1.0 + AS_WELL) * held(first) && trial.spec.parameters.len() < first.spec.parameters.len()
+        near && no_worse(trial) && trial.spec.parameters.len() < first.spec.parameters.len()
     };
     (1..judged.len()).filter(does_as_well).min_by_key(|&place| judged[place].0.spec.parameters.len())
 }
@@ -316,25 +335,32 @@ const EFFECTS_MAX: usize = 8;
 /// found than it did at the beginning, that is all done again.
 #[must_use]
 pub fn search(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>) -> Search {
+    search_and_tell(model, evidence, holdout, &silent)
+}
+
+/// The same, and says how far it is.
+#[must_use]
+pub fn search_and_tell(model: Arc<Model>, evidence: Arc<Evidence>, holdout: Option<&Arc<Evidence>>, told: Told<'_>) -> Search {
     let (base, held) = fitted(&model, evidence, holdout);
-    let found = climb(base, held.as_ref());
+    let found = climb(base, held.as_ref(), told);
     let found = match resettled(&found.last, held.as_ref()) {
-        Some((evidence, held)) => climb(State::of_model(model, evidence), held.as_ref()),
+        Some((evidence, held)) => climb(State::of_model(model, evidence), held.as_ref(), told),
         None => found,
     };
     Search { last: found.last.undiluted(), ..found }
 }
 
 /// Adds effect after effect to a fitted model.
-fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
+fn climb(base: State, holdout: Option<&Arc<Evidence>>, told: Told<'_>) -> Search {
+    told(Progress::stands(&base, &[]));
     let mut state = base;
-    let mut steps = Vec::new();
+    let mut steps: Vec<Step> = Vec::new();
     for look in 0.. {
-        let begun = squared(steps.first().map_or(&state, |first: &Step| &first.base));
-        let step = Step::look_after(&begun, state, holdout);
+        let begun = squared(steps.first().map_or(&state, |first| &first.base));
+        let step = Step::look_after(&begun, state, holdout, told);
         let found = match step.outcome {
             Outcome::Missing(_) if look < EFFECTS_MAX => Some(vec![step.clone()]),
-            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(&begun, holdout).map(Vec::from),
+            Outcome::Unknown if look < EFFECTS_MAX => step.jointly(&begun, holdout, told).map(Vec::from),
             _ => None,
         };
         let Some(found) = found else {
@@ -343,6 +369,7 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
             return Search { steps, last };
         };
         steps.extend(found);
+        told(Progress::Reviewing);
         let briefly = |mut steps: Vec<Step>| {
             while let Some(way) = shorter(&steps, holdout) {
                 steps = way;
@@ -351,7 +378,7 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
         };
         steps = briefly(steps);
         let other_way = exchanged(&steps, holdout).or_else(|| {
-            let steps = briefly(begun_otherwise(&steps, &begun, holdout)?);
+            let steps = briefly(begun_otherwise(&steps, &begun, holdout, told)?);
             exchanged(&steps, holdout).or(Some(steps))
         });
         steps = other_way.unwrap_or(steps);
@@ -362,6 +389,7 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>) -> Search {
             state = trial.state.clone();
             newest.trials[0] = trial;
         }
+        told(Progress::stands(&steps[0].base, &steps));
     }
     unreachable!("a search ends")
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use energy::{Channel, EffectSpec, Model, Parameter, Sensor, System, catalogue};
 
 use super::course::Course;
+use super::judges::Judge;
 pub use super::segment::Segment;
 use super::steady::{HOLDS, Steady};
 use crate::prepare::Prepared;
@@ -27,15 +28,15 @@ pub struct Evidence {
     /// The same with a step for every row.
     pub(super) fine: Vec<Course>,
     /// The parameters of the model that the logs are held against, as they were given.
-    given: Vec<Parameter>,
+    pub(super) given: Vec<Parameter>,
     /// The same evidence row by row, where `segments` hold means of rows.
     pub whole: Option<Arc<Evidence>>,
     /// The same evidence in fewer means, walked in fewer steps: to find the way, not to judge.
     pub(super) coarse: Option<Arc<Evidence>>,
     /// Whether it is such evidence.
     pub(super) shows_the_way: bool,
-    /// Inputs of these logs that a log lacks by which what is found is to be judged, and which one.
-    pub(super) lacks: Arc<Vec<(Channel, String)>>,
+    /// Logs by which what is found here is judged; see [`super::judges`].
+    pub(super) judges: Arc<Vec<Judge>>,
 }
 
 /// How many rows go into a mean, and into a step of a walk.
@@ -120,7 +121,7 @@ impl Evidence {
             whole: None,
             coarse: None,
             shows_the_way: false,
-            lacks: Arc::default(),
+            judges: Arc::default(),
         };
         evidence.floors = evidence.floors_of(&Arc::new(model.clone()), &model.values());
         evidence
@@ -131,31 +132,6 @@ impl Evidence {
     pub(super) fn with_floors(&self, floors: &[(Channel, f64)]) -> Evidence {
         let with = |evidence: &Option<Arc<Evidence>>| evidence.as_ref().map(|evidence| Arc::new(evidence.with_floors(floors)));
         Evidence { floors: floors.to_vec(), whole: with(&self.whole), coarse: with(&self.coarse), ..self.clone() }
-    }
-
-    /// The same evidence where what is found is also judged by other logs: what needs an input that one of these lacks cannot be.
-    #[must_use]
-    pub fn judged_by(self, held: &Evidence) -> Evidence {
-        let has = |log: &Prepared, channel: Channel| log.inputs.iter().any(|(known, _)| *known == channel);
-        let mut lacks: Vec<(Channel, String)> = Vec::new();
-        for &(channel, _) in self.logs.iter().flat_map(|log| &log.inputs) {
-            if !lacks.iter().any(|(known, _)| *known == channel)
-                && let Some(log) = held.logs.iter().find(|log| !has(log, channel))
-            {
-                lacks.push((channel, log.name.clone()));
-            }
-        }
-        self.with_lacks(&Arc::new(lacks))
-    }
-
-    fn with_lacks(self, lacks: &Arc<Vec<(Channel, String)>>) -> Evidence {
-        let with = |evidence: Option<Arc<Evidence>>| evidence.map(|evidence| Arc::new(Evidence::clone(&evidence).with_lacks(lacks)));
-        Evidence { lacks: Arc::clone(lacks), whole: with(self.whole), coarse: with(self.coarse), ..self }
-    }
-
-    /// The log to judge by that lacks this input of the logs to learn from, if any does.
-    pub(super) fn lacking(&self, channel: Channel) -> Option<&str> {
-        self.lacks.iter().find(|(lacked, _)| *lacked == channel).map(|(_, log)| log.as_str())
     }
 
     /// The same rows, walked with other inputs: those of the same logs otherwise disturbed.

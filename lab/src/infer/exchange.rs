@@ -16,6 +16,7 @@ use super::discover::{ALIKE, Outcome, Step};
 use super::evidence::Evidence;
 use super::handover::handed_over;
 use super::judge::explained;
+use super::progress::Told;
 use super::prune::taken;
 use super::sketch::{BETTER, are_taken_for_each_other};
 use super::state::State;
@@ -49,14 +50,14 @@ pub(super) fn exchanged(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Opti
 /// The way with another effect in the place of the last but one, of fewer numbers, that is taken for it, and what then comes next, where
 /// these two do better; none where they do not. What has many numbers may do the work of two that have one each (a ladder that of a
 /// resistance and a polarisation that wore), and then none of these two could take its place by itself.
-pub(super) fn begun_otherwise(steps: &[Step], begun: &[f64], holdout: Option<&Arc<Evidence>>) -> Option<Vec<Step>> {
+pub(super) fn begun_otherwise(steps: &[Step], begun: &[f64], holdout: Option<&Arc<Evidence>>, told: Told<'_>) -> Option<Vec<Step>> {
     let [earlier @ .., before, newest] = steps else { return None };
     let (first, last) = (&before.trials[0], &newest.trials[0].state);
     let is_simpler =
         |trial: &Trial| trial.spec.parameters.len() < first.spec.parameters.len() && are_taken_for_each_other(trial.spec, first.spec);
     let accepted = before.trials.iter().zip(&before.refusals).filter(|(trial, refused)| refused.is_empty() && is_simpler(trial));
     let two = accepted.filter_map(|(trial, _)| {
-        let next = Step::look_after(begun, trial.state.clone(), holdout);
+        let next = Step::look_after(begun, trial.state.clone(), holdout, told);
         let does_better = matches!(next.outcome, Outcome::Missing(_)) && next.trials[0].state.bic() < last.bic() - BETTER;
         does_better.then(|| (trial.clone(), next))
     });
@@ -95,7 +96,7 @@ fn along(steps: &[Step], place: usize, effect: &'static EffectSpec, last: &State
         }
         let next = trial.state.clone();
         let before = match way.last() {
-            Some(found) if index > place => Step { base_holdout: found.trials[0].holdout.clone(), base, ..step.clone() },
+            Some(found) if index > place => step.clone().after(&found.trials[0], base),
             _ => step.clone(),
         };
         way.push(taken(before, trial));

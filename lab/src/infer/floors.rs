@@ -34,7 +34,9 @@ pub(super) fn resettled(state: &State, holdout: Option<&Arc<Evidence>>) -> Optio
     let model = &told.frame.model;
     let values = told.frame.values(&told.x);
     let of = |evidence: &Arc<Evidence>| evidence.floors_of(model, &values);
-    let (seen, held) = (of(evidence), holdout.map(of));
+    // What the model cannot predict says nothing of what it makes of its inputs' noise.
+    let of_held = |all: &Arc<Evidence>| all.that_judges(model).map_or_else(|| all.floors.clone(), |able| of(&able));
+    let (seen, held) = (of(evidence), holdout.map(of_held));
     let moves = |evidence: &Evidence, after: &[(Channel, f64)]| {
         evidence.floors.iter().zip(after).any(|((_, before), (_, after))| (after / before - 1.0).abs() > OFF)
     };

@@ -1,5 +1,6 @@
 //! Whether a refitted effect is accepted, and whether a model explains its logs.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use energy::{Channel, Facts, System, catalogue};
@@ -55,7 +56,7 @@ pub(super) fn threshold(tried: usize) -> f64 {
 /// What an effect is judged by.
 #[derive(Debug, Clone, Copy)]
 pub struct Court<'a> {
-    /// Logs that no fit has seen.
+    /// Logs that no fit has seen and the base model can predict.
     pub holdout: Option<&'a Arc<Evidence>>,
     /// Number of effects that were tried.
     pub tried: usize,
@@ -65,10 +66,13 @@ pub struct Court<'a> {
     pub whatever_size: bool,
 }
 
-/// Why a refitted effect is not accepted, `before` being the base model's error on held-out logs; empty when it is.
+/// Why a refitted effect is not accepted, `before` being the base model's error on the court's held-out logs; empty when it is.
 #[must_use]
 pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: Court<'_>) -> Vec<Refusal> {
-    let Court { holdout, tried, .. } = court;
+    let tried = court.tried;
+    // Both are judged by the logs that the model with the effect can predict.
+    let holdout = trial.held.as_ref();
+    let before = &*before_on(base, court.holdout, before, holdout);
     let mut all = Vec::new();
     let strong = trial.delta_bic > STRONG * threshold(tried);
     let relieves = strain(base) - strain(&trial.state) > threshold(tried);
@@ -123,6 +127,29 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
         all.push(Refusal::Evidence);
     }
     all
+}
+
+/// The error of a model on held-out logs, where that on others that it can predict is known.
+pub(super) fn before_on<'a>(
+    base: &State,
+    of: Option<&Arc<Evidence>>,
+    known: &'a [(Channel, f64)],
+    wanted: Option<&Arc<Evidence>>,
+) -> Cow<'a, [(Channel, f64)]> {
+    match (of, wanted) {
+        (Some(of), Some(wanted)) if !Arc::ptr_eq(of, wanted) => Cow::Owned(held_out(base.told(), wanted)),
+        _ => Cow::Borrowed(known),
+    }
+}
+
+/// Squared errors of two effects, in floors, on the held-out logs that both can predict; alike where there are none.
+pub(super) fn on_the_same_logs(one: &Trial, other: &Trial) -> (f64, f64) {
+    let (Some(of_one), Some(of_other)) = (&one.held, &other.held) else { return (1.0, 1.0) };
+    if of_one.is_of_the_logs_of(of_other) {
+        return (squares(of_one, &one.holdout), squares(of_other, &other.holdout));
+    }
+    let of = |trial: &Trial, held: &Arc<Evidence>| squares(held, &held_out(trial.state.told(), held));
+    of_one.that_judges(&other.state.frame.model).map_or((1.0, 1.0), |both| (of(one, &both), of(other, &both)))
 }
 
 /// Whether no prediction of a measured channel moves by a fifth of what one reading can show, over all

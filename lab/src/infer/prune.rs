@@ -35,9 +35,7 @@ pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option
         let next = trial.state.clone();
         // The first look at this base is told as it was, with what was taken in the end before all else.
         let before = match way.last() {
-            Some(found) if index > place + 1 => {
-                Step { base_holdout: found.trials[0].holdout.clone(), base, scores: Vec::new(), ..step.clone() }
-            }
+            Some(found) if index > place + 1 => Step { scores: Vec::new(), ..step.clone() }.after(&found.trials[0], base),
             _ => steps[place].clone(),
         };
         way.push(taken(before, trial));

@@ -4,12 +4,15 @@
 //! of more rows show the way as well, at a fraction of the cost; only what ends near the best there is refitted and
 //! judged on the evidence itself.
 
+use std::collections::BTreeSet;
+
 use energy::EffectSpec;
 
 use super::candidate::{Candidate, Untested, candidates};
 use super::discover::ALIKE;
 use super::handover::handed_over;
 use super::judge::{ABSORBED, explained, threshold};
+use super::progress::{Progress, Told};
 use super::score::{Score, Scoring};
 use super::state::State;
 use super::trial::{glance, sketch};
@@ -50,7 +53,7 @@ pub(super) struct Sketch {
 }
 
 /// The absent effects of a base, and how the promising ones do on coarser evidence.
-pub(super) struct Sketches {
+pub(super) struct Sketches<'a> {
     /// Every absent effect that the logs excite, by how much it explains.
     pub(super) scored: Vec<(Score, Candidate)>,
     /// Effects that cannot be tried on these logs.
@@ -65,11 +68,14 @@ pub(super) struct Sketches {
     handed_over: Vec<usize>,
     /// Places of all that were drawn.
     seen: Vec<usize>,
+    /// Who is told which is drawn.
+    told: Told<'a>,
 }
 
-impl Sketches {
+impl<'a> Sketches<'a> {
     /// Of this base: what is worth a refit by its score, then what looks like the best of that.
-    pub(super) fn new(base: &State) -> Sketches {
+    pub(super) fn new(base: &State, told: Told<'a>) -> Sketches<'a> {
+        told(Progress::Asking);
         let (able, untested) = candidates(&base.frame, &base.x);
         // What stands in for effects that the columns of the logs leave out is no further question than these.
         let tried = able.iter().filter(|candidate| !candidate.stands_in).count();
@@ -79,7 +85,8 @@ impl Sketches {
         let mut scored: Vec<(Score, Candidate)> = scores.into_iter().zip(able).filter_map(|(score, one)| Some((score?, one))).collect();
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
         let worth = worth_a_refit(base, &scored, tried);
-        let mut sketches = Sketches { scored, untested, tried, base: coarse, drawn: Vec::new(), handed_over: Vec::new(), seen: Vec::new() };
+        let (drawn, handed_over, seen) = (Vec::new(), Vec::new(), Vec::new());
+        let mut sketches = Sketches { scored, untested, tried, base: coarse, drawn, handed_over, seen, told };
         let places: Vec<usize> = (0..sketches.scored.len()).filter(|place| worth.contains(place)).collect();
         sketches.draw(&places);
         sketches.draw_what_looks_like_the_best();
@@ -90,12 +97,24 @@ impl Sketches {
 
     fn draw(&mut self, places: &[usize]) {
         for &place in places {
+            self.tell(place);
             let (score, candidate) = &self.scored[place];
             let rival = self.drawn.iter().map(|one| one.state.cost).fold(f64::INFINITY, f64::min) + 3.0 * ALIKE;
             let state = sketch(&self.base, candidate, score, rival);
             self.keep(place, state);
         }
         self.drawn.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    }
+
+    /// Says that an effect is tried, which may be asked a second time from another beginning.
+    fn tell(&self, place: usize) {
+        let before: BTreeSet<usize> = self.seen.iter().copied().filter(|&seen| seen != place).collect();
+        (self.told)(Progress::Trying { effect: self.scored[place].0.spec.id, number: before.len() + 1, of: self.scored.len() });
+    }
+
+    /// Says that one is refitted on all of the evidence.
+    pub(super) fn tell_refit(&self, place: usize) {
+        (self.told)(Progress::Refitting { effect: self.scored[place].0.spec.id });
     }
 
     fn keep(&mut self, place: usize, state: State) {
@@ -128,6 +147,7 @@ impl Sketches {
             if !behind || other.id == spec.id || !are_taken_for_each_other(spec, other) {
                 continue;
             }
+            self.tell(place);
             let Some(state) = self.base.with(other, &begin, known.map(|known| &self.drawn[known].state)) else { continue };
             self.keep_the_better(place, state);
         }
@@ -162,6 +182,7 @@ impl Sketches {
             if place == place_of_best || !behind || !may || as_good.contains(&score.spec.id) {
                 continue;
             }
+            self.tell(place);
             let Some(state) = handed_over(&self.base, has, spec, score.spec) else { continue };
             self.keep_the_better(place, state);
         }

@@ -29,7 +29,9 @@ pub struct Trial {
     pub uniqueness: f64,
     /// Largest RMS, by log, by which it moves its own channel.
     pub change: f64,
-    /// RMS on the held-out logs, by channel; empty without such logs.
+    /// The held-out logs that it can predict; none where there is none.
+    pub held: Option<Arc<Evidence>>,
+    /// RMS on these, by channel; empty without such logs.
     pub holdout: Vec<(Channel, f64)>,
 }
 
@@ -127,8 +129,9 @@ impl Trial {
         let nulls: Vec<(usize, f64)> = nulls.filter_map(|((index, _), spec)| spec.null.map(|null| (index, null))).collect();
         let told = state.told();
         let change = told.frame.change(&told.x, spec.channel, &nulls);
-        let holdout = holdout.map_or_else(Vec::new, |evidence| held_out(state.told(), evidence));
-        Trial { spec, delta_bic: state.delta_bic(base), uniqueness, change, holdout, state }
+        let held = holdout.and_then(|evidence| evidence.that_judges(&state.frame.model));
+        let holdout = held.as_ref().map_or_else(Vec::new, |evidence| held_out(state.told(), evidence));
+        Trial { spec, delta_bic: state.delta_bic(base), uniqueness, change, held, holdout, state }
     }
 }
 

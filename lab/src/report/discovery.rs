@@ -11,6 +11,7 @@ use serde::Serialize;
 use crate::compare::Comparison;
 use crate::decision::Decisions;
 use crate::infer::answer::{ByChannel, Discovery, Rung};
+use crate::infer::judges::Unpredicted;
 use crate::infer::other_numbers::OtherNumber;
 use crate::infer::other_starts::OtherStart;
 use crate::infer::stated::Roughly;
@@ -49,6 +50,9 @@ pub struct DiscoveryReport {
     pub files: Vec<FileErrors>,
     /// Channels of held-out logs that the model found does not explain.
     pub holdout_unexplained: Vec<Unexplained>,
+    /// Held-out logs that lack a column which something found needs: they judged what came before it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub holdout_unpredicted: Vec<Unpredicted>,
     /// Logs that would have to begin at another charge for the model as given to explain all of them, without what was found.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_starts: Vec<OtherStart>,
@@ -104,7 +108,8 @@ impl DiscoveryReport {
     #[must_use]
     pub fn human(&self) -> String {
         let found = &self.discovery;
-        let held = held_out(found, &self.holdout_unexplained).map_or_else(String::new, |words| words + "\n");
+        let unpredicted: String = self.holdout_unpredicted.iter().map(|one| one.words() + "\n").collect();
+        let held = held_out(found, &self.holdout_unexplained).map_or_else(String::new, |words| words + "\n") + &unpredicted;
         let starts = other_starts(&self.other_starts).map_or_else(String::new, |words| words + "\n");
         let numbers = other_numbers(&self.other_numbers).map_or_else(String::new, |words| words + "\n");
         let within = within_stated(&self.within_stated).map_or_else(String::new, |words| words + "\n");

@@ -287,7 +287,7 @@ fn what_a_held_out_log_lacks_the_column_for_is_not_tried() {
             fs::copy(facts, directory.path().join(format!("{name}.toml"))).unwrap();
         }
     }
-    let told = "needs the column cycle_count, which discharge-0p1c lacks";
+    let told = "needs the column cycle_count, which held-out discharge-0p1c lacks";
     let added = lab_in(directory.path(), &[&["add", "capacity_fade"], &MODEL[..], &LOGS].concat());
     assert!(added.code == 2 && added.stderr.contains(told), "{}", added.stderr);
     let looked = lab_in(directory.path(), &[&["diagnose", "--format", "json"], &MODEL[..], &LOGS].concat());

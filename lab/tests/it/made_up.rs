@@ -20,6 +20,11 @@ charge_cutoff_a = 0.1
 ocv = { soc = [0.0, 0.2, 1.0], voltage_v = [3.0, 3.6, 4.2] }
 "#;
 
+/// The text of the cell's file, with what follows.
+pub fn text(rest: &str) -> String {
+    format!("{CELL}{rest}")
+}
+
 /// The cell with what follows in its file.
 pub fn model(rest: &str) -> Arc<Model> {
     pack(1, rest)

@@ -30,5 +30,8 @@ mod surroundings;
 mod switches;
 mod thinning;
 mod together;
+mod told;
+
+mod unlike_columns;
 mod unvisited;
 mod worn;

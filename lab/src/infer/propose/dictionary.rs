@@ -199,7 +199,7 @@ fn loads(frame: &Frame, channel: Channel) -> Vec<Term> {
     let mut moving: Vec<(&str, f64, f64)> = Vec::new();
     for (input, _) in frame.evidence.logs.iter().flat_map(|log| &log.inputs) {
         let everywhere = frame.evidence.logs.iter().all(|log| log.inputs.iter().any(|(other, _)| other == input))
-            && frame.evidence.lacking(*input).is_none();
+            && !frame.evidence.some_judge_lacks(*input);
         if !everywhere || !allowed.contains(input) || moving.iter().any(|(name, ..)| *name == input.name()) {
             continue;
         }

@@ -3,6 +3,7 @@
 use crate::infer::answer::{Discovery, Rung, Verdict};
 use crate::infer::candidate::Untested;
 use crate::infer::judge::Refusal;
+use crate::infer::judges::Unjudged;
 use crate::infer::other_numbers::OtherNumber;
 use crate::infer::other_starts::OtherStart;
 use crate::infer::stated::Roughly;
@@ -85,16 +86,37 @@ pub fn headline(found: &Discovery, reach: Reach) -> String {
                 found.equivalent.join(", ")
             )
         }
-        (Verdict::Unknown, _, true) => {
-            format!("none of these. Something is missing, and no effect of the catalogue explains it: {PROPOSE}.")
-        }
-        (Verdict::Unknown, _, false) => {
-            format!(
-                "missing: {}. Something is left beyond that, and no further effect of the catalogue explains it: {PROPOSE}.",
-                named(found)
-            )
+        (Verdict::Unknown, _, is_first) => {
+            let begin = match is_first {
+                true => "none of these. Something is missing".to_owned(),
+                false => format!("missing: {}. Something is left beyond that", named(found)),
+            };
+            let further = if is_first { "no" } else { "no further" };
+            match unasked(&found.untested) {
+                None => format!("{begin}, and {further} effect of the catalogue explains it: {PROPOSE}."),
+                Some(unasked) => format!(
+                    "{begin}, and {further} effect that was asked explains it ({unasked}): ask again with that column, or without those logs, before {PROPOSE}."
+                ),
+            }
         }
     }
+}
+
+/// Effects that were not asked since no held-out log could judge them; nothing where all were asked that the logs to learn from allow.
+fn unasked(untested: &[Untested]) -> Option<String> {
+    let mut all: Vec<(&Unjudged, Vec<&str>)> = Vec::new();
+    for (effect, unjudged) in untested.iter().filter_map(|one| Some((one.effect, one.unjudged.as_ref()?))) {
+        match all.iter_mut().find(|(known, _)| *known == unjudged) {
+            Some((_, ids)) => ids.push(effect),
+            None => all.push((unjudged, vec![effect])),
+        }
+    }
+    let words = |(unjudged, ids): &(&Unjudged, Vec<&str>)| {
+        let was = if ids.len() == 1 { "was" } else { "were" };
+        format!("{} {was} not asked: {} {}", effects(ids), unjudged.who_lacks(), unjudged.column)
+    };
+    let all: Vec<String> = all.iter().map(words).collect();
+    (!all.is_empty()).then(|| all.join("; "))
 }
 
 /// Effects of which the logs tell which it is.

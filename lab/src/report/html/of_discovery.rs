@@ -2,6 +2,7 @@
 
 use super::sections::{Answer, Confounding, Epc, Evidence, Ladder, LadderStep, Page, ParameterRow, Tone};
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
+use crate::infer::judges::Unpredicted;
 use crate::infer::score::Score;
 use crate::report::discovery::{
     DiscoveryReport, floor_name, headline, held_out, left, other_numbers, other_starts, untested, why_not, within_stated,
@@ -36,6 +37,7 @@ fn answer(report: &DiscoveryReport, compared: Option<Answer>) -> Answer {
     let mut capitals = headline.chars();
     let headline = capitals.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + capitals.as_str());
     let mut words: Vec<String> = held_out(found, &report.holdout_unexplained).into_iter().collect();
+    words.extend(report.holdout_unpredicted.iter().map(Unpredicted::words));
     words.extend(other_starts(&report.other_starts));
     words.extend(within_stated(&report.within_stated));
     words.extend(other_numbers(&report.other_numbers));
