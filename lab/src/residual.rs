@@ -86,18 +86,28 @@ pub fn lag1(rows: &[usize], residual: &[f64]) -> f64 {
     if sums.1 > 0.0 { sums.0 / sums.1 } else { 0.0 }
 }
 
+/// A median of sizes is so many deviations of a Gauss curve.
+pub(crate) const MEDIAN: f64 = 0.674_49;
+/// Three readings of which the middle one is taken twice and negative: their noise adds up to so many deviations, the root of 6.
+pub(crate) const BENT: f64 = 2.449_489_742_783_178;
+
+/// Second differences of neighbouring rows.
+pub(crate) fn bends(rows: &[usize], values: &[f64]) -> impl Iterator<Item = f64> {
+    let thirds = rows.windows(3).zip(values.windows(3)).filter(|(rows, _)| rows[2] == rows[0] + 2);
+    thirds.map(|(_, x)| x[0] - 2.0 * x[1] + x[2])
+}
+
 /// Standard deviation of white noise from second differences of neighbouring rows, which lines and
 /// slow curves do not enter; none with fewer than `least` of them. The median keeps steps out:
 /// |x - 2y + z| of noise has the median 0.6745 sqrt(6) sigma.
 #[must_use]
 pub fn noise_between(rows: &[usize], values: &[f64], least: usize) -> Option<f64> {
-    let thirds = rows.windows(3).zip(values.windows(3)).filter(|(rows, _)| rows[2] == rows[0] + 2);
-    let mut sizes: Vec<f64> = thirds.map(|(_, x)| (x[0] - 2.0 * x[1] + x[2]).abs()).collect();
+    let mut sizes: Vec<f64> = bends(rows, values).map(f64::abs).collect();
     if sizes.len() < least.max(1) {
         return None;
     }
     let middle = sizes.len() / 2;
-    Some(*sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.674_49 * 6f64.sqrt()))
+    Some(*sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (MEDIAN * BENT))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Readings that are rounded: the step of their digits, and what noise lies behind them.
 
-use crate::residual::noise_between;
+use crate::residual::{BENT, MEDIAN, bends, noise_between};
 
 /// Neighbouring levels lie whole steps apart but for so much of a step: how numbers are written.
 const OFF_STEP: f64 = 0.01;
@@ -12,8 +12,6 @@ const LEVELS: usize = 16;
 const OFTEN: usize = 4;
 /// A step less than this share of the noise is not seen: it adds step²/12, two per cent of its square (Sheppard).
 const SEEN: f64 = 0.5;
-/// |x - 2y + z| of noise of one has this median.
-const MEDIAN: f64 = 0.674_49 * 2.449_489_742_783_178;
 /// Two levels make second differences of at most two steps, and the noise that spreads over a third seldom makes more than three: what is
 /// more has moved.
 const MOVED: f64 = 3.5;
@@ -55,7 +53,7 @@ pub fn noise_of_rounded(rows: &[usize], values: &[f64], step: f64, least: usize)
     let middle = sizes.len() / 2;
     let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
     // The median of the sum is that of a Gauss curve: of 6 noise² + step²/12.
-    Some(((median / MEDIAN).powi(2) - step.powi(2) / 72.0).max(0.0).sqrt())
+    Some(((median / (MEDIAN * BENT)).powi(2) - step.powi(2) / 72.0).max(0.0).sqrt())
 }
 
 /// Standard deviation of a reading of these rows: noise, and rounding where readings are visibly rounded. At least step / sqrt(12) then: what is
@@ -109,12 +107,6 @@ fn stays(step: f64, sigma: f64) -> f64 {
     let noise = 2.0 * std::f64::consts::PI * sigma / step;
     let harmonic = |k: u32| 0.5 * (step / (std::f64::consts::PI * f64::from(k))).powi(2) * (-(noise * f64::from(k)).powi(2)).exp();
     (1..=HARMONICS).map(harmonic).sum::<f64>() / (sigma.powi(2) + step.powi(2) / 12.0)
-}
-
-/// Second differences of neighbouring rows.
-fn bends(rows: &[usize], values: &[f64]) -> impl Iterator<Item = f64> {
-    let thirds = rows.windows(3).zip(values.windows(3)).filter(|(rows, _)| rows[2] == rows[0] + 2);
-    thirds.map(|(_, x)| x[0] - 2.0 * x[1] + x[2])
 }
 
 /// A number within half of one either way.

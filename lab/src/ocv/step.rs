@@ -6,6 +6,7 @@ use energy::Estimate;
 
 use super::counted::Counted;
 use super::passage::Known;
+use crate::residual::MEDIAN;
 
 /// A step that counts, as a share of the capacity an hour.
 const STEP_PER_HOUR: f64 = 0.05;
@@ -52,7 +53,7 @@ pub(super) fn resistance(logs: &[Counted<'_>], known: &Known, noise_v: f64) -> O
     };
     let middle = middle_of(&|step| step.ohm)?;
     // A median of sizes is so many deviations of a Gauss curve.
-    let spread = middle_of(&|step| (step.ohm - middle).abs())? / 0.6745;
+    let spread = middle_of(&|step| (step.ohm - middle).abs())? / MEDIAN;
     // What slid within the step slid faster at its beginning: by about as much again.
     let slid = middle_of(&|step| step.slid_ohm)?;
     // A single step is as uncertain as both of its readings; many say by themselves how uncertain they are.
