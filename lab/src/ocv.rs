@@ -3,6 +3,7 @@
 //!
 //! ```text
 //!   counted    a log as charge drawn and voltage of one cell
+//!     |   level    what current flows, behind the noise of its readings
 //!     |
 //!   anchor     where logs are stated to begin, full and empty
 //!     |
@@ -25,6 +26,7 @@
 mod anchor;
 mod counted;
 mod course;
+mod level;
 mod noise;
 mod passage;
 mod shown;
@@ -109,9 +111,12 @@ pub enum OcvError {
     /// Nothing says how much the battery holds.
     #[error(
         "no log runs from full to empty, or back, at a fifth of the capacity an hour or less, so none says what the battery holds: give such a log, say \
-         --soc-initial 1 if one begins full, 0 if one begins empty, or give --capacity-ah"
+         --soc-initial 1 if one begins full, 0 if one begins empty, or give --capacity-ah{because}"
     )]
-    NoCapacity,
+    NoCapacity {
+        /// What ammeters have to do with it; empty where nothing shows that.
+        because: String,
+    },
     /// Nothing says how full a log begins.
     #[error(
         "{file}: nothing says how full it is anywhere: it is neither charged full nor discharged slowly to the end. Say soc_initial in {facts}, or --soc-initial"
@@ -124,7 +129,7 @@ pub enum OcvError {
     },
     /// The charge that was counted is impossible.
     #[error(
-        "{file}: from {from:.0} % by what is known it goes to {to:.0} % by its current: another battery, a wrong capacity, or a current of the wrong sign"
+        "{file}: from {from:.0} % by what is known it goes to {to:.0} % by its current: another battery, a wrong capacity, or a current of the wrong sign{because}"
     )]
     Overrun {
         /// The log.
@@ -133,6 +138,8 @@ pub enum OcvError {
         from: f64,
         /// What follows, per cent.
         to: f64,
+        /// What ammeters have to do with it; empty where nothing shows that.
+        because: String,
     },
     /// A log does not begin where it is stated to.
     #[error(
@@ -159,7 +166,7 @@ pub enum OcvError {
     /// Neither a rest nor a slow current.
     #[error(
         "no log shows the open-circuit voltage at {least} states of charge or more: that takes rests of {rest_min:.0} minutes, or a steady current of at most \
-         {slow} of the capacity an hour (--slow-c-rate). The slowest steady current is {slowest} of it"
+         {slow} of the capacity an hour (--slow-c-rate). The slowest steady current is {slowest} of it{because}"
     )]
     NothingSlow {
         /// Places that a table takes.
@@ -170,6 +177,8 @@ pub enum OcvError {
         slow: f64,
         /// What the logs have.
         slowest: String,
+        /// What ammeters have to do with it; empty where nothing shows that.
+        because: String,
     },
 }
 
@@ -209,6 +218,8 @@ pub struct FirstModel {
     pub used: Vec<Used>,
     /// Logs that begin elsewhere than is stated.
     pub doubted: Vec<Doubted>,
+    /// Of logs whose ammeter may be so far off that no rest shows, that in words.
+    pub ammeters: Vec<String>,
 }
 
 /// Makes a battery's first model of its logs, in canonical channels.
@@ -218,7 +229,9 @@ pub struct FirstModel {
 pub fn first_model(sheet: &Sheet, logs: &[Log]) -> Result<FirstModel, OcvError> {
     sheet.check()?;
     let counted: Vec<Counted<'_>> = logs.iter().map(|log| Counted::of(log, sheet)).collect::<Result<_, _>>()?;
-    let known = passage::known(sheet, &counted)?;
+    let nominal_ah = passage::nominal_ah(sheet, &counted);
+    let counted: Vec<Counted<'_>> = counted.into_iter().map(|log| log.told(nominal_ah)).collect();
+    let known = passage::known(sheet, &counted, nominal_ah)?;
     let noise = noise::noise(&counted, sheet);
     let step_ohm = step::resistance(&counted, &known, noise.per_cell(sheet));
     let shown = shown::shown(&counted, &known, sheet, noise.per_cell(sheet));
@@ -227,6 +240,7 @@ pub fn first_model(sheet: &Sheet, logs: &[Log]) -> Result<FirstModel, OcvError> 
         rest_min: shown::REST_S / 60.0,
         slow: sheet.slow_per_hour,
         slowest: shown.slowest.map_or_else(|| "none".to_owned(), |per_hour| format!("{per_hour:.2}")),
+        because: counted::because(&counted),
     })?;
     let used = counted.iter().enumerate().map(|(log, counted)| {
         let soc = &known.soc[log];
@@ -251,6 +265,7 @@ pub fn first_model(sheet: &Sheet, logs: &[Log]) -> Result<FirstModel, OcvError> 
         voltage_noise: noise,
         used,
         doubted: known.doubted,
+        ammeters: counted.iter().filter_map(Counted::never_rests).collect(),
     })
 }
 

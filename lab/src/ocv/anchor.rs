@@ -5,7 +5,6 @@ use energy::Estimate;
 use super::Sheet;
 use super::counted::Counted;
 use super::passage::Beginning;
-use super::shown::rest_a;
 
 /// A charge has ended full if it reached the full voltage within this share of it: chargers hold theirs to half a per cent.
 const AT_FULL: f64 = 0.005;
@@ -41,7 +40,6 @@ pub(super) struct Anchor {
 
 /// Where this log is stated to begin, and where it is full or empty, in order.
 pub(super) fn anchors(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> (Vec<Anchor>, Beginning) {
-    let rest_a = rest_a(nominal_ah);
     let mut anchors = Vec::new();
     let mut beginning = Beginning::Counted;
     let rested_v = sheet.full_v_per_cell - RESTED * sheet.span_v();
@@ -52,7 +50,7 @@ pub(super) fn anchors(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> (Vec
             anchors.push(Anchor { row: 0, soc: Estimate::new(soc, sigma.max(COUNTED)) });
             beginning = Beginning::Stated;
         }
-        None if log.cell_v[0] >= rested_v && log.current_a[0].abs() <= rest_a => {
+        None if log.cell_v[0] >= rested_v && log.rests(0) => {
             anchors.push(Anchor { row: 0, soc: Estimate::new(1.0, COUNTED) });
             beginning = Beginning::Full;
         }
@@ -67,21 +65,20 @@ pub(super) fn anchors(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> (Vec
 /// Where charges end full.
 fn full(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> Vec<Anchor> {
     let full_v = sheet.full_v_per_cell * (1.0 - AT_FULL);
-    let rest_a = rest_a(nominal_ah);
     let mut anchors = Vec::new();
-    for run in log.runs(|current_a| current_a < -rest_a) {
+    for run in log.runs(|level_a| level_a < -log.none_a) {
         let (most_v, last) = (log.cell_v[run.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max), run.end - 1);
         let moved_ah = log.drawn_ah[run.start - 1] - log.drawn_ah[last];
-        let tapered = -log.current_a[last] <= FULL_PER_HOUR * nominal_ah;
+        let tapered = -log.level_a[last] <= FULL_PER_HOUR * nominal_ah;
         // A log that ends within a charge does not say whether that charge had ended.
-        let held = -log.current_a[last] < -log.current_a[run.start] / 2.0;
-        let ended = run.end < log.current_a.len() || held || log.cell_v[last] >= full_v;
+        let held = -log.level_a[last] < -log.level_a[run.start] / 2.0;
+        let ended = run.end < log.level_a.len() || held || log.cell_v[last] >= full_v;
         // A slow charge beyond the full voltage was full where it passed that.
         let beyond = most_v > sheet.full_v_per_cell * (1.0 + AT_FULL);
-        let passed = run.clone().find(|&row| log.cell_v[row] >= sheet.full_v_per_cell && -log.current_a[row] <= FULL_PER_HOUR * nominal_ah);
+        let passed = run.clone().find(|&row| log.cell_v[row] >= sheet.full_v_per_cell && -log.level_a[row] <= FULL_PER_HOUR * nominal_ah);
         if most_v >= full_v && moved_ah > LITTLE * nominal_ah && (beyond || tapered && ended) {
             let row = if beyond { passed } else { Some(last) };
-            let early_v = |row: usize| (COST_V * -log.current_a[row] / nominal_ah).hypot(if held { 0.0 } else { HYSTERESIS_V });
+            let early_v = |row: usize| (COST_V * -log.level_a[row] / nominal_ah).hypot(if held { 0.0 } else { HYSTERESIS_V });
             let sigma = |row| COUNTED.hypot(early_v(row) / slope_v(log, sheet, run.start, row, nominal_ah));
             anchors.extend(row.map(|row| Anchor { row, soc: Estimate::new(1.0, sigma(row)) }));
         }
@@ -91,18 +88,17 @@ fn full(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> Vec<Anchor> {
 
 /// Where discharges end empty.
 fn empty(log: &Counted<'_>, sheet: &Sheet, nominal_ah: f64) -> Vec<Anchor> {
-    let rest_a = rest_a(nominal_ah);
     let of_run = |run: std::ops::Range<usize>| {
         // A discharge ends between two readings: at the last one before its end the next would be beyond it.
         let next_v = |row: usize| log.cell_v[row] + if row > run.start { (log.cell_v[row] - log.cell_v[row - 1]).min(0.0) } else { 0.0 };
         let end_v = sheet.eod_v_per_cell + AT_FULL * sheet.span_v();
-        let slow = |&row: &usize| next_v(row) <= end_v && log.current_a[row] <= EMPTY_PER_HOUR * nominal_ah;
+        let slow = |&row: &usize| next_v(row) <= end_v && log.level_a[row] <= EMPTY_PER_HOUR * nominal_ah;
         let row = run.clone().find(slow)?;
-        let early_v = COST_V * log.current_a[row] / nominal_ah;
+        let early_v = COST_V * log.level_a[row] / nominal_ah;
         let sigma = COUNTED.hypot(early_v / slope_v(log, sheet, run.start, row, nominal_ah));
         Some(Anchor { row, soc: Estimate::new(0.0, sigma) })
     };
-    log.runs(|current_a| current_a > rest_a).into_iter().filter_map(of_run).collect()
+    log.runs(|level_a| level_a > log.none_a).into_iter().filter_map(of_run).collect()
 }
 
 /// How steep the voltage was on the way to a row, V per cell and state of charge: before it was held there, if it was. What lies between

@@ -4,9 +4,9 @@ use energy::Estimate;
 use energy::units::H_PER_S;
 
 use super::anchor::{Anchor, COUNTED, EXACT, anchors};
-use super::counted::Counted;
+use super::counted::{Counted, because};
 use super::course::{begins, course};
-use super::shown::{REST_S, rest_a};
+use super::shown::REST_S;
 use super::{OcvError, Sheet};
 
 /// A log that is stated to begin full, and rests, shows its full voltage less at most this share of what lies between; one that begins empty is
@@ -22,9 +22,6 @@ const AS_SLOW: f64 = 2.0;
 const PASSAGE_SIGMA: f64 = 0.01;
 /// As much charge is given to a capacity that was stated: it is taken at its word, but for that ammeter.
 const STATED_SIGMA: f64 = PASSAGE_SIGMA;
-/// A current less than this share of the capacity an hour, for as long as a rest, is what the ammeter is off by, for all that is known. A
-/// guess: no test is as slow.
-const QUIET_PER_HOUR: f64 = 5e-3;
 /// Ways that differ by more than so many of their deviations do not do so by chance. A guess.
 const BY_FAR: f64 = 3.0;
 /// A state of charge may come out so far beyond full and empty.
@@ -117,17 +114,22 @@ impl Counting {
         let drawn_ah = log.drawn_ah[to] - log.drawn_ah[from];
         let known = drawn_ah.powi(2) * self.variances[0] + hours.powi(2) * self.variances[1] - 2.0 * drawn_ah * hours * self.covariance;
         let moved = (log.moved_ah[to] - log.moved_ah[from]).abs() * self.per_ah;
-        Estimate::new(self.between(log, from, to), (COUNTED * moved).hypot(known.max(0.0).sqrt()))
+        let noise = log.noise_ah(from, to) * self.per_ah;
+        Estimate::new(self.between(log, from, to), (COUNTED * moved).hypot(known.max(0.0).sqrt()).hypot(noise))
     }
 }
 
-pub(super) fn known(sheet: &Sheet, logs: &[Counted<'_>]) -> Result<Known, OcvError> {
-    let nominal_ah = sheet.capacity_ah.unwrap_or_else(|| logs.iter().map(Counted::range_ah).fold(0.0, f64::max));
+/// What the battery holds as far as it is known before anything else, Ah.
+pub(super) fn nominal_ah(sheet: &Sheet, logs: &[Counted<'_>]) -> f64 {
+    sheet.capacity_ah.unwrap_or_else(|| logs.iter().map(Counted::range_ah).fold(0.0, f64::max))
+}
+
+pub(super) fn known(sheet: &Sheet, logs: &[Counted<'_>], nominal_ah: f64) -> Result<Known, OcvError> {
     let anchors: Vec<(Vec<Anchor>, Beginning)> = logs.iter().map(|log| anchors(log, sheet, nominal_ah)).collect();
     let found: Vec<Way> = logs.iter().zip(&anchors).flat_map(|(log, (anchors, _))| ways(log, anchors)).collect();
     let slowest = found.iter().map(|way| way.passage.per_hour).fold(f64::INFINITY, f64::min);
     let slow: Vec<Way> = found.into_iter().filter(|way| way.passage.per_hour <= AS_SLOW * slowest).collect();
-    let measured = (!slow.is_empty()).then(|| held(&slow, quiet_a(logs, nominal_ah)));
+    let measured = (!slow.is_empty()).then(|| held(&slow, quiet_a(logs)));
     let (capacity_ah, counting) = match (sheet.capacity_ah, measured) {
         // It is taken at its word, but is known no better than it agrees with what was measured.
         (Some(stated_ah), measured) => {
@@ -139,17 +141,22 @@ pub(super) fn known(sheet: &Sheet, logs: &[Counted<'_>]) -> Result<Known, OcvErr
             let Estimate { value, sigma } = counting.held_ah();
             (Estimate::new(value, sigma.hypot(PASSAGE_SIGMA * value).max(spread_ah)), counting)
         }
-        (None, None) => return Err(OcvError::NoCapacity),
+        (None, None) => return Err(OcvError::NoCapacity { because: because(logs) }),
     };
     for log in logs {
-        begins_as_stated(log, sheet, rest_a(nominal_ah))?;
+        begins_as_stated(log, sheet)?;
     }
     let (mut soc, mut ends, mut doubted) = (Vec::new(), Vec::new(), Vec::new());
     for (log, (anchors, beginning)) in logs.iter().zip(&anchors) {
         let no_start = || OcvError::NoStart { file: log.log.file.clone(), facts: format!("{}.toml", log.log.name) };
         let course = course(log, anchors, &counting).ok_or_else(no_start)?;
         if let Some(&to) = course.soc.iter().find(|soc| !(-BEYOND..=1.0 + BEYOND).contains(*soc)) {
-            return Err(OcvError::Overrun { file: log.log.file.clone(), from: 100.0 * course.soc[anchors[0].row], to: 100.0 * to });
+            return Err(OcvError::Overrun {
+                file: log.log.file.clone(),
+                from: 100.0 * course.soc[anchors[0].row],
+                to: 100.0 * to,
+                because: because(logs),
+            });
         }
         let stated = anchors[0].soc;
         let counted = begins(log, &anchors[1..], &counting).filter(|_| *beginning == Beginning::Stated);
@@ -174,14 +181,14 @@ struct Way {
     hours: f64,
 }
 
-/// What an ammeter may be off by, A: what it reads, on average, where it is quietest for as long as a rest. 0 where it never is.
-fn quiet_a(logs: &[Counted<'_>], nominal_ah: f64) -> f64 {
+/// What an ammeter may be off by, A: what it reads, on average, where it is quietest for as long as a rest, and as well as its noise lets that
+/// be known. 0 where it never is.
+fn quiet_a(logs: &[Counted<'_>]) -> f64 {
     let quiet = logs.iter().flat_map(|log| {
-        let runs = log.runs(|current_a| current_a.abs() <= QUIET_PER_HOUR * nominal_ah);
+        let runs = log.runs(|level_a| level_a.abs() <= log.none_a);
         let mean_a = |run: std::ops::Range<usize>| {
-            let (from, to) = (run.start - 1, run.end - 1);
-            let length_s = log.time_s()[to] - log.time_s()[from];
-            (length_s >= REST_S).then(|| (log.drawn_ah[to] - log.drawn_ah[from]).abs() / (length_s * H_PER_S))
+            let (from, to, length_s) = (run.start - 1, run.end - 1, log.length_s(&run));
+            (length_s >= REST_S).then(|| (log.drawn_ah[to] - log.drawn_ah[from]).hypot(log.noise_ah(from, to)) / (length_s * H_PER_S))
         };
         runs.into_iter().filter_map(mean_a).collect::<Vec<_>>()
     });
@@ -227,8 +234,8 @@ fn held(ways: &[Way], offset_a: f64) -> (Counting, f64) {
 }
 
 /// Refuses a log that is stated to begin full or empty and shows another voltage at rest.
-fn begins_as_stated(log: &Counted<'_>, sheet: &Sheet, rest_a: f64) -> Result<(), OcvError> {
-    let Some(soc) = log.log.facts.soc_initial.filter(|_| log.current_a[0].abs() <= rest_a) else { return Ok(()) };
+fn begins_as_stated(log: &Counted<'_>, sheet: &Sheet) -> Result<(), OcvError> {
+    let Some(soc) = log.log.facts.soc_initial.filter(|_| log.rests(0)) else { return Ok(()) };
     let shown_v = log.cell_v[0];
     let wrong = soc >= 1.0 - EXACT && shown_v < sheet.full_v_per_cell - SAGGED * sheet.span_v()
         || soc <= EXACT && shown_v > sheet.eod_v_per_cell + RECOVERED * sheet.span_v();
@@ -242,7 +249,7 @@ fn ways(log: &Counted<'_>, anchors: &[Anchor]) -> Vec<Way> {
         let out = from.soc.value - to.soc.value;
         let out_ah = log.drawn_ah[to.row] - log.drawn_ah[from.row];
         let flowed_h: f64 = (from.row + 1..=to.row)
-            .filter(|&row| log.current_a[row] * out_ah > 0.0)
+            .filter(|&row| !log.rests(row) && log.level_a[row] * out_ah > 0.0)
             .map(|row| (log.time_s()[row] - log.time_s()[row - 1]) * H_PER_S)
             .sum();
         let passage = Passage {
@@ -253,7 +260,8 @@ fn ways(log: &Counted<'_>, anchors: &[Anchor]) -> Vec<Way> {
             per_hour: out.abs() / flowed_h,
         };
         let hours = (log.time_s()[to.row] - log.time_s()[from.row]) * H_PER_S;
-        let out = Estimate::new(out, from.soc.sigma.hypot(to.soc.sigma).hypot(COUNTED));
+        let noise = log.noise_ah(from.row, to.row) * out.abs() / out_ah.abs().max(f64::MIN_POSITIVE);
+        let out = Estimate::new(out, from.soc.sigma.hypot(to.soc.sigma).hypot(COUNTED).hypot(noise));
         (out.value.abs() >= LONG && out_ah * out.value > 0.0).then_some(Way { passage, out, out_ah, hours })
     };
     anchors.windows(2).filter_map(between).collect()

@@ -11,8 +11,6 @@ use crate::measurement::History;
 
 /// A rest that counts, s: five minutes let its end be told to one per cent (Kottas, section 3.2).
 pub(super) const REST_S: f64 = 300.0;
-/// A current that is none, as a share of the capacity an hour: at a fiftieth of that a cell empties by itself.
-const NONE_PER_HOUR: f64 = 2e-3;
 /// The beginning of a rest that is left out, as a share of it: faster processes than the last have ended by then.
 const SETTLING: f64 = 1.0 / 3.0;
 /// Readings of a rest that are looked at.
@@ -61,24 +59,18 @@ pub(super) struct AllShown {
     pub(super) slowest: Option<f64>,
 }
 
-/// A current that counts as none, A.
-pub(super) fn rest_a(capacity_ah: f64) -> f64 {
-    NONE_PER_HOUR * capacity_ah
-}
-
 pub(super) fn shown(logs: &[Counted<'_>], known: &Known, sheet: &Sheet, noise_v: f64) -> AllShown {
     let capacity_ah = known.capacity_ah.value;
-    let (none_a, slow_a) = (rest_a(capacity_ah), sheet.slow_per_hour * capacity_ah);
     let mut all = Vec::new();
     let mut slowest: Option<f64> = None;
     for (index, (log, soc)) in logs.iter().zip(&known.soc).enumerate() {
-        for run in log.runs(|current_a| current_a.abs() <= none_a) {
+        for run in log.runs(|level_a| level_a.abs() <= log.none_a) {
             all.extend(rest(log, soc, &run, noise_v).map(|shown| Shown { log: index, ..shown }));
         }
-        for run in steady(log, none_a) {
-            let per_hour = log.current_a[run.start].abs() / capacity_ah;
+        for run in steady(log) {
+            let per_hour = log.level_a[run.start].abs() / capacity_ah;
             slowest = Some(slowest.map_or(per_hour, |least| least.min(per_hour)));
-            if log.current_a[run.start].abs() <= slow_a {
+            if per_hour <= sheet.slow_per_hour {
                 all.extend(slow(log, soc, &run, noise_v, per_hour).into_iter().map(|shown| Shown { log: index, ..shown }));
             }
         }
@@ -103,20 +95,20 @@ fn rest(log: &Counted<'_>, soc: &[f64], run: &Range<usize>, noise_v: f64) -> Opt
     // What has not moved further in two thirds of the rest is not taken to move further after it.
     let end = extrapolate(&some, noise_v).ok().filter(|end| end.emf_v.sigma.is_finite() && (end.emf_v.value - last_v).abs() <= moved_v);
     let (cell_v, sigma_v) = end.map_or((last_v, moved_v.max(noise_v)), |end| (end.emf_v.value, end.emf_v.sigma));
-    let came = (1..run.start).rev().find(|&row| log.current_a[row].abs() > 0.0);
+    let came = (1..run.start).rev().find(|&row| !log.rests(row));
     let told = || log.log.facts.history.map(|history| history == History::Discharged);
-    let discharged = came.map(|row| log.current_a[row] > 0.0).or_else(told);
+    let discharged = came.map(|row| log.level_a[row] > 0.0).or_else(told);
     Some(Shown { log: 0, kind: Kind::Rest, soc: soc[last], cell_v, sigma_v: sigma_v.hypot(LEAST_V), current_a: 0.0, discharged })
 }
 
 /// Runs of a current that stays as it begins.
-fn steady(log: &Counted<'_>, none_a: f64) -> Vec<Range<usize>> {
+fn steady(log: &Counted<'_>) -> Vec<Range<usize>> {
     let mut runs = Vec::new();
-    for whole in log.runs(|current_a| current_a.abs() > none_a) {
+    for whole in log.runs(|level_a| level_a.abs() > log.none_a) {
         let mut from = whole.start;
         for row in whole.clone() {
-            let begins_a = log.current_a[from];
-            if (log.current_a[row] - begins_a).abs() > STEADY * begins_a.abs() {
+            let begins_a = log.level_a[from];
+            if (log.level_a[row] - begins_a).abs() > STEADY * begins_a.abs() {
                 runs.push(from..row);
                 from = row;
             }

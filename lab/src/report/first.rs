@@ -254,6 +254,7 @@ fn words(found: &FirstModel) -> Vec<String> {
             ));
         }
     }
+    words.extend(found.ammeters.iter().cloned());
     for used in &found.used {
         let (low, high) = used.range;
         if low < -BEYOND || high > 1.0 + BEYOND {

@@ -166,7 +166,7 @@ fn pulses_with_rests_give_table_and_resistance() {
         steps.extend([(pulse_a, 360.0), (0.0, 3600.0)]);
     }
     let log = driven("pulses", 1.0, &steps, 5.0, full());
-    assert!(matches!(first_model(&sheet(), std::slice::from_ref(&log)), Err(OcvError::NoCapacity)));
+    assert!(matches!(first_model(&sheet(), std::slice::from_ref(&log)), Err(OcvError::NoCapacity { .. })));
     let stated = Sheet { capacity_ah: Some(CAPACITY_AH), ..sheet() };
     let found = first_model(&stated, &[log]).unwrap();
     let truth = truth();

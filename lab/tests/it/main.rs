@@ -7,6 +7,7 @@ mod cli;
 mod commands;
 mod discovery;
 mod first_model;
+mod first_model_sensors;
 mod gaps;
 mod inputs;
 mod known_together;
