@@ -2,22 +2,23 @@
 
 use super::Sheet;
 use super::counted::Counted;
+use crate::rounding::{floor_between, step_of};
 
-/// A median of sizes is so many deviations of a Gauss curve.
-const MEDIAN: f64 = 0.6745;
-/// Three readings of which the middle one is taken twice and negative: their noise adds up to so many deviations.
-const BENT: f64 = 2.449_489_742_783_178;
-/// What is less is how numbers are kept, V.
-const DIGITS_V: f64 = 1e-7;
-/// Readings that are looked at in one log.
+/// Readings that are looked at in one log, about.
 const LOOKED_AT: usize = 20_000;
+/// They are looked at so many in a row.
+const STRETCH: usize = 200;
+/// Times between readings are equal within this share.
+const EVEN: f64 = 0.05;
+/// A current is the same within this share.
+const SAME: f64 = 0.01;
 
 /// Noise of a pack's voltage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
-    /// Standard deviation of one reading, V.
+    /// Standard deviation of one reading before it is rounded, V.
     pub sigma_v: f64,
-    /// The least by which two readings differ, V; 0 where none do.
+    /// The step to which readings are rounded, V; 0 where they are not visibly.
     pub quantum_v: f64,
 }
 
@@ -28,30 +29,37 @@ impl Noise {
     }
 }
 
-/// Three readings in a row, of one current and at equal times, lie on a line but for their noise.
+/// Three readings in a row, of one current and at equal times, lie on a line but for their noise and what they are rounded by. A model says
+/// both, and a reading is then as uncertain as their squares add up to: noise is what is left of that when rounding is taken off.
 pub(super) fn noise(logs: &[Counted<'_>], sheet: &Sheet) -> Noise {
-    let (mut bends, mut least_v) = (Vec::new(), f64::INFINITY);
+    let (mut squares, mut readings, mut quantum_v) = (0.0, 0.0, 0.0_f64);
     for log in logs {
-        let (time_s, volts, amps) = (log.time_s(), &log.cell_v, &log.current_a);
-        let every = volts.len().div_ceil(LOOKED_AT);
-        for row in (2..volts.len()).step_by(every) {
-            let (before_s, after_s) = (time_s[row - 1] - time_s[row - 2], time_s[row] - time_s[row - 1]);
-            let even = (before_s - after_s).abs() <= 0.05 * after_s;
-            let steady = (amps[row] - amps[row - 1]).abs() <= 0.01 * amps[row].abs()
-                && (amps[row - 1] - amps[row - 2]).abs() <= 0.01 * amps[row].abs();
-            let bend = volts[row] - 2.0 * volts[row - 1] + volts[row - 2];
-            if even && steady && bend.is_finite() {
-                bends.push(bend.abs());
-            }
-            let step = (volts[row] - volts[row - 1]).abs();
-            if step > DIGITS_V {
-                least_v = least_v.min(step);
-            }
-        }
+        let (rows, volts) = undisturbed(log);
+        let count = volts.len() as f64;
+        squares += count * floor_between(&rows, &volts).powi(2);
+        readings += count;
+        // Of instruments with unlike digits the coarsest is stated.
+        quantum_v = quantum_v.max(step_of(&volts).unwrap_or(0.0));
     }
     let cells = f64::from(sheet.series);
-    bends.sort_by(f64::total_cmp);
-    let sigma_v = bends.get(bends.len() / 2).map_or(0.0, |middle| middle / MEDIAN / BENT * cells);
-    let quantum_v = if least_v.is_finite() { least_v * cells } else { 0.0 };
-    Noise { sigma_v, quantum_v }
+    let floor_v = (squares / f64::max(readings, 1.0)).sqrt();
+    Noise { sigma_v: cells * (floor_v.powi(2) - quantum_v.powi(2) / 12.0).max(0.0).sqrt(), quantum_v: cells * quantum_v }
+}
+
+/// Readings of a log and their rows, which are numbered on where the current or the time between them changes.
+fn undisturbed(log: &Counted<'_>) -> (Vec<usize>, Vec<f64>) {
+    let (time_s, level_a) = (log.time_s(), &log.level_a);
+    let every = level_a.len().div_ceil(LOOKED_AT);
+    let (mut rows, mut volts, mut breaks) = (Vec::new(), Vec::new(), 0);
+    for row in 1..level_a.len() {
+        let after_s = time_s[row] - time_s[row - 1];
+        let even = row == 1 || (after_s - (time_s[row - 1] - time_s[row - 2])).abs() <= EVEN * after_s;
+        let same = (level_a[row] - level_a[row - 1]).abs() <= (SAME * level_a[row].abs()).max(log.none_a);
+        breaks += usize::from(!even || !same);
+        if (row / STRETCH).is_multiple_of(every) && log.cell_v[row].is_finite() {
+            rows.push(row + breaks);
+            volts.push(log.cell_v[row]);
+        }
+    }
+    (rows, volts)
 }

@@ -155,3 +155,19 @@ fn what_an_ammeter_hides_is_said() {
     };
     assert!(words.contains("slow.csv has no rest, and its current is 15.0 mA where it is least"), "{words}");
 }
+
+/// A reading errs by noise and rounding, and a model states both: they add up to what the readings err by, whatever their steps.
+#[test]
+fn the_noise_that_is_stated_is_that_before_rounding() {
+    for (noise_v, step_v) in [(1e-3, 1e-4), (1e-3, 1e-3), (1e-3, 2e-3), (1e-3, 4e-3), (5e-4, 5e-3)] {
+        for noise_a in [0.0, 0.01] {
+            let (found, ..) = found(Read { noise_v, step_v, noise_a, back: false, ..WELL });
+            let noise = found.voltage_noise;
+            let (states, errs) = (noise.sigma_v.hypot(noise.quantum_v / 12f64.sqrt()), noise_v.hypot(step_v / 12f64.sqrt()));
+            eprintln!("{noise_v} {step_v} {noise_a}: {noise:?}");
+            assert!((states / errs - 1.0).abs() < 0.1, "{noise_v} {step_v}: {noise:?} states {states}, errs by {errs}");
+            assert!((noise.quantum_v / step_v - 1.0).abs() < 1e-3, "{noise_v} {step_v}: {noise:?}");
+            assert!(step_v > 1e-3 || (noise.sigma_v / noise_v - 1.0).abs() < 0.1, "{noise_v} {step_v}: {noise:?}");
+        }
+    }
+}
