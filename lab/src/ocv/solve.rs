@@ -12,18 +12,19 @@ use super::OcvError;
 use super::anchor::{COUNTED, HYSTERESIS_V};
 use super::passage::Known;
 use super::shown::{Kind, Shown, place};
+use super::step::{OF_STEP, UNSEEN_V};
 
 /// Points that a table takes.
 pub(super) const LEAST: usize = 4;
 /// Where what a slow current costs may turn, as a state of charge: near the end it rises.
 const TURNS: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
-/// What a slow current costs in all its time, in resistances of its first seconds, and how well that is known: diffusion and
-/// charge transfer come to about as much again. A guess.
-const OF_STEP: (f64, f64) = (2.0, 0.7);
-/// The same where no step was seen, V per cell at the capacity an hour. A guess: lithium cells lose some 50 to 200 mV at that.
-const UNSEEN_V: (f64, f64) = (0.1, 0.07);
 /// A table is known no better than this, V per cell: a hysteresis of layered oxides that nothing need have shown. A guess.
 const KNOWN_V: f64 = 2e-3;
+/// A table that rises by less than this between a third and two thirds of the charge, V per cell, is of a cell whose lithium moves between two phases
+/// (iron phosphate: some 40 mV; layered oxides: 150 and more).
+const FLAT_V: f64 = 0.1;
+/// Half of a hysteresis of such a cell, V: the A123 cell of `lab/README.md` has 12 to 32 mV.
+const FLAT_HYSTERESIS_V: f64 = 0.02;
 /// A table that must be bent by more than this not to fall, V, is of rows that belong to something else. A guess: far more than noise.
 const FALLS_V: f64 = 0.02;
 /// Places at which the deviation of a table is taken.
@@ -92,8 +93,8 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
     if knots.len() < LEAST {
         return Ok(None);
     }
-    let (times, of) = step_ohm.map_or((UNSEEN_V, 1.0 / known.capacity_ah.value), |ohm| (OF_STEP, ohm.value));
-    let before = Estimate::new(times.0 * of, (times.1 * of).hypot(half_of_hysteresis(shown)));
+    let own_ohm = own_ohm(step_ohm, known.capacity_ah.value);
+    let before = Estimate::new(own_ohm.value, own_ohm.sigma.hypot(half_of_hysteresis(shown)));
     let equations = Equations::of(shown, &knots, before);
     // How steep the table is tells what the state of charge, which is not exact, does to a voltage.
     let Some(rough) = equations.solved(&shown.iter().map(|shown| shown.sigma_v).collect::<Vec<_>>()) else { return Ok(None) };
@@ -115,7 +116,9 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
     if fall_v > FALLS_V {
         return Err(OcvError::Falls { fall_v, soc: 100.0 * soc });
     }
-    let went = |discharged: bool| shown.iter().any(|shown| shown.discharged == Some(discharged));
+    // A rest or two after a charge do not tell what lies between the branches.
+    let count = |discharged: bool| shown.iter().filter(|shown| shown.discharged == Some(discharged)).count();
+    let went = |discharged: bool| count(discharged) > 0 && (count(discharged) >= LEAST || count(!discharged) < LEAST);
     let branch = match (went(true), went(false)) {
         (true, false) => Branch::Discharge,
         (false, true) => Branch::Charge,
@@ -127,8 +130,23 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
         (shown.len() > volts.len()).then(|| (solved.off.iter().map(|off| off * off).sum::<f64>() / solved.off.len() as f64).sqrt());
     // What was shown and lies elsewhere may be right: no table is known better.
     let rms_sigma_v = deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V).max(left_v.unwrap_or(0.0));
+    // Of one branch all points may be off together by half of a hysteresis: nothing that was shown contradicts that.
+    let half_v = if branch == Branch::Both { 0.0 } else { half_hysteresis_v(&knots, &volts) };
+    let (sigma_v, rms_sigma_v) = (sigma_v.iter().map(|sigma_v| sigma_v.hypot(half_v)).collect(), rms_sigma_v.hypot(half_v));
     let slow_ohm = slow.then(|| equations.cost(&solved, 0.5));
     Ok(OcvTable::new(knots, volts).ok().map(|ocv| Table { ocv, sigma_v, rms_sigma_v, left_v, slow_ohm, branch }))
+}
+
+/// What a slow current costs without hysteresis, ohm per cell in series.
+fn own_ohm(step_ohm: Option<Estimate>, capacity_ah: f64) -> Estimate {
+    let (times, of) = step_ohm.map_or((UNSEEN_V, 1.0 / capacity_ah), |ohm| (OF_STEP, ohm.value));
+    Estimate::new(times.0 * of, times.1 * of)
+}
+
+/// Half of a hysteresis that a table may hide, V.
+fn half_hysteresis_v(knots: &[f64], volts: &[f64]) -> f64 {
+    let at = |soc: f64| shares(knots, soc, true).map(|(knot, share)| share * volts[knot]).iter().sum::<f64>();
+    if at(2.0 / 3.0) - at(1.0 / 3.0) < FLAT_V { FLAT_HYSTERESIS_V } else { HYSTERESIS_V }
 }
 
 /// By how much more a current may seem to cost where a battery went both ways, ohm: half of a hysteresis is in that.

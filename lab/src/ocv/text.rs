@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::step::unseen_ohm;
 use super::{Branch, FirstModel, Passage};
 
 /// Current of a charge where none was stated, as a share of the capacity an hour, and at its end. Guesses: what data sheets of
@@ -32,8 +33,7 @@ pub fn model_text(found: &FirstModel, origin: &str) -> String {
         text.push('\n');
     };
     line(format!("# A first model of {}, made by {origin}.", sheet.name.escape_default()));
-    let knows = if found.step_ohm.is_some() { "the resistance alone" } else { "no effect" };
-    line(format!("# It has {knows}: `lab discover` says what its logs show besides."));
+    line("# It has the resistance alone: `lab discover` says what its logs show besides.".to_owned());
     line("schema = 1\nsystem = \"battery\"".to_owned());
     line(format!("name = {}", toml::Value::from(sheet.name.as_str())));
     line(format!("\n[battery]\nseries = {}\nparallel = {}", sheet.series, sheet.parallel));
@@ -61,14 +61,15 @@ pub fn model_text(found: &FirstModel, origin: &str) -> String {
     line(format!("ocv_sigma_v = {}", exponent(found.table.rms_sigma_v)));
     line(format!("capacity_relative_sigma = {}", exponent(found.capacity_ah.sigma / found.capacity_ah.value)));
     line(format!("# A guess.\nsoc_initial_sigma = {SOC_INITIAL_SIGMA}"));
-    if let Some((ohm, steps)) = found.step_ohm {
-        // The effect's resistance is that of one cell: of those in parallel each has its share of the current.
-        let cells = f64::from(sheet.parallel);
-        line("\n[[effect]]\nid = \"ohmic\"".to_owned());
-        let source = format!("middle of {steps} steps of the current, by {origin}");
-        let (value, sigma) = (exponent(cells * ohm.value), exponent(cells * ohm.sigma));
-        line(format!("resistance_ohm = {{ value = {value}, sigma = {sigma}, source = {}, free = true }}", toml::Value::from(source)));
-    }
+    // The effect's resistance is that of one cell: of those in parallel each has its share of the current.
+    let cells = f64::from(sheet.parallel);
+    let (ohm, source) = match found.step_ohm {
+        Some((ohm, steps)) => (ohm, format!("middle of {steps} steps of the current, by {origin}")),
+        None => (unseen_ohm(found.capacity_ah.value), "guess: no step of the current showed it".to_owned()),
+    };
+    let (value, sigma, source) = (exponent(cells * ohm.value), exponent(cells * ohm.sigma), toml::Value::from(source));
+    line("\n[[effect]]\nid = \"ohmic\"".to_owned());
+    line(format!("resistance_ohm = {{ value = {value}, sigma = {sigma}, source = {source}, free = true }}"));
     text
 }
 

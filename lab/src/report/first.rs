@@ -75,10 +75,13 @@ pub struct FirstReport {
     pub step_sigma_ohm: Option<f64>,
     /// Steps that show it.
     pub steps: usize,
-    /// What a slow current costs a pack at half its charge, ohm; null where there was none.
+    /// What a slow current costs a pack at half its charge, ohm; null where there was none. Half of a hysteresis is in it where it was both charged
+    /// and discharged.
     pub slow_ohm: Option<f64>,
     /// Its deviation, ohm.
     pub slow_sigma_ohm: Option<f64>,
+    /// Whether it was shown both charged and discharged.
+    pub both_ways: bool,
     /// By log.
     pub logs: Vec<UsedLog>,
     /// What to know about it, one sentence each.
@@ -122,6 +125,7 @@ impl FirstReport {
             steps: step.map_or(0, |(_, steps)| steps),
             slow_ohm: slow.map(|ohm| series * ohm.value),
             slow_sigma_ohm: slow.map(|ohm| series * ohm.sigma),
+            both_ways: found.table.branch == Branch::Both,
             logs: found
                 .used
                 .iter()
@@ -193,7 +197,11 @@ impl FirstReport {
             ));
         }
         if let Some(ohm) = self.slow_ohm {
-            said.push_str(&format!("what a slow current costs at half the charge: {}\n", with_sigma(ohm, self.slow_sigma_ohm, "ohm")));
+            let half = if self.both_ways { ", half of a hysteresis in it" } else { "" };
+            said.push_str(&format!(
+                "what a slow current costs at half the charge{half}: {}\n",
+                with_sigma(ohm, self.slow_sigma_ohm, "ohm")
+            ));
         }
         for words in &self.words {
             said.push_str(&format!("{words}\n"));
@@ -239,7 +247,7 @@ fn words(found: &FirstModel) -> Vec<String> {
         ));
     }
     if found.step_ohm.is_none() {
-        words.push("no step of the current within ten seconds stands out of the noise: the model has no resistance".to_owned());
+        words.push("no step of the current within ten seconds stands out of the noise: the resistance of the model is a guess".to_owned());
     }
     let (soc, _) = found.table.ocv.points();
     let widest = soc.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));

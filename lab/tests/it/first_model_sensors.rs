@@ -2,8 +2,10 @@
 
 use std::fmt::Write as _;
 
-use lab::measurement::{Log, LogFacts, read_log};
-use lab::ocv::{FirstModel, OcvError, Sheet, first_model};
+use energy::Model;
+use lab::measurement::{History, Log, LogFacts, read_log};
+use lab::ocv::{Branch, FirstModel, OcvError, Sheet, first_model, model_text};
+use lab::report::first::FirstReport;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
@@ -170,4 +172,55 @@ fn the_noise_that_is_stated_is_that_before_rounding() {
             assert!(step_v > 1e-3 || (noise.sigma_v / noise_v - 1.0).abs() < 0.1, "{noise_v} {step_v}: {noise:?}");
         }
     }
+}
+
+/// One branch hides half of a hysteresis, and the deviation that the model states covers that; both branches show it.
+#[test]
+fn half_of_a_hysteresis_is_in_the_deviation_of_one_way() {
+    for hysteresis_v in [0.0, 0.01, 0.015] {
+        let one_way = Read { hysteresis_v, back: false, ..WELL };
+        let (found, off_v, _) = found(one_way);
+        let says_v = found.table.rms_sigma_v;
+        assert!(
+            says_v > 0.01 && says_v < 0.012 && off_v > hysteresis_v && off_v < 1.645 * says_v,
+            "{hysteresis_v}: {off_v}, says {says_v}"
+        );
+        // That the cell was charged before it rested, full, tells of no other place.
+        let mut log = log(one_way).0;
+        log.facts.history = Some(History::Charged);
+        let rested = first_model(&sheet(one_way), &[log]).unwrap().table;
+        assert!(rested.branch == Branch::Discharge && rested.rms_sigma_v > 0.01, "{:?} {}", rested.branch, rested.rms_sigma_v);
+    }
+}
+
+/// Both ways show half of a hysteresis as what a current costs, and that is said.
+#[test]
+fn half_of_a_hysteresis_is_in_what_a_current_costs() {
+    let (found, ..) = found(Read { hysteresis_v: 0.015, ..WELL });
+    let ohm = found.table.slow_ohm.unwrap();
+    // 50 mohm of the cell, and 15 mV at 125 mA.
+    assert!((ohm.value - 0.17).abs() < 0.02, "{ohm:?}");
+    let said = FirstReport::of(&found, None).human();
+    assert!(said.contains("costs at half the charge, half of a hysteresis in it: 1"), "{said}");
+}
+
+/// C/20 steps by 3.75 mV at once, which is eight times the noise of no single reading.
+#[test]
+fn means_show_a_step_that_single_readings_do_not() {
+    for seed in 1..4 {
+        let (found, ..) = found(Read { every_s: 2.0, seed, ..WELL });
+        let (ohm, steps) = found.step_ohm.unwrap();
+        eprintln!("{ohm:?} of {steps}");
+        assert!(steps == 2 && ohm.sigma < 0.01 && (ohm.value - OHM).abs() < 2.0 * ohm.sigma, "{ohm:?} of {steps}");
+    }
+}
+
+/// Rows of half a minute show no step: the model has a resistance all the same, as roughly known as that of any cell.
+#[test]
+fn a_resistance_that_nothing_shows_is_a_guess() {
+    let (found, ..) = found(WELL);
+    assert_eq!(found.step_ohm, None);
+    let model = Model::parse("first.toml", &model_text(&found, "a test"), &|_| Err("no file".to_owned())).unwrap();
+    let ohm = model.parameter("ohmic", "resistance_ohm").unwrap();
+    assert!((ohm.value - OHM).abs() < ohm.sigma && ohm.sigma > 0.5 * ohm.value && ohm.source.starts_with("guess"), "{ohm:?}");
 }
