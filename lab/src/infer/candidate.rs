@@ -33,7 +33,7 @@ pub struct Untested {
     pub effect: &'static str,
     /// Why.
     pub reason: String,
-    /// The column that these logs have and no held-out log has, where that alone is why.
+    /// The column that these logs have and no held-out log that the model so far can predict, where that alone is why.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unjudged: Option<Unjudged>,
 }

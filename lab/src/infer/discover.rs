@@ -242,6 +242,10 @@ fn refuse_what_stands_for_something_small(judged: &mut [(Trial, Vec<Refusal>)], 
     for (trial, refused) in judged.iter_mut().filter(|(trial, refusals)| refusals.is_empty() && trial.delta_bic < as_well) {
         let Some(state) = small.state.with(trial.spec, &trial.state, None) else { continue };
         let beside = Trial::of(&small.state, state, trial.spec, trial.uniqueness, small.held.as_ref());
+        // Where no held-out log has the columns of both, nothing judges the two together.
+        if small.held.is_some() && beside.held.is_none() {
+            continue;
+        }
         *refused = refusals(&small.state, &beside, &small.holdout, Court { holdout: small.held.as_ref(), ..court });
     }
 }

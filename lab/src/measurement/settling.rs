@@ -5,6 +5,7 @@
 
 use energy::{Channel, Model, System};
 
+use super::edges::answers_at_once;
 use super::log::Log;
 use super::thin::{jump, thousands};
 use super::times::short;
@@ -20,7 +21,12 @@ pub fn leave_out_settling(log: &mut Log, model: &Model) {
         return;
     };
     let rows = log.time_s.partition_point(|&time_s| time_s < first_s + settling_s);
-    for (_, measured) in log.channels.iter_mut().filter(|(channel, _)| model.system.targets().contains(channel)) {
+    if rows == 0 {
+        return;
+    }
+    // What is written of its temperature says how warm it begins.
+    let answers = |channel: &Channel| model.system.targets().contains(channel) && answers_at_once(*channel);
+    for (_, measured) in log.channels.iter_mut().filter(|(channel, _)| answers(channel)) {
         measured[..rows].fill(f64::NAN);
     }
     let settled = format!("{}: the first {} of {} rows are not compared", log.file, thousands(rows), thousands(log.rows()));
@@ -41,7 +47,7 @@ fn begins_loaded(log: &Log, model: &Model) -> Option<String> {
     (loaded(first_a) && loaded(next_a) && begun_before).then(|| {
         format!(
             "{}: begins at {} A, and is taken for rested before. Where it is a part of a longer log, settling_s = SECONDS beside it, or --settling-s, leaves \
-             out what the battery still owes to what was before: some times the slowest time constant",
+             out the first SECONDS, in which the voltage still shows the load before: a few of the slowest time constants are enough",
             log.file,
             short(first_a)
         )
@@ -56,11 +62,11 @@ mod tests {
 
     /// A cell of 30 mohm and a pair of 20 mohm and 30 s, under 2 A since so many seconds before the log.
     fn log(since_s: f64, settling_s: Option<f64>) -> Log {
-        let mut text = "time_s,current_a,voltage_v\n".to_owned();
+        let mut text = "time_s,current_a,voltage_v,temperature_degc\n".to_owned();
         for row in 0..100 {
             let loaded_s = since_s + f64::from(row);
             let drop_v = if loaded_s > 0.0 { 2.0 * (0.03 + 0.02 * (1.0 - (-loaded_s / 30.0).exp())) } else { 0.0 };
-            text += &format!("{row},2,{}\n", 3.9 - drop_v);
+            text += &format!("{row},2,{},30\n", 3.9 - drop_v);
         }
         let mut log = read_log("log.csv", text.as_bytes(), LogFacts { settling_s, ..LogFacts::default() }).unwrap();
         leave_out_settling(&mut log, &load_model("enertech-lco-2280mah").unwrap().model);
@@ -79,6 +85,7 @@ mod tests {
         let log = log(20.0, Some(60.0));
         let volts = &log.channels[&Channel::VoltageV];
         assert!(volts[..60].iter().all(|v| v.is_nan()) && volts[60..].iter().all(|v| v.is_finite()));
+        assert!(log.channels[&Channel::TemperatureDegc].iter().all(|degc| degc.is_finite()), "it begins as warm as it was");
         assert!(log.notes.last().unwrap().contains("the first 60 of 100 rows are not compared"), "{:?}", log.notes);
     }
 }

@@ -122,7 +122,7 @@ impl<'a> Counted<'a> {
     fn scattered(&self) -> Option<String> {
         let (file, scatter) = (&self.log.file, quantity(self.scatter_a, "A"));
         let moves = self.moves(self.none_a / NONE_PER_HOUR);
-        moves.then(|| format!("the current of {file} scatters by {scatter} from row to row, by its ammeter or by itself: neither rests nor steady currents show in it"))
+        moves.then(|| format!("The current of {file} scatters by {scatter} from row to row, by its ammeter or by itself: neither rests nor steady currents show in it"))
     }
 
     /// That the ammeter may be off by so much that rests do not show, in words, where that is so.

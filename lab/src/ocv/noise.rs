@@ -2,6 +2,7 @@
 
 use super::Sheet;
 use super::counted::Counted;
+use crate::residual::bends;
 use crate::rounding::{floor_between, step_of};
 
 /// Readings that are looked at in one log, about.
@@ -32,18 +33,19 @@ impl Noise {
 /// Three readings in a row, of one current and at equal times, lie on a line but for their noise and what they are rounded by. A model says
 /// both, and a reading is then as uncertain as their squares add up to: noise is what is left of that when rounding is taken off.
 pub(super) fn noise(logs: &[Counted<'_>], sheet: &Sheet) -> Noise {
-    let (mut squares, mut readings, mut quantum_v) = (0.0, 0.0, 0.0_f64);
+    let (mut squares, mut triples, mut quantum_v) = (0.0, 0.0, 0.0_f64);
     for log in logs {
         let (rows, volts) = undisturbed(log);
-        let count = volts.len() as f64;
-        squares += count * floor_between(&rows, &volts).powi(2);
-        readings += count;
+        // A log in which no three readings are alike says nothing.
+        let count = bends(&rows, &volts).count() as f64;
+        let step_v = step_of(&volts).unwrap_or(0.0);
+        squares += count * (floor_between(&rows, &volts).powi(2) - step_v.powi(2) / 12.0).max(0.0);
+        triples += count;
         // Of instruments with unlike digits the coarsest is stated.
-        quantum_v = quantum_v.max(step_of(&volts).unwrap_or(0.0));
+        quantum_v = quantum_v.max(step_v);
     }
     let cells = f64::from(sheet.series);
-    let floor_v = (squares / f64::max(readings, 1.0)).sqrt();
-    Noise { sigma_v: cells * (floor_v.powi(2) - quantum_v.powi(2) / 12.0).max(0.0).sqrt(), quantum_v: cells * quantum_v }
+    Noise { sigma_v: cells * (squares / f64::max(triples, 1.0)).sqrt(), quantum_v: cells * quantum_v }
 }
 
 /// Readings of a log and their rows, which are numbered on where the current or the time between them changes.

@@ -146,7 +146,7 @@ fn what_an_ammeter_hides_is_said() {
     let refused = first_model(&sheet(scatters), &[log(scatters).0]).unwrap_err();
     assert!(matches!(refused, OcvError::NoCapacity { .. } | OcvError::NothingSlow { .. } | OcvError::Overrun { .. }), "{refused}");
     let words = refused.to_string();
-    let (_, scatter) = words.split_once("the current of slow.csv scatters by ").unwrap_or_else(|| panic!("{words}"));
+    let (_, scatter) = words.split_once("The current of slow.csv scatters by ").unwrap_or_else(|| panic!("{words}"));
     let milliamps: f64 = scatter.split_once(" mA").unwrap().0.parse().unwrap();
     assert!((milliamps / 200.0 - 1.0).abs() < 0.06, "{words}");
     // 0.6 % of the capacity an hour could as well be a load.

@@ -44,7 +44,7 @@ pub struct MeasuredConfig {
     #[serde(default)]
     pub take_above_v: f64,
     /// A measured spare can be handed out from this state of charge on, until it falls below by more than its readings differ by
-    /// themselves (the square root of two of their standard deviations).
+    /// themselves (what two of them may be off by, and at most 0.05).
     #[serde(default = "default_ready_soc")]
     pub ready_soc: f64,
     /// Temperature taken where nothing measures a pack's, °C.

@@ -16,6 +16,8 @@ pub use self::place::Place;
 use self::place::Stand;
 use super::{Act, Observation, PackReading, Source};
 
+/// Noise of a spare's charge that is allowed for at most: a guess, five of the hundred steps in which most gauges count.
+const NOISE_SOC: f64 = 0.05;
 /// Charges of a spare that differ by less are not told anew.
 const SOC_STEP: f64 = 0.01;
 /// Of a spare whose device has said nothing for longer than this, s, nothing is known: somebody may have taken it away. The same time
@@ -130,12 +132,12 @@ impl MeasuredSpare {
         }
     }
 
-    /// Whether it can be handed out: from `ready_soc` on, and then until a reading is below that by more than the standard deviation
-    /// by which two readings of one charge differ. Without that the noise of a charge near `ready_soc` would take the spare away and
-    /// give it back with every reading, and plans would follow.
+    /// Whether it can be handed out: from `ready_soc` on, and then until a reading is clearly below that. Without that the noise of a charge
+    /// near `ready_soc` would take the spare away and give it back with every reading, and plans would follow. Nobody states that noise: it is
+    /// taken to be at most what the device may be off by, between two readings, and no more than [`NOISE_SOC`].
     fn is_charged(&self, soc: Estimate) -> bool {
         let was_charged = self.told.is_some_and(|(_, ready)| ready);
-        let doubt_soc = if was_charged { soc.sigma.hypot(soc.sigma) } else { 0.0 };
+        let doubt_soc = if was_charged { soc.sigma.hypot(soc.sigma).min(NOISE_SOC) } else { 0.0 };
         soc.value >= self.ready_soc - doubt_soc
     }
 
