@@ -153,6 +153,11 @@ pub trait Physics: Send + Sync {
         &[]
     }
 
+    /// Those of [`Self::lumps`] that may be missing beside it all the same, since there may be more of them than goes by its own numbers.
+    fn may_need(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Why what these facts describe cannot have the effect, whatever its logs show; none where it can.
     fn ruled_out(&self, _facts: &Facts) -> Option<&'static str> {
         None
@@ -222,6 +227,8 @@ pub trait Effect: Steps<f64> + Steps<Dual> + Steps<HalfDual> {
     fn reads_curve(&self) -> bool;
     /// [`Physics::lumps`].
     fn lumps(&self) -> &'static [&'static str];
+    /// [`Physics::may_need`].
+    fn may_need(&self) -> &'static [&'static str];
     /// [`Physics::ruled_out`].
     fn ruled_out(&self, facts: &Facts) -> Option<&'static str>;
     /// [`Physics::told_by`].
@@ -242,6 +249,9 @@ impl<T: Physics> Effect for T {
     }
     fn lumps(&self) -> &'static [&'static str] {
         Physics::lumps(self)
+    }
+    fn may_need(&self) -> &'static [&'static str] {
+        Physics::may_need(self)
     }
     fn ruled_out(&self, facts: &Facts) -> Option<&'static str> {
         Physics::ruled_out(self, facts)

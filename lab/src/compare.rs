@@ -19,6 +19,7 @@ use crate::residual::{Residual, Size, residuals};
 use crate::rounding::step_of;
 use crate::whiteness::Whiteness;
 pub use calibration::{Calibrated, Calibration, calibrate};
+pub use words::floors_too_small;
 
 /// RMS up to this multiple of the sensor floor counts as the floor.
 pub const WITHIN: f64 = 1.5;

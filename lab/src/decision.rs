@@ -14,6 +14,7 @@ use energy::{Estimate, Model, System};
 use serde::ser::SerializeMap as _;
 use serde::{Serialize, Serializer};
 
+use crate::measurement::rows_after_gaps;
 use crate::prepare::Prepared;
 use crate::report::html::DecisionRow;
 use crate::report::quantity::unit_of;
@@ -113,10 +114,12 @@ fn figures(seen: Seen<'_>) -> Vec<Figure> {
     }
 }
 
-/// Sum over the rows of a log of a value times the interval that ends there; rows without a value
-/// are left out. And the time that counted, s.
+/// Sum over the rows of a log of a value times the interval that ends there; rows without a value are left out, and those after a
+/// gap, over which nobody knows what was. And the time that counted, s.
 fn integral(log: &Prepared, value: impl Fn(usize) -> Option<f64>) -> (f64, f64) {
-    let rows = (1..log.time_s.len()).filter_map(|row| Some((value(row)?, log.time_s[row] - log.time_s[row - 1])));
+    let mut gaps = rows_after_gaps(&log.time_s, &log.readings).into_iter().peekable();
+    let known = (1..log.time_s.len()).filter(|row| gaps.next_if_eq(row).is_none());
+    let rows = known.filter_map(|row| Some((value(row)?, log.time_s[row] - log.time_s[row - 1])));
     rows.fold((0.0, 0.0), |(sum, time_s), (value, dt_s)| (sum + value * dt_s, time_s + dt_s))
 }
 

@@ -3,7 +3,8 @@
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 
-use crate::residual::{lag1, noise_between};
+use crate::persistence::Persistence;
+use crate::residual::noise_between;
 use crate::rounding::{noise_of_rounded, seen};
 
 /// RMS over floor up to which a channel is explained.
@@ -48,8 +49,7 @@ const LEAST_NEIGHBOURS: usize = 50;
 
 impl FloorCheck {
     /// Of residuals at these rows of a log. RMS² n / sigma² is chi-square distributed; squares of
-    /// residuals with lag-1 correlation r are worth n (1 - r²) / (1 + r²) of them (Bayley and
-    /// Hammersley 1946, for an AR(1) process). `step` is that of the readings, where they are rounded.
+    /// residuals that follow each other are worth fewer ([`Persistence::squares_per_independent`]). `step` is that of the readings, where they are rounded.
     #[must_use]
     pub fn of(rows: &[usize], residual: &[f64], floor: f64, step: Option<f64>) -> Option<FloorCheck> {
         if residual.is_empty() || floor <= 0.0 {
@@ -57,8 +57,7 @@ impl FloorCheck {
         }
         let n = residual.len() as f64;
         let squares: f64 = residual.iter().map(|value| value * value).sum();
-        let r = lag1(rows, residual).powi(2);
-        let effective_rows = (n * (1.0 - r) / (1.0 + r)).max(1.0);
+        let effective_rows = (n / Persistence::of(rows, residual).squares_per_independent()).max(1.0);
         let ratio = (squares / n).sqrt() / floor;
         let (low, high) = rms_factors(effective_rows);
         let (ratio_low, ratio_high) = (ratio * low, ratio * high);

@@ -42,6 +42,7 @@ pub mod model_edit;
 pub mod model_source;
 pub mod ocv;
 pub mod output;
+mod persistence;
 pub mod plot;
 pub mod predict;
 pub mod prepare;

@@ -15,6 +15,7 @@ mod mapping;
 mod mark;
 mod mcap;
 mod overlap;
+mod selection;
 mod settling;
 mod store;
 mod table;
@@ -37,11 +38,12 @@ pub use log::{Column, Log};
 pub use mapping::Mapping;
 pub use mark::Mark;
 pub use overlap::shared_rows;
+pub use selection::Selection;
 pub use settling::leave_out_settling;
 pub use store::{StoreQuery, Subject, instant, read_store};
 pub use table::{Cells, GaugeStart, Table};
 pub use thin::{LONG, Thinning, thin, uneven_sampling};
-pub(crate) use times::{short, usual_step_s};
+pub(crate) use times::{rows_after_gaps, short, usual_step_s};
 pub use unmeasured::Unmeasured;
 
 /// A source format.

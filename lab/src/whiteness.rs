@@ -13,6 +13,7 @@ mod slots;
 use serde::Serialize;
 
 pub use ljung_box::LjungBox;
+pub(crate) use periodogram::quarters;
 pub use periodogram::{Cumulative, Period};
 pub use slots::Slots;
 

@@ -124,8 +124,8 @@ impl<S: Real> Caster<S> {
         let ball_n = weight_n * lever_m / base_m;
         let wheels_n = weight_n * pitch_rad.cos() - ball_n;
         let hold_nm = if ball_n.re() > 0.0 {
-            // The part of the tail's weight across the tail.
-            let own_nm = self.tail_kg * GRAVITY_MPS2 * self.tail_cog_m * (tail_rad - pitch_rad).cos();
+            // The part of the tail's weight across the tail, which hangs down behind a robot that climbs.
+            let own_nm = self.tail_kg * GRAVITY_MPS2 * self.tail_cog_m * (tail_rad + pitch_rad).cos();
             self.tail_m * ball_n * tail_rad.cos() - own_nm
         } else {
             S::from(0.0)
@@ -189,6 +189,13 @@ mod tests {
                 let about_ball = stance.wheels_n * stance.base_m - weight_n * pitch.cos() * (stance.base_m - stance.cog_x_m)
                     + weight_n * pitch.sin() * (stance.cog_z_m + 0.0225);
                 assert!(about_ball.abs() < 1e-12, "{tail} {pitch}: {about_ball}");
+                // The tail about its pivot, in the axes of level ground: r x F of the ball's push, across the slope, and of the tail's weight, straight down.
+                let turned = |x: f64, z: f64| (x * pitch.cos() + z * pitch.sin(), z * pitch.cos() - x * pitch.sin());
+                let across = |arm: (f64, f64), force: (f64, f64)| arm.0 * force.1 - arm.1 * force.0;
+                let arm = |length_m: f64| turned(length_m * degrees(tail).cos(), -length_m * degrees(tail).sin());
+                let (ball, cog) = (arm(EXPLORER.tail_m), arm(EXPLORER.tail_cog_m));
+                let held = across(ball, turned(0.0, stance.ball_n)) + across(cog, (0.0, -EXPLORER.tail_kg * GRAVITY_MPS2));
+                assert!((held - stance.hold_nm).abs() < 1e-12 || stance.ball_n < 0.0, "{tail} {pitch}: {held} {}", stance.hold_nm);
                 // The loop closes: the ball's centre lies l_1 below the axle.
                 let ball_z = 0.04 * stance.body_rad.sin() - 0.072 * degrees(tail).sin();
                 assert!((ball_z + 0.0175).abs() < 1e-12);

@@ -4,12 +4,15 @@
 //! constants. Between them lie the equations of `motor.rs`, `bridge.rs` and `kinematics.rs`:
 //!
 //! ```text
-//!   dry_friction      F = n tau_f N / r_w
+//!   dry_friction      F = n tau_f N / r_w k_w / k_tau
 //!   motor_copper      c = n R_a I² / F², where I is what the motor takes for F on a ramp
-//!   acceleration      m = n (J_w + N² J_m) / r_w²
+//!   acceleration      m = n (J_w + N² J_m) / r_w² k_w / k_tau
 //!   h_bridge          c = 2 R_DS,on n I² / F² k_w N / r_w, on that ramp
-//!   motion            mass, rolling resistance, and the gear's efficiency
+//!   motion            mass, rolling resistance, and the gear's efficiency times k_tau / k_w
 //! ```
+//!
+//! A motor takes `k_w omega I` for the power `k_tau omega I` of its shaft: where a sheet's two constants differ, what lies between
+//! is lost in the motor.
 //!
 //! The current goes by the load over the gear's efficiency and by the motor's own friction without it, the effects by the sum of
 //! both forces: they agree on a ramp of 1:12, the steepest that a wheelchair must take (ADA Standards, 405.2), and
@@ -73,17 +76,19 @@ impl DriveSheet {
     pub fn parameters(&self) -> Vec<Follows> {
         let (motor, wheels) = (&self.gearmotor.motor, &self.wheels);
         let lever = self.gearmotor.gear.ratio / wheels.wheel_radius_m;
-        let friction_n = self.motors * motor.friction_nm * lever;
+        let lost = motor.back_emf_v_s_per_rad / motor.torque_nm_per_a;
+        let friction_n = self.motors * motor.friction_nm * lever * lost;
         let force_n = self.load_n(RAMP_RAD) + friction_n;
         let ramp = self.gearmotor.at(self.wheel_nm(RAMP_RAD), 1.0);
         let square = self.motors * (ramp.current_a / force_n).powi(2);
         let mut follows = vec![
             ("motion", "mass_kg", self.mass_kg),
             ("motion", "rolling_coefficient", self.rolling_coefficient),
-            ("motion", "drive_efficiency", self.gearmotor.gear.efficiency),
+            // No drive gives more than it takes, whatever its sheet says.
+            ("motion", "drive_efficiency", (self.gearmotor.gear.efficiency / lost).min(1.0)),
             ("dry_friction", "force_n", friction_n),
             ("dry_friction", "step_w", 0.0),
-            ("acceleration", "mass_kg", self.motors / 2.0 * wheels.equivalent_mass_kg(0.0)),
+            ("acceleration", "mass_kg", self.motors / 2.0 * wheels.equivalent_mass_kg(0.0) * lost),
             ("motor_copper", "copper_w_per_n2", motor.resistance_ohm * square),
         ];
         if let Some(bridge) = self.bridge {

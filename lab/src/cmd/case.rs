@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, bail, ensure};
 use energy::Model;
 use lab::ModelSource;
-use lab::compare::compare;
+use lab::compare::{compare, floors_too_small};
 use lab::decision::{Decisions, Seen};
 use lab::infer::answer::{Discovery, Verdict};
 use lab::infer::candidate::held_at_defaults;
@@ -133,7 +133,8 @@ impl<'a> Case<'a> {
         let compared = |model: &Arc<Model>, logs: &[Prepared]| compare(model, &model.values(), logs);
         let rms = |model: &Arc<Model>, logs: &[Prepared]| rms_of(&compared(model, logs));
         let given = &self.source.model;
-        let file_rms = rms(&written.model, &written.train);
+        let found = compared(&written.model, &written.train);
+        let file_rms = rms_of(&found);
         let mut holdout_unexplained = Vec::new();
         let mut files = FileErrors::of(&rms(given, &self.evidence.logs), &file_rms, false);
         if let Some(held) = self.held.as_ref().and_then(|held| held.that_judges(&written.model)) {
@@ -142,8 +143,10 @@ impl<'a> Case<'a> {
             holdout_unexplained = Unexplained::of(&discovery, &found);
         }
         let (decision, left_out) = (self.decisions(written), learned::left_out(last));
+        let mut doubted = Vec::new();
         let (mut other_starts, mut other_numbers, mut within_stated) = (Vec::new(), Vec::new(), Vec::new());
         if discovery.verdict != Verdict::Complete {
+            doubted = floors_too_small(&found.errors);
             other_starts = other_starts::other_starts(given, &self.evidence.logs, last);
             other_numbers = other_numbers::other_numbers(given, &self.evidence.logs, last);
             within_stated = stated::within_stated(given, &self.evidence.logs, last);
@@ -159,6 +162,7 @@ impl<'a> Case<'a> {
             other_starts,
             other_numbers,
             within_stated,
+            floors_too_small: doubted,
             reach,
             output,
         }

@@ -12,14 +12,15 @@ use lab::compare::compare;
 use lab::fit::calibrated::fit_calibrated;
 use lab::fit::{Step, fit, free_parameters};
 use lab::infer::calibrate::taken_as_exact;
+use lab::measurement::Log;
 use lab::model_edit::{Change, edit, ocv_of_file};
 use lab::model_source::{Origin, parse_beside};
 use lab::output::write_whole;
 use lab::prepare::Prepared;
 use lab::report::fitted::FitReport;
 
-use super::case::{origin, same_directory};
-use super::inputs::{Answered, LogArgs, ModelArg};
+use super::case::{origin, same_directory, unlike};
+use super::inputs::{Answered, LogInputs, ModelArg};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
@@ -28,7 +29,7 @@ pub(super) struct Args {
     #[command(flatten)]
     model: ModelArg,
     #[command(flatten)]
-    logs: LogArgs,
+    inputs: LogInputs,
     /// Also fit this parameter (or all of this effect), whatever the model says.
     #[arg(long, value_name = "EFFECT.PARAMETER", num_args = 1..)]
     free: Vec<String>,
@@ -45,12 +46,15 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.save.check()?;
-    args.logs.spare(args.save.output())?;
+    args.inputs.spare(args.save.output())?;
     args.model.spare(args.save.output(), Answered::Model)?;
     let source = args.model.load()?;
     let model = &source.model;
     let free = free_parameters(model, &args.free, &args.fix)?;
-    let logs = args.logs.prepare_train(model)?;
+    let ready = |logs: &[Log]| args.inputs.ready(model, logs);
+    let (train, holdout) = (args.inputs.train(model)?, args.inputs.holdout(model)?);
+    unlike(&train, &holdout)?;
+    let (logs, held) = (ready(&train)?, ready(&holdout)?);
     let before = compare(model, &model.values(), &logs);
     let bar = progress_bar();
     let mut told = |step: Step| bar.set_message(format!("step {}, weighted squared error {:.4e}", step.iteration, step.cost));
@@ -64,6 +68,10 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     bar.finish_and_clear();
     let after = compare(model, &fitted.values, &logs);
     let mut report = FitReport::of(model, &fitted, &before, &after);
+    if !held.is_empty() {
+        let error = |values: &[f64]| compare(model, values, &held);
+        report = report.with_holdout(&error(&model.values()), &error(&fitted.values));
+    }
     report.words.extend(words);
     if let Some(path) = args.save.output() {
         let changes = report.changes(&fitted, &format!("fitted by {}", origin(&logs, args.save.date())));

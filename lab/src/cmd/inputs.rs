@@ -6,7 +6,7 @@ mod store;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
 use lab::measurement::{Log, LogFacts, Role, Thinning, leave_out_edges, leave_out_settling, thin, uneven_sampling};
@@ -37,7 +37,8 @@ impl ModelArg {
 /// Logs of any role.
 #[derive(Debug, clap::Args)]
 pub(super) struct LogArgs {
-    /// Logs to read. Facts about L.csv are read from L.toml beside it.
+    /// Logs to read. Facts about L.csv are read from L.toml beside it; a file of facts that says
+    /// log = "L.csv" is a log too, so that one file can hold many.
     #[arg(long = "log", value_name = "LOG", required_unless_present = "store", num_args = 1..)]
     logs: Vec<PathBuf>,
     #[command(flatten)]
@@ -146,15 +147,6 @@ impl LogArgs {
     /// Reads every log, whatever its role, and makes it ready.
     pub(super) fn prepare(&self, model: &Model) -> anyhow::Result<Vec<Prepared>> {
         self.ready(model, &self.read(model, &self.files().collect::<Vec<_>>(), None)?)
-    }
-
-    /// Reads every log that models may be fitted to, and makes it ready.
-    pub(super) fn prepare_train(&self, model: &Model) -> anyhow::Result<Vec<Prepared>> {
-        let logs = self.read(model, &self.files().collect::<Vec<_>>(), Some(Role::Train))?;
-        if logs.is_empty() {
-            bail!("no log to fit to: the facts of each say role = \"holdout\"");
-        }
-        self.ready(model, &logs)
     }
 
     fn ready(&self, model: &Model, logs: &[Log]) -> anyhow::Result<Vec<Prepared>> {

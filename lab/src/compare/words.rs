@@ -95,6 +95,13 @@ fn of_inputs(errors: &[ChannelError]) -> Option<String> {
     })
 }
 
+/// Channels of which neighbouring rows scatter by more than the sensor floor that is stated, in sentences.
+#[must_use]
+pub fn floors_too_small(errors: &[ChannelError]) -> Vec<String> {
+    let too_small = |error: &&ChannelError| error.floor_check.as_ref().is_some_and(|check| check.opinion == FloorOpinion::FloorTooSmall);
+    errors.iter().filter(too_small).filter_map(doubt).collect()
+}
+
 /// What to doubt about a floor.
 fn doubt(error: &ChannelError) -> Option<String> {
     let (check, floor) = (error.floor_check.as_ref()?, error.floor?);

@@ -56,6 +56,18 @@ fn a_robots_power_and_way_are_those_of_the_log() {
     assert!(power.before.sigma > 0.3, "{power:?}");
 }
 
+/// Two hours in a dock, of which the log has no rows, are no way that it drove.
+#[test]
+fn nothing_counts_over_a_gap() {
+    let rows = |begins_s: i32| (0..20).map(move |row| format!("{},4,0.1\n", begins_s + 10 * row)).collect::<String>();
+    let log = |pause_s: i32| format!("time_s,power_w,speed_mps\n{}{}", rows(0), rows(200 + pause_s));
+    let [whole, paused] = [0, 7200].map(|pause_s| decisions(ROBOT, &log(pause_s), |text| text.replace("3.47", "4.37")));
+    for name in ["mean_power_w", "energy_per_way_j_per_m"] {
+        let (whole, paused) = (of(&whole, name).before.value, of(&paused, name).before.value);
+        assert!((paused / whole - 1.0).abs() < 1e-9, "{name}: {paused} for {whole}");
+    }
+}
+
 #[test]
 fn a_worse_converter_makes_a_service_dearer_and_a_pack_pay_for_fewer() {
     let log = "time_s,pack_power_w,charge_power_w,robots_docked,robots_charging,lift_active,bay_squared_current_a2,pack_voltage_v\n\

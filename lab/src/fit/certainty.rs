@@ -1,19 +1,19 @@
 //! How well a fit determines its parameters, when residuals follow each other.
 //!
 //! Rows of one log are not independent: what the model gets wrong at one second it gets wrong at
-//! the next. Each log and channel is therefore taken to hold n (1 - rho) / (1 + rho) independent
-//! rows, with rho its lag-1 autocorrelation (an AR(1) process; rho below 0 counts as 0, and a log is worth at least one row). With A_l
-//! the share of log l in JᵀJ and s_l² its residual variance,
+//! the next. With R_l the correlation of the rows of one channel of log l ([`crate::persistence`]), J_l their derivatives, and s_l² their residual variance,
 //!
-//! `Cov = A⁻¹ (Σ_l s_l² (1 + rho_l) / (1 - rho_l) A_l) A⁻¹`,  `A = Σ_l A_l`.
+//! `Cov = A⁻¹ (Σ_l s_l² J_lᵀ R_l J_l) A⁻¹`,  `A = Σ_l J_lᵀ J_l`.
+//!
+//! Where neighbouring rows say all of that correlation rho, R is taken for (1 + rho) / (1 - rho): a log is then worth n (1 - rho) / (1 + rho) rows (an AR(1) process; rho
+//! below 0 counts as 0), and at least one.
 //!
 //! Where noise is all that is left, but rows do not all err alike, and a parameter hangs on those that err more, its deviation is as much larger as
 //! those rows bear out (see [`wider`]). What a wrong model leaves of some rows is not what they err by.
 //!
 //! What the noise of a current adds up to is beside that ([`super::count`]).
 //!
-//! This holds while residuals are small against the curvature of the model and is too hopeful
-//! where the model is wrong in a way that one lag does not show. Parameters at a bound count as
+//! This holds while residuals are small against the curvature of the model. Parameters at a bound count as
 //! free here, which makes the others' sigmas cautious.
 
 use std::ops::Range;
@@ -22,7 +22,7 @@ use energy::Channel;
 use nalgebra::{DMatrix, DVector};
 
 use super::count::{self, Walk};
-use crate::residual::lag1;
+use crate::persistence::Persistence;
 
 /// The rows of a fit that come from one channel of one log.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,13 +90,12 @@ pub fn certainty(
         let rows = segment.range.len() as f64;
         let part = jacobian.rows(segment.range.start, segment.range.len());
         let own = residual.rows(segment.range.start, segment.range.len());
-        let lag1 = lag1(&segment.rows, own.as_slice());
-        let kept = lag1.clamp(0.0, (rows - 1.0) / (rows + 1.0));
-        let inflation = (1.0 + kept) / (1.0 - kept);
-        worth.push(SegmentCertainty { lag1, effective_rows: rows / inflation });
-        let share = part.tr_mul(&part);
-        middle += &share * (own.norm_squared() / rows * freedom * inflation);
-        normal += share;
+        let persistence = Persistence::of(&segment.rows, own.as_slice());
+        let effective_rows = rows / persistence.rows_per_independent(segment.range.len());
+        worth.push(SegmentCertainty { lag1: persistence.lag1, effective_rows });
+        let part = part.into_owned();
+        middle += persistence.spread(&segment.rows, &part) * (own.norm_squared() / rows * freedom);
+        normal += part.tr_mul(&part);
     }
     let silent: Vec<bool> = (0..p).map(|index| normal[(index, index)] == 0.0).collect();
     let (inverse, tangled) = inverse(&normal);

@@ -58,7 +58,7 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
             unable.push(Untested::new(spec, format!("it is the sum of several effects, and the model has {part} by itself")));
             continue;
         }
-        if let Some(sum) = base.effects().find(|sum| sum.lumps().contains(&spec.id)) {
+        if let Some(sum) = base.effects().find(|sum| sum.lumps().contains(&spec.id) && !sum.may_need().contains(&spec.id)) {
             let reason = format!("is a part of {}, which the model has: `lab fit --free {0}` asks for its numbers", sum.spec().id);
             unable.push(Untested::new(spec, reason));
             continue;

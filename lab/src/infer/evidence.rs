@@ -8,6 +8,7 @@ use super::course::Course;
 use super::judges::Judge;
 pub use super::segment::Segment;
 use super::steady::{HOLDS, Steady};
+use crate::measurement::usual_step_s;
 use crate::prepare::Prepared;
 use crate::rounding::{floor_between, seen, step_of, worth};
 
@@ -144,7 +145,7 @@ impl Evidence {
 
     /// Of these logs, prepared for this model, in means of rows: of few after a jump of an input,
     /// when much happens, and of up to a dozen later; for a model that forgets at once of up to a dozen over which the inputs hold. A mean of measurements is compared with
-    /// the mean of predictions, so that nothing is approximated; what a row says alone is lost.
+    /// the mean of predictions, which are walked in few steps ([`super::course`]); what a row says alone is lost.
     #[must_use]
     pub fn new(model: &Model, logs: Vec<Prepared>) -> Evidence {
         let whole = Arc::new(Evidence::row_by_row(model, logs));
@@ -154,6 +155,15 @@ impl Evidence {
             return Evidence { whole: Some(whole), ..spells };
         }
         Evidence::of_whole(model, whole)
+    }
+
+    /// The longest time that goes into a mean, s.
+    pub(super) fn longest_mean_s(&self) -> f64 {
+        let of = |segment: &Segment| {
+            let most = segment.counts.iter().fold(0.0, |most: f64, count| most.max(*count));
+            if most > 1.0 { most * usual_step_s(&self.logs[segment.log].time_s) } else { 0.0 }
+        };
+        self.segments.iter().map(of).fold(0.0, f64::max)
     }
 
     /// The same evidence for a model that will be given formulas, which may remember.

@@ -36,6 +36,8 @@ pub struct Frame {
     /// Whether the model reads its OCV table elsewhere than at the mean charge: then it bends where the
     /// mean does not say, and only steps of a row each follow it.
     reads_curve: bool,
+    /// Whether it has formulas of the time, which may switch while all inputs hold: only steps of a row each follow these, too.
+    tells_time: bool,
 }
 
 impl Frame {
@@ -58,14 +60,21 @@ impl Frame {
         });
         let between = parts.chain(knots.last().copied()).map(|soc| (soc, weights(&knots, soc))).collect();
         let reads_curve = model.effects().any(|effect| effect.reads_curve());
-        Frame { model, evidence, free, followers, known, knots, between, reads_curve }
+        let tells_time = model.effects().any(|effect| effect.spec().tells_time());
+        Frame { model, evidence, free, followers, known, knots, between, reads_curve, tells_time }
     }
 
-    /// The same model on coarser evidence of the same logs; the same where there is none.
+    /// The same model on coarser evidence of the same logs; the same where there is none, or where that would not show what the model does.
     #[must_use]
     pub(super) fn coarse(&self) -> Frame {
-        let coarse = self.evidence.coarse.as_ref().unwrap_or(&self.evidence);
+        let coarse = self.evidence.coarse.as_ref().filter(|_| !self.tells_time).unwrap_or(&self.evidence);
         Frame::new(Arc::clone(&self.model), Arc::clone(coarse))
+    }
+
+    /// The same model on the same logs row by row.
+    #[must_use]
+    pub(super) fn by_rows(&self) -> Frame {
+        Frame::new(Arc::clone(&self.model), Arc::clone(self.evidence.whole.as_ref().unwrap_or(&self.evidence)))
     }
 
     /// Whether the model reads its OCV table elsewhere than at the mean charge.
@@ -255,7 +264,8 @@ impl Frame {
 
     /// How the model walks a log to show what is judged.
     fn course(&self, log: usize) -> &Course {
-        let courses = if self.reads_curve && !self.evidence.fine.is_empty() { &self.evidence.fine } else { &self.evidence.courses };
+        let by_rows = (self.reads_curve || self.tells_time) && !self.evidence.fine.is_empty();
+        let courses = if by_rows { &self.evidence.fine } else { &self.evidence.courses };
         &courses[log]
     }
 

@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use self::dictionary::{COEFFICIENTS, Term, dictionary, rhythm};
-use self::periodic::{CLOCK, at_one_phase, set_clocks};
+use self::periodic::{CLOCK, at_one_phase, period_s, set_clocks};
 use self::switch::{Switching, comes_and_goes};
 use super::evidence::Evidence;
 use super::floors::resettled;
@@ -45,6 +45,9 @@ const FURTHER_FALL: f64 = 0.02;
 /// The same for something periodic, of which every held-out log is asked for its phase: half of the squares. What
 /// comes and goes without a period has one by chance, and that explains less.
 const PERIODIC_FALL: f64 = 0.3;
+
+/// Means that a period must have, or rows are looked at one by one.
+const MEANS: f64 = 4.0;
 
 /// RMS of each channel.
 type ByChannel = Vec<(Channel, f64)>;
@@ -139,6 +142,12 @@ pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Eviden
     if let Some((evidence, Some(held))) = resettled(&base, Some(&holdout)) {
         (base, holdout) = (fitted(evidence), held);
     }
+    // A mean over a good part of a period hides what has one.
+    let hides = |period_s: f64| period_s < MEANS * base.frame.evidence.longest_mean_s();
+    let whole = |evidence: &Arc<Evidence>| Arc::clone(evidence.whole.as_ref().unwrap_or(evidence));
+    if period_s(&base).is_some_and(hides) {
+        (base, holdout) = (fitted(whole(&base.frame.evidence)), whole(&holdout));
+    }
     let holdout = &holdout;
     let base_holdout = held_out(&base, holdout);
     let mut found = Proposal {
@@ -154,7 +163,7 @@ pub fn propose(model: Arc<Model>, evidence: &Arc<Evidence>, holdout: &Arc<Eviden
     };
     while found.terms.len() < TERMS_MAX && !explained(&found.state) {
         let look = Look::new(&found.state);
-        let period_s = look.period();
+        let period_s = period_s(&found.state);
         let terms = dictionary(&found.state.frame, period_s);
         if found.terms.is_empty() {
             (found.tried, found.period_s) = (terms.len(), period_s);

@@ -272,10 +272,7 @@ impl State {
     #[must_use]
     pub fn rms(&self) -> Vec<(Channel, f64)> {
         let of_rows = || match &self.frame.evidence.whole {
-            Some(whole) => {
-                let frame = Frame::new(Arc::clone(&self.frame.model), Arc::clone(whole));
-                rms(whole, &residual(&frame, &self.x))
-            }
+            Some(whole) => rms(whole, &residual(&self.frame.by_rows(), &self.x)),
             None => rms(&self.frame.evidence, &self.residual),
         };
         self.rms.get_or_init(of_rows).clone()

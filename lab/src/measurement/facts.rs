@@ -1,12 +1,13 @@
 //! Facts about one log: from a TOML file beside it (same stem) or from flags.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use energy::DocumentError;
 use energy::document::{Document, hint};
 use serde::{Deserialize, Serialize};
 
-use super::{Mapping, Mark};
+use super::{Mapping, Mark, Selection};
 
 /// How the state of charge at the start was reached: it sets the branch of the hysteresis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
@@ -42,9 +43,13 @@ pub enum GapCurrent {
 /// What is known about a log beside its rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LogFacts {
+    /// Where its rows stand, seen from the file of these facts, when that is not the file of the same name.
+    pub log: Option<PathBuf>,
+    /// What its rows must hold to be read.
+    pub rows: Vec<Selection>,
     /// Cell or robot.
     pub id: Option<String>,
-    /// State of charge at the first row, 0..1.
+    /// State of charge at the first row that is read, 0..1.
     pub soc_initial: Option<f64>,
     /// Standard deviation of it.
     pub soc_initial_sigma: Option<f64>,
@@ -76,6 +81,9 @@ pub struct LogFacts {
 #[serde(deny_unknown_fields)]
 struct Raw {
     schema: toml::Spanned<u32>,
+    log: Option<PathBuf>,
+    #[serde(default)]
+    rows: Vec<Selection>,
     id: Option<String>,
     soc_initial: Option<toml::Spanned<f64>>,
     soc_initial_sigma: Option<toml::Spanned<f64>>,
@@ -122,6 +130,8 @@ impl LogFacts {
         }
         let columns = raw.columns.into_iter().map(|(canonical, expression)| Mapping { canonical, expression });
         Ok(LogFacts {
+            log: raw.log,
+            rows: raw.rows,
             id: raw.id,
             soc_initial: within("soc_initial", raw.soc_initial, SOC.0, SOC.1)?,
             soc_initial_sigma: within("soc_initial_sigma", raw.soc_initial_sigma, SOC.0, SOC.1)?,
@@ -167,6 +177,8 @@ pub struct Overrides {
     pub gap_current: Option<GapCurrent>,
     /// See [`LogFacts::settling_s`].
     pub settling_s: Option<f64>,
+    /// See [`LogFacts::rows`].
+    pub rows: Vec<Selection>,
     /// See [`LogFacts::missing`].
     pub missing: Vec<Mark>,
     /// See [`LogFacts::topic`].
@@ -216,6 +228,10 @@ impl Overrides {
         facts.ambient_sigma_k = self.ambient_sigma_k.or(facts.ambient_sigma_k);
         facts.gap_current = self.gap_current.or(facts.gap_current);
         facts.settling_s = self.settling_s.or(facts.settling_s);
+        if !self.rows.is_empty() {
+            facts.rows.retain(|known| self.rows.iter().all(|given| given.column != known.column));
+            facts.rows.extend(self.rows.iter().cloned());
+        }
         facts.missing.extend(self.missing.iter().cloned());
         facts.topic = self.topic.clone().or(facts.topic);
         for mapping in &self.columns {

@@ -8,6 +8,7 @@ use energy::document::hint;
 use super::facts::misspelt;
 use super::hints::{as_flag, conversion_of_time, odd_epoch};
 use super::mapping::Source;
+use super::selection::select;
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
@@ -73,6 +74,7 @@ impl Log {
         let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
         let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
         let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
+        let table = select(table, &facts.rows, &mapped).map_err(whole)?;
         let mut reader = Reader { file, table: &table, missing: &facts.missing, notes: Vec::new(), places: Vec::new() };
         reader.tell_what_is_not_read(&mapped);
         let (time_s, rows) = reader.time_s(mapped.get(TIME).copied())?;

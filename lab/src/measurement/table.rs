@@ -42,6 +42,15 @@ impl Table {
     pub fn of(names: Vec<String>, places: &'static str) -> Table {
         Table { columns: vec![Cells::default(); names.len()], names, lines: Vec::new(), places, notes: Vec::new(), start: None }
     }
+
+    /// The rows that are kept.
+    pub(super) fn with_rows(self, kept: &[bool]) -> Table {
+        let lines = self.lines.iter().zip(kept).filter(|(_, kept)| **kept).map(|(&line, _)| line).collect();
+        let columns = self.columns.into_iter().map(|cells| cells.with_rows(kept)).collect();
+        // A gauge's word is of the first row.
+        let start = self.start.filter(|_| kept.first() == Some(&true));
+        Table { lines, columns, start, ..self }
+    }
 }
 
 /// The cells of one column: numbers with NaN where nothing was measured, and beside them the few
@@ -62,7 +71,7 @@ pub struct Cells {
 }
 
 /// A date with a time as in RFC 3339. One without a zone is taken as it stands, as if there were no others.
-fn moment(text: &str) -> Option<Timestamp> {
+pub(super) fn moment(text: &str) -> Option<Timestamp> {
     text.parse().ok().or_else(|| text.parse::<DateTime>().ok()?.to_zoned(TimeZone::UTC).ok().map(|zoned| zoned.timestamp()))
 }
 
@@ -144,6 +153,56 @@ impl Cells {
     #[must_use]
     pub fn overflowed(&self) -> bool {
         self.dropped > 0
+    }
+
+    /// Rows of dates with a time.
+    pub(super) fn moments(&self) -> impl Iterator<Item = (usize, Timestamp)> + '_ {
+        self.moments.iter().map(|&(row, moment)| (row as usize, moment))
+    }
+
+    /// Rows of this text.
+    pub(super) fn rows_of_text(&self, text: &str) -> impl Iterator<Item = usize> + '_ {
+        let wanted = self.known.get(text).copied();
+        self.at.iter().filter(move |(_, id)| Some(*id) == wanted).map(|&(row, _)| row as usize)
+    }
+
+    /// The different texts, in the order in which they came.
+    pub(super) fn different_texts(&self) -> &[String] {
+        &self.texts
+    }
+
+    fn with_rows(self, kept: &[bool]) -> Cells {
+        let mut kept_before = 0;
+        let places: Vec<Option<u32>> = kept
+            .iter()
+            .map(|&kept| {
+                kept_before += u32::from(kept);
+                kept.then(|| kept_before - 1)
+            })
+            .collect();
+        let place = |row: u32| places.get(row as usize).copied().flatten();
+        let numbers = self.numbers.iter().zip(kept).filter(|(_, kept)| **kept).map(|(&number, _)| number).collect();
+        let mut cells = Cells {
+            numbers,
+            at: self.at.iter().filter_map(|&(row, id)| Some((place(row)?, id))).collect(),
+            moments: self.moments.iter().filter_map(|&(row, moment)| Some((place(row)?, moment))).collect(),
+            odd: None,
+            ..self
+        };
+        // After a text that is no date none was looked for.
+        if let Some((odd, _)) = self.odd {
+            for &(row, id) in self.at.iter().filter(|(row, _)| *row >= odd) {
+                let (Some(place), text) = (place(row), &cells.texts[id as usize]) else { continue };
+                match moment(text) {
+                    Some(moment) => cells.moments.push((place, moment)),
+                    None => {
+                        cells.odd = Some((place, text.clone()));
+                        break;
+                    }
+                }
+            }
+        }
+        cells
     }
 
     /// Every cell as text; missing ones are empty.

@@ -114,6 +114,17 @@ pub(super) fn accidents(time_s: &[f64], steps: f64) -> Vec<usize> {
     if come_unevenly(rows.len(), time_s.len()) { Vec::new() } else { rows }
 }
 
+/// Rows that follow a gap, where rows of a log may be means of several readings (as many as `readings` says, one where it is empty).
+pub(crate) fn rows_after_gaps(time_s: &[f64], readings: &[f64]) -> Vec<usize> {
+    let mut reading_s = 0.0;
+    let at = |row: usize| {
+        let step_s = if row == 0 { 0.0 } else { time_s[row] - time_s[row - 1] };
+        reading_s += step_s / readings.get(row).copied().unwrap_or(1.0).max(1.0);
+        reading_s
+    };
+    accidents(&(0..time_s.len()).map(at).collect::<Vec<_>>(), GAP)
+}
+
 /// What is to be said about rows that are missing.
 pub(super) fn gaps(time_s: &[f64], lines: &[u64], names: &str) -> Option<String> {
     let (usual_s, rows) = (usual_step_s(time_s), after_gaps(time_s, GAP));

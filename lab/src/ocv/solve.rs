@@ -94,10 +94,11 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
         return Ok(None);
     }
     let own_ohm = own_ohm(step_ohm, known.capacity_ah.value);
-    let before = Estimate::new(own_ohm.value, own_ohm.sigma.hypot(half_of_hysteresis(shown)));
-    let equations = Equations::of(shown, &knots, before);
+    let before = |half_v: f64| Estimate::new(own_ohm.value, own_ohm.sigma.hypot(half_v / current_both_ways_a(shown)));
+    let mut equations = Equations::of(shown, &knots, before(HYSTERESIS_V));
     // How steep the table is tells what the state of charge, which is not exact, does to a voltage.
     let Some(rough) = equations.solved(&shown.iter().map(|shown| shown.sigma_v).collect::<Vec<_>>()) else { return Ok(None) };
+    equations.before = before(half_hysteresis_v(&knots, rough.answer.as_slice()));
     // Of each point, and between them as the table itself: a shift of all rows is then one of all points, which no row contradicts.
     let at_knot = |knot: usize| {
         let (low, high) = (knot.saturating_sub(1), (knot + 1).min(knots.len() - 1));
@@ -149,14 +150,14 @@ fn half_hysteresis_v(knots: &[f64], volts: &[f64]) -> f64 {
     if at(2.0 / 3.0) - at(1.0 / 3.0) < FLAT_V { FLAT_HYSTERESIS_V } else { HYSTERESIS_V }
 }
 
-/// By how much more a current may seem to cost where a battery went both ways, ohm: half of a hysteresis is in that.
-fn half_of_hysteresis(shown: &[Shown]) -> f64 {
+/// The slow current of a battery that went both ways, A, by which half of a hysteresis looks like something that the current costs; infinite where it went one way.
+fn current_both_ways_a(shown: &[Shown]) -> f64 {
     let mean_a = |discharged: bool| {
         let slow = shown.iter().filter(|shown| shown.kind == Kind::Slow && shown.discharged == Some(discharged));
         let (sum, count) = slow.fold((0.0, 0.0), |(sum, count), shown| (sum + shown.current_a.abs(), count + 1.0));
         (count > 0.0).then(|| sum / count)
     };
-    mean_a(true).zip(mean_a(false)).map_or(0.0, |(out_a, in_a)| HYSTERESIS_V / f64::midpoint(out_a, in_a))
+    mean_a(true).zip(mean_a(false)).map_or(f64::INFINITY, |(out_a, in_a)| f64::midpoint(out_a, in_a))
 }
 
 /// What was shown, as linear equations in the points of the table and in what a slow current costs at its turns.

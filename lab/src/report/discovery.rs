@@ -63,6 +63,9 @@ pub struct DiscoveryReport {
     /// found.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub within_stated: Vec<Roughly>,
+    /// Channels of which the stated sensor floor looks too small, in words; empty where the model found explains the logs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub floors_too_small: Vec<String>,
     /// How far the search went.
     pub reach: Reach,
     /// The file written; null when none was asked for.
@@ -123,7 +126,7 @@ impl DiscoveryReport {
         parts.extend(section("Parameters", text(&tables::parameters(found)), !found.parameters.is_empty()));
         parts.extend(section("The files alone, as `lab compare` sees them", self.files(), !self.files.is_empty()));
         parts.extend(section("What it changes", text(&decisions(&self.decision)), !self.decision.0.is_empty()));
-        parts.extend(section("What is left", left(found) + &self.beside(), true));
+        parts.extend(section("What is left", left(found) + &self.floors() + &self.beside(), true));
         parts.extend(section("Not to be tested with these logs", untested(&found.untested), !found.untested.is_empty()));
         if !found.equivalent.is_empty() {
             parts.push(format!("These logs cannot tell apart: {}.\n", effects(&found.equivalent)));
@@ -142,6 +145,11 @@ impl DiscoveryReport {
         let warning = "Where the model found is worse, what it learned of a log or a sensor is missing (below), or it holds for the \
                        logs that it was fitted to and not for others: look at both before you use it.\n";
         text(&tables::files(&self.files)) + if worse { warning } else { "" }
+    }
+
+    /// Which floors to doubt, one line each.
+    fn floors(&self) -> String {
+        self.floors_too_small.iter().map(|words| words.clone() + "\n").collect()
     }
 
     /// What was learned beside the model, and what the model alone leaves therefore.

@@ -70,6 +70,25 @@ pub struct FittedLog {
     pub effective_rows: f64,
 }
 
+/// Error of one channel of a log to which nothing was fitted, before and after.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HeldLog {
+    /// Name of the log.
+    pub log: String,
+    /// Canonical name of the channel.
+    pub channel: &'static str,
+    /// Unit of RMS and floor.
+    pub unit: &'static str,
+    /// Rows that count.
+    pub rows: usize,
+    /// Known sensor floor; null when the model states none.
+    pub floor: Option<f64>,
+    /// RMS of observed minus predicted with the model as given.
+    pub rms_before: f64,
+    /// RMS with the model as fitted.
+    pub rms_after: f64,
+}
+
 /// Everything that `lab fit` says.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FitReport {
@@ -89,6 +108,8 @@ pub struct FitReport {
     pub correlation: Vec<Vec<f64>>,
     /// By log and channel.
     pub logs: Vec<FittedLog>,
+    /// By log and channel, of logs to which nothing was fitted.
+    pub holdout: Vec<HeldLog>,
     /// What to know about the result, one sentence each.
     pub words: Vec<String>,
     /// The file written; null when none was asked for.
@@ -131,8 +152,32 @@ impl FitReport {
             parameters,
             correlation,
             logs,
+            holdout: Vec::new(),
             output: None,
         }
+    }
+
+    /// Adds what the fit is worth to logs to which nothing was fitted.
+    #[must_use]
+    pub fn with_holdout(mut self, before: &Comparison, after: &Comparison) -> FitReport {
+        let log = |(before, after): (&ChannelError, &ChannelError)| HeldLog {
+            log: after.log.clone(),
+            channel: after.channel,
+            unit: after.unit,
+            rows: after.size.rows,
+            floor: after.floor,
+            rms_before: before.size.rms,
+            rms_after: after.size.rms,
+        };
+        self.holdout = before.errors.iter().zip(&after.errors).map(log).collect();
+        for log in self.holdout.iter().filter(|log| log.rms_after > WORSE * log.rms_before) {
+            let (before, after) = (quantity(log.rms_before, log.unit), quantity(log.rms_after, log.unit));
+            self.words.push(format!(
+                "{} in {}, held out, is predicted worse than before ({before}, now {after}): the fit helps only where it was made.",
+                log.channel, log.log
+            ));
+        }
+        self
     }
 
     /// What to write into the model's text. A parameter on which no row depends keeps its number
@@ -184,7 +229,11 @@ impl FitReport {
                 .to_owned(),
             ]);
         }
-        let mut whole = format!("{}: fit of {}\n\n{}\n{}", self.model, count(self.parameters.len()), text(&errors), text(&parameters));
+        let mut whole = format!("{}: fit of {}\n\n{}\n", self.model, count(self.parameters.len()), text(&errors));
+        if !self.holdout.is_empty() {
+            whole += &format!("{}\n", text(&self.holdout_table()));
+        }
+        whole += &text(&parameters);
         if self.parameters.len() > 1 {
             whole += &format!("\n{}", text(&self.correlation_table()));
         }
@@ -195,6 +244,22 @@ impl FitReport {
             whole += &format!("\nWritten to {output}\n");
         }
         whole
+    }
+
+    fn holdout_table(&self) -> comfy_table::Table {
+        let mut errors = table(&["held out", "channel", "rows", "RMS before", "RMS after", "floor"]);
+        for log in &self.holdout {
+            errors.add_row([
+                log.log.clone(),
+                log.channel.to_owned(),
+                log.rows.to_string(),
+                quantity(log.rms_before, log.unit),
+                quantity(log.rms_after, log.unit),
+                log.floor.map_or_else(|| "unknown".to_owned(), |floor| quantity(floor, log.unit)),
+            ]);
+        }
+        numbers_from(&mut errors, 2);
+        errors
     }
 
     fn correlation_table(&self) -> comfy_table::Table {

@@ -110,6 +110,15 @@ impl Spectrum {
     }
 }
 
+/// Power at whole multiples of a quarter of a frequency, that of one period in `span_s`, from none on; of a log that may be shorter than that.
+pub(crate) fn quarters(slots: &Slots, span_s: f64) -> Vec<f64> {
+    let length = ((4.0 * span_s / slots.interval_s).round() as usize).max(slots.values.len());
+    let mut buffer: Vec<Complex<f64>> = slots.with_zeros().map(|value| Complex::new(value, 0.0)).collect();
+    buffer.resize(length, Complex::default());
+    transform(length, false).process(&mut buffer);
+    buffer.iter().take(length / 2 + 1).map(Complex::norm_sqr).collect()
+}
+
 fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

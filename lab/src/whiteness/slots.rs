@@ -82,7 +82,7 @@ impl Slots {
     }
 
     /// Correlation at every lag up to a quarter of the slots.
-    pub(super) fn correlation(&self) -> Correlation {
+    pub(crate) fn correlation(&self) -> Correlation {
         let lags = (self.values.len() / 4).max(1);
         let products = self_products(self.with_zeros(), self.values.len(), lags);
         let pairs = if self.filled == self.values.len() {
@@ -117,7 +117,7 @@ impl Slots {
 }
 
 /// Correlation by lag in slots: mean product of pairs over variance.
-pub(super) struct Correlation {
+pub(crate) struct Correlation {
     values: Vec<f64>,
     /// Pairs of filled slots at each lag.
     pub(super) pairs: Vec<f64>,
@@ -125,7 +125,7 @@ pub(super) struct Correlation {
 
 impl Correlation {
     /// The mean product of pairs at this lag over the variance; 0 beyond the last known lag.
-    pub(super) fn at(&self, lag: usize) -> f64 {
+    pub(crate) fn at(&self, lag: usize) -> f64 {
         self.values.get(lag).copied().unwrap_or(0.0)
     }
 

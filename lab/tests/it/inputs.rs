@@ -61,15 +61,48 @@ const RUN: &str = "time_s,current_a,voltage_v\n0,1,4.1\n10,1,4.0\n20,1,3.99\n30,
 fn a_log_for_judging_is_compared_but_never_fitted() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), "train.csv", RUN);
-    write(folder.path(), "judge.csv", RUN);
+    write(folder.path(), "judge.csv", "time_s,current_a,voltage_v\n0,1,4.1\n10,1,4.1\n20,1,4.1\n30,1,4.1\n");
     write(folder.path(), "judge.toml", "schema = 1\nrole = \"holdout\"\n");
     let run = |verb: &str, more: &[&str]| lab_in(folder.path(), &[&[verb, "--model", CELL, "--soc-initial", "1"], more].concat());
     let compared = run("compare", &["--log", "train.csv", "judge.csv"]);
     assert!(compared.stdout.contains("train") && compared.stdout.contains("judge"), "{}", compared.stdout);
     let fitted = run("fit", &["--free", "ohmic", "--log", "train.csv", "judge.csv"]);
-    assert!(fitted.stdout.contains("train") && !fitted.stdout.contains("judge"), "{}{}", fitted.stdout, fitted.stderr);
+    let column = |name: &str| fitted.stdout.lines().position(|line| line.trim_start().starts_with(name));
+    let (held, judge) = (column("held out"), column("judge"));
+    assert!(column("train") < held && held < judge && judge < column("parameter"), "{}{}", fitted.stdout, fitted.stderr);
+    let by_flag = run("fit", &["--free", "ohmic", "--log", "train.csv", "--holdout", "judge.csv"]);
+    assert_eq!(fitted.stdout, by_flag.stdout);
+    assert!(fitted.stdout.contains("voltage_v in judge, held out, is predicted worse than before"), "{}", fitted.stdout);
+    refuses(&run("fit", &["--free", "ohmic", "--log", "train.csv", "--holdout", "./train.csv"]), "is given twice");
     refuses(&run("fit", &["--free", "ohmic", "--log", "judge.csv"]), "no log to fit to: the facts of each say role = \"holdout\"");
     refuses(&run("compare", &["--log", "train.csv", "./train.csv"]), "the log ./train.csv is given twice");
+}
+
+#[test]
+fn one_file_holds_several_logs() {
+    let folder = tempfile::tempdir().unwrap();
+    let cycle =
+        |cycle: i32| (0..20).map(move |row| format!("{},{cycle},1,{:.3}\n", 100 * cycle + row, 4.1 - 0.001 * f64::from(row * cycle)));
+    write(folder.path(), "all.csv", &(1..=3).flat_map(cycle).fold("time_s,cycle,current_a,voltage_v\n".to_owned(), |all, row| all + &row));
+    for (name, more) in [("one", "rows = [\"cycle=1\"]\n"), ("two", "rows = [\"cycle=2\"]\nrole = \"holdout\"\n"), ("none", "")] {
+        write(folder.path(), &format!("{name}.toml"), &format!("schema = 1\nlog = \"all.csv\"\nsoc_initial = 1.0\n{more}"));
+    }
+    let run = |verb: &str, more: &[&str]| lab_in(folder.path(), &[&[verb, "--model", CELL], more].concat());
+    let compared = run("compare", &["--log", "one.toml", "two.toml"]);
+    let rows = |name: &str| compared.stdout.lines().find(|line| line.trim_start().starts_with(name)).map(|line| line.contains("   19 "));
+    assert_eq!((rows("one"), rows("two")), (Some(true), Some(true)), "{}{}", compared.stdout, compared.stderr);
+    assert!(compared.stderr.contains("all.csv: 20 of 60 rows are read, those with cycle=2"), "{}", compared.stderr);
+    let fitted = run("fit", &["--free", "ohmic", "--log", "one.toml", "two.toml"]);
+    assert!(fitted.stdout.contains("one") && fitted.stdout.contains("held out"), "{}{}", fitted.stdout, fitted.stderr);
+    // A flag takes the place of what the file says of the same column, and adds to what it says of others.
+    let flags = run("compare", &["--log", "one.toml", "--rows", "cycle=3", "--rows", "time_s=..309"]);
+    assert!(flags.stderr.contains("10 of 60 rows are read, those with cycle=3 and time_s=..309"), "{}", flags.stderr);
+    refuses(&run("fit", &["--free", "ohmic", "--log", "one.toml", "-o", "all.csv"]), "all.csv is a log that is read here");
+    refuses(&run("compare", &["--log", "none.toml", "--rows", "cycle=4"]), "all.csv: cycle=4: no row is like that; `cycle` holds 1 to 3");
+    write(folder.path(), "bare.toml", "schema = 1\n");
+    refuses(&run("compare", &["--log", "bare.toml"]), "bare.toml does not say of which log it is: write log = \"FILE.csv\" into it");
+    write(folder.path(), "all.toml", "schema = 1\nlog = \"other.csv\"\n");
+    refuses(&run("compare", &["--log", "all.csv"]), "all.toml is of another log, other.csv, and stands beside all.csv");
 }
 
 #[test]

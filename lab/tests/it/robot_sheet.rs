@@ -29,7 +29,8 @@ fn the_sheets_of_the_explorer_give_its_built_in_model() {
     for (effect, name, within) in [
         ("motion", "mass_kg", 1e-9),
         ("motion", "rolling_coefficient", 1e-9),
-        ("motion", "drive_efficiency", 1e-9),
+        // By hand it is the gear's alone; the sheet's two constants of the motor differ by 0.3 %.
+        ("motion", "drive_efficiency", 0.005),
         ("dry_friction", "force_n", 0.01),
         ("acceleration", "mass_kg", 0.01),
     ] {
@@ -47,11 +48,14 @@ fn the_sheets_of_the_explorer_give_its_built_in_model() {
 /// The effects take what the equations of motor, gear and bridge say, on the ramp but for ripple, and nearly so on the level.
 #[test]
 fn the_model_takes_what_the_motors_take() {
-    let (_, report) = report(&text().replace("24.57e3", "1e7"));
-    assert_eq!(report.going.len(), 3);
-    for going in &report.going {
-        let within = if going.pitch_deg > 0.0 { 0.01 } else { 0.05 };
-        assert!((going.model_w / going.motors_w - 1.0).abs() < within, "{going:?}");
+    // Also where the two constants of the motor differ, as those of real sheets do.
+    for torque in ["11.4e-3", "9.0e-3"] {
+        let (_, report) = report(&text().replace("24.57e3", "1e7").replace("= 11.4e-3", &format!("= {torque}")));
+        assert_eq!(report.going.len(), 3);
+        for going in &report.going {
+            let within = if going.pitch_deg > 0.0 { 0.01 } else { 0.05 };
+            assert!((going.model_w / going.motors_w - 1.0).abs() < within, "{torque}: {going:?}");
+        }
     }
 }
 

@@ -27,11 +27,11 @@ static SPEC: EffectSpec = EffectSpec {
     confused_with: &[
         ("slope", "constant speed on a slope"),
         ("payload", "speeding up without payload"),
-        ("motion", "leave one of them out: both hold acceleration"),
+        ("motion", "slopes as well as starts: its mass has weight, what turns has none"),
     ],
     parameters: &[ParameterSpec {
         name: "mass_kg",
-        meaning: "mass with what turns, without payload",
+        meaning: "mass with what turns, without payload; beside motion only what turns",
         default: 0.9,
         null: Some(0.0),
         min: 0.0,

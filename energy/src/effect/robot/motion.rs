@@ -5,7 +5,7 @@
 //! Nothing rolls at a standstill.
 //!
 //! It lumps `rolling`, `slope`, `acceleration`, `payload` and `gear_loss`, each of which is an effect
-//! of its own, and gives its force to those that follow the force (`motor_copper`, `slip`).
+//! of its own (`acceleration` beside it is that of the rotors, which has no weight and does not pass the gear), and gives its force to those that follow the force (`motor_copper`, `slip`).
 //!
 //! Absence: the power residual grows with speed and with uphill pitch.
 
@@ -67,6 +67,11 @@ impl Physics for Motion {
 
     fn lumps(&self) -> &'static [&'static str] {
         &["rolling", "slope", "acceleration", "payload", "gear_loss"]
+    }
+
+    /// What turns before the gear has inertia, but no weight.
+    fn may_need(&self) -> &'static [&'static str] {
+        &["acceleration"]
     }
 
     #[inline]

@@ -5,7 +5,7 @@ use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use lab::measurement::{GapCurrent, LOG_BYTES_MAX, Log, LogFacts, Mapping, Mark, Overrides, read_log_from};
+use lab::measurement::{GapCurrent, LOG_BYTES_MAX, Log, LogFacts, Mapping, Mark, Overrides, Selection, read_log_from};
 
 use super::say;
 
@@ -15,7 +15,11 @@ pub(in crate::cmd) struct FactArgs {
     /// temperature_degc=temp_K*1-273.15; a number alone stands for every row.
     #[arg(long = "column", value_name = "CANONICAL=SOURCE[*SCALE][+/-OFFSET]")]
     columns: Vec<Mapping>,
-    /// State of charge at the first row, 0 to 1.
+    /// Reads only rows in which this column holds this number or text, or lies within this range, e.g. cycle=3, mode=CC or
+    /// time_s=3600..7200; several must all be so.
+    #[arg(long, value_name = "COLUMN=VALUE|FROM..TO")]
+    rows: Vec<Selection>,
+    /// State of charge at the first row that is read, 0 to 1.
     #[arg(long, allow_negative_numbers = true)]
     soc_initial: Option<f64>,
     /// Standard deviation of it.
@@ -63,6 +67,17 @@ fn parts(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(parts)
 }
 
+/// Whether a log is named by the facts about it.
+fn is_facts(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
+}
+
+/// The file that holds the rows of a log which is named by the facts about it. What is wrong with them is told when they are read.
+pub(super) fn named_by_facts(path: &Path) -> Option<PathBuf> {
+    let facts: toml::Table = if is_facts(path) { fs::read_to_string(path).ok()?.parse().ok()? } else { return None };
+    Some(path.with_file_name(facts.get("log")?.as_str()?))
+}
+
 impl FactArgs {
     pub(super) fn overrides(&self) -> anyhow::Result<Overrides> {
         let overrides = Overrides {
@@ -73,6 +88,7 @@ impl FactArgs {
             ambient_sigma_k: self.ambient_sigma_k,
             gap_current: self.gap_current,
             settling_s: self.settling_s,
+            rows: self.rows.clone(),
             missing: self.missing.clone(),
             topic: self.topic.clone(),
             columns: self.columns.clone(),
@@ -83,25 +99,30 @@ impl FactArgs {
 
     /// What is known about a log: from the file beside it, and from the flags, which win.
     pub(super) fn of(&self, path: &Path) -> anyhow::Result<LogFacts> {
-        let beside = path.with_extension("toml");
-        let facts = if beside.is_file() {
-            let name = beside.display().to_string();
-            let text = fs::read_to_string(&beside).with_context(|| format!("cannot read {name}"))?;
-            let is_model = toml::from_str::<toml::Table>(&text).is_ok_and(|table| table.contains_key("system"));
-            let log = path.display();
-            ensure!(
-                !is_model,
-                "{name} is a model, and would be read as the facts of the log {log} beside it: give one of them another name"
-            );
-            LogFacts::parse(&name, &text)?
-        } else {
-            LogFacts::default()
-        };
-        Ok(self.overrides()?.over(facts))
+        let (beside, overrides) = (path.with_extension("toml"), self.overrides()?);
+        if !beside.is_file() {
+            return Ok(overrides.over(LogFacts::default()));
+        }
+        let (name, log) = (beside.display(), path.display());
+        let text = fs::read_to_string(&beside).with_context(|| format!("cannot read {name}"))?;
+        let is_model = toml::from_str::<toml::Table>(&text).is_ok_and(|table| table.contains_key("system"));
+        ensure!(!is_model || !is_facts(path), "{name} is a model, no log");
+        ensure!(!is_model, "{name} is a model, and would be read as the facts of the log {log} beside it: give one of them another name");
+        let facts = LogFacts::parse(&beside.display().to_string(), &text)?;
+        match &facts.log {
+            None => ensure!(!is_facts(path), "{name} does not say of which log it is: write log = \"FILE.csv\" into it, or name the log"),
+            Some(of) => {
+                ensure!(is_facts(path), "{name} is of another log, {}, and stands beside {log}: name {name} as the log", of.display());
+            }
+        }
+        Ok(overrides.over(facts))
     }
 
     /// Reads a log of which the facts are known, and says what is not as it should be.
     pub(super) fn read_with(&self, path: &Path, facts: LogFacts) -> anyhow::Result<Log> {
+        let named = path;
+        let data = facts.log.as_ref().map(|log| named.with_file_name(log));
+        let path = data.as_deref().unwrap_or(named);
         let doing = || format!("cannot read the log {}", path.display());
         let parts = if fs::metadata(path).with_context(doing)?.is_dir() { parts(path)? } else { vec![path.to_owned()] };
         let file = parts[0].display().to_string();
@@ -121,6 +142,10 @@ impl FactArgs {
         let mut log = read_log_from(&file, &mut BufReader::with_capacity(1 << 16, all), facts)?;
         if parts.len() > 1 {
             log.notes.push(format!("{}: {} files, read as one recording", path.display(), parts.len()));
+        }
+        if data.is_some() {
+            log.name = named.file_stem().map_or(log.name, |stem| stem.to_string_lossy().into_owned());
+            log.file = named.display().to_string();
         }
         say(&log.notes);
         Ok(log)

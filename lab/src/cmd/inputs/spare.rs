@@ -7,6 +7,7 @@ use lab::model_source::Origin;
 use lab::output::directory_of;
 
 use super::ModelArg;
+use super::facts::named_by_facts;
 
 /// What the answer of a command is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,8 +39,11 @@ impl ModelArg {
     }
 }
 
-/// Refuses to write over this log, over a part of it, or over the facts beside it.
+/// Refuses to write over this log, over a part of it, over the facts beside it, or over the file that these are of.
 pub(in crate::cmd) fn spare(log: &Path, output: &Path) -> anyhow::Result<()> {
+    if let Some(data) = named_by_facts(log) {
+        ensure!(!same_file(&data, output), "{} is a log that is read here; write to another file", output.display());
+    }
     let part = log.is_dir() && output.exists() && same_file(log, &directory_of(output));
     ensure!(!part && !same_file(log, output), "{} is a log that is read here; write to another file", output.display());
     let facts = log.with_extension("toml");

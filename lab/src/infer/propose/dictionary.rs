@@ -112,13 +112,16 @@ pub fn dictionary(frame: &Frame, period_s: Option<f64>) -> Vec<Term> {
             let part = format!("(1 + tanh((cos({angle}) - level) / {EDGE})) / 2");
             for share in [0.25, 0.35, 0.5, 0.65, 0.75] {
                 let level = (PI * share).cos();
-                all.push(periodic(channel, words(), &part, &[(LEVEL, level, -0.98, 0.98), (EDGE, 0.4, 0.02, 1.0)]));
+                all.push(periodic(channel, words(), &part, &[(LEVEL, level, -0.98, 0.98), (EDGE, 0.4, SHARP, 1.0)]));
             }
             all.push(periodic(channel, words(), &format!("sin({angle})"), &[]));
         }
     }
     all
 }
+
+/// The sharpest edge of a switch, as a part of the swing of its cosine: at half a period it takes a six-thousandth of it.
+const SHARP: f64 = 1e-3;
 
 /// Channels on which something periodic may act.
 fn beside(system: System) -> &'static [Channel] {

@@ -11,8 +11,9 @@ use crate::infer::evidence::{Evidence, Segment};
 use crate::infer::frame::Frame;
 use crate::infer::lens::whiten_all;
 use crate::infer::rough::Rough;
-use crate::infer::state::State;
+use crate::infer::state::{State, residual};
 use crate::infer::trial::held_out;
+use crate::whiteness::{Slots, quarters};
 
 /// Phases that are looked at, and what of a period the deviation of a clock is: three of them reach every phase.
 const PHASES: usize = 16;
@@ -22,41 +23,56 @@ const ONE_PHASE: f64 = 0.03;
 /// Share by which the held-out error may be higher with one phase for all logs.
 const AS_GOOD: f64 = 0.05;
 
-impl Look<'_> {
-    /// The period at which the residual has most power, if it has several times the usual one:
-    /// at least three periods long, at a phase of its own in every log.
-    pub(super) fn period(&self) -> Option<f64> {
-        let evidence = &self.state.frame.evidence;
-        let rows = self.base.left.as_slice();
-        let longest = evidence.segments.iter().max_by(|a, b| span_s(&a.time_s).total_cmp(&span_s(&b.time_s)))?;
-        let (span_s, count) = (span_s(&longest.time_s), longest.time_s.len());
-        let step_s = span_s / count.max(2) as f64;
-        let highest = ((span_s / (4.0 * step_s)) * 4.0).min(1600.0) as usize;
-        let power = |quarters: f64| {
-            let frequency = 0.25 * quarters / span_s;
-            let of_segment = |segment: &Segment| {
-                let rows = segment.time_s.iter().zip(&rows[segment.range()]);
-                let (sine, cosine) = rows.fold((0.0, 0.0), |(sine, cosine), (&time_s, &value)| {
-                    let (s, c) = (TAU * frequency * time_s).sin_cos();
-                    (sine + s * value, cosine + c * value)
-                });
-                sine * sine + cosine * cosine
-            };
-            evidence.segments.iter().map(of_segment).sum::<f64>()
-        };
-        let powers: Vec<f64> = (12..highest).map(|quarters| power(quarters as f64)).collect();
-        let peak = (0..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]))?;
-        let mut sorted = powers.clone();
-        sorted.sort_by(f64::total_cmp);
-        if powers[peak] <= 10.0 * sorted[sorted.len() / 2] {
-            return None;
-        }
-        // Between the frequencies that were tried: an edge must be met to a row or two.
-        let fine = |share: i32| (peak + 12) as f64 + 0.05 * f64::from(share);
-        let best = (-20..=20).max_by(|&a, &b| power(fine(a)).total_cmp(&power(fine(b))))?;
-        Some(span_s / (0.25 * fine(best)))
-    }
+/// Periods that the longest log must hold, and readings that a period must have.
+const PERIODS: usize = 3;
+const READINGS: f64 = 4.0;
+/// By how many times the power at a period must exceed the usual one.
+const STANDS_OUT: f64 = 10.0;
 
+/// The period at which the residual of these rows has most power, s, if it has several times the usual one: at a phase of its own in every log.
+pub(super) fn period_s(state: &State) -> Option<f64> {
+    let by_rows = state.frame.by_rows();
+    let (frame, evidence) = (&by_rows, &by_rows.evidence);
+    let mut left = residual(frame, &state.x);
+    for segment in &evidence.segments {
+        left[segment.range()].iter_mut().for_each(|left| *left /= evidence.floor(segment.channel));
+    }
+    let longest = evidence.segments.iter().max_by(|a, b| span_s(&a.time_s).total_cmp(&span_s(&b.time_s)))?;
+    let span_s = span_s(&longest.time_s);
+    // In quarters of the least frequency that the longest log tells from the next one.
+    let mut powers: Vec<f64> = Vec::new();
+    for segment in &evidence.segments {
+        let Some(slots) = Slots::of(&segment.time_s, &left[segment.range()]) else { continue };
+        let own = quarters(&slots, span_s);
+        let seen = ((4.0 * span_s / (READINGS * slots.interval_s)) as usize).min(own.len());
+        powers.resize(powers.len().max(seen), 0.0);
+        powers.iter_mut().zip(&own[..seen]).for_each(|(sum, own)| *sum += own);
+    }
+    let from = 4 * PERIODS;
+    let peak = (from..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]))?;
+    let mut sorted = powers[from..].to_vec();
+    sorted.sort_by(f64::total_cmp);
+    if powers[peak] <= STANDS_OUT * sorted[sorted.len() / 2] {
+        return None;
+    }
+    // Between the frequencies that were tried, at the times of the rows: an edge must be met to a row or two.
+    let power = |frequency: f64| {
+        let of_segment = |segment: &Segment| {
+            let rows = segment.time_s.iter().zip(&left[segment.range()]);
+            let (sine, cosine) = rows.fold((0.0, 0.0), |(sine, cosine), (&time_s, &value)| {
+                let (s, c) = (TAU * frequency * time_s).sin_cos();
+                (sine + s * value, cosine + c * value)
+            });
+            sine * sine + cosine * cosine
+        };
+        evidence.segments.iter().map(of_segment).sum::<f64>()
+    };
+    let fine = |share: i32| 0.25 * (peak as f64 + 0.05 * f64::from(share)) / span_s;
+    let best = (-20..=20).max_by(|&a, &b| power(fine(a)).total_cmp(&power(fine(b))))?;
+    Some(fine(best).recip())
+}
+
+impl Look<'_> {
     /// A periodic term where every log finds it at the phase at which it explains the log best.
     pub(super) fn at_its_phases(&self, term: &Term) -> Option<Seen> {
         let (logs, period_s) = (self.state.frame.evidence.logs.len(), term.period_s?);

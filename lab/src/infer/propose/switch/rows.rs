@@ -8,6 +8,7 @@ use crate::infer::frame::Frame;
 use crate::infer::lens::{Absorber, Lens};
 use crate::infer::propose::cheapest::cheapest;
 use crate::infer::state::{State, filters, observed};
+use crate::persistence::Persistence;
 use crate::prepare::Prepared;
 
 /// Rounds in which size and times are asked for in turn.
@@ -311,11 +312,9 @@ impl Rows {
     /// few rows of it are independent (as in `fit`).
     pub(super) fn sigma(&self, settled: &Settled) -> f64 {
         let left = &settled.left;
-        let square = left.iter().map(|left| left.powi(2)).sum::<f64>();
-        let next: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum();
-        let lag1 = (next / square.max(f64::MIN_POSITIVE)).clamp(0.0, 0.999);
         let large = (self.rms(settled) / self.floor).max(1.0);
-        settled.sigma * large * ((1.0 + lag1) / (1.0 - lag1)).sqrt()
+        let rows: Vec<usize> = (0..left.len()).collect();
+        settled.sigma * large * Persistence::of(&rows, left).rows_per_independent(rows.len()).sqrt()
     }
 
     pub(super) fn rms(&self, settled: &Settled) -> f64 {

@@ -1,0 +1,215 @@
+//! Which rows of a log are read: those of a cycle or a step of a test, or a stretch of time.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use energy::document::hint;
+use jiff::Timestamp;
+use serde::de::{self, Deserialize, Deserializer};
+
+use super::Table;
+use super::mapping::Source;
+use super::table::{Cells, moment};
+use super::thin::thousands;
+use super::times::short;
+
+/// What is shown of a column in which no row is as asked for.
+const SHOWN: usize = 6;
+
+/// What a column must hold in every row that is read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selection {
+    /// The column, by the logger's name, or by that which a mapping gives it.
+    pub column: String,
+    wanted: Wanted,
+    /// As the user wrote it.
+    text: String,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Wanted {
+    /// This number or text.
+    Same(String),
+    /// A number within these, both included.
+    Numbers(f64, f64),
+    /// A date within these, both included.
+    Dates(Option<Timestamp>, Option<Timestamp>),
+}
+
+impl FromStr for Selection {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Selection, String> {
+        let wrong = || "write COLUMN=VALUE or COLUMN=FROM..TO, for example cycle=3, step=5..7 or time_s=3600..".to_owned();
+        let (column, value) = text.split_once('=').map(|(column, value)| (column.trim(), value.trim())).ok_or_else(wrong)?;
+        if column.is_empty() || value.is_empty() {
+            return Err(wrong());
+        }
+        let wanted = match value.split_once("..").map(|(from, to)| (from.trim(), to.trim())) {
+            None => Wanted::Same(value.to_owned()),
+            Some(("", "")) => return Err(wrong()),
+            Some((from, to)) => range(from, to).ok_or_else(wrong)?,
+        };
+        let is_empty = match &wanted {
+            Wanted::Same(_) => false,
+            Wanted::Numbers(from, to) => from > to,
+            Wanted::Dates(from, to) => from.zip(*to).is_some_and(|(from, to)| from > to),
+        };
+        if is_empty {
+            return Err(format!("{value}: begins after it ends"));
+        }
+        Ok(Selection { column: column.to_owned(), wanted, text: format!("{column}={value}") })
+    }
+}
+
+fn range(from: &str, to: &str) -> Option<Wanted> {
+    let number = |text: &str, open: f64| if text.is_empty() { Some(open) } else { text.parse().ok().filter(|value: &f64| !value.is_nan()) };
+    if let (Some(from), Some(to)) = (number(from, f64::NEG_INFINITY), number(to, f64::INFINITY)) {
+        return Some(Wanted::Numbers(from, to));
+    }
+    let date = |text: &str| if text.is_empty() { Some(None) } else { moment(text).map(Some) };
+    Some(Wanted::Dates(date(from)?, date(to)?))
+}
+
+impl fmt::Display for Selection {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(&self.text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Selection {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Selection, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(de::Error::custom)
+    }
+}
+
+impl Selection {
+    /// Which rows are as asked for.
+    fn rows(&self, table: &Table, mapped: &BTreeMap<&str, Source>) -> Result<Vec<bool>, String> {
+        let of_mapping = || mapped.get(self.column.as_str()).copied();
+        let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
+        let source = table.names.iter().position(|name| *name == self.column).map(own).or_else(of_mapping);
+        let (cells, scale, offset) = match source {
+            Some(Source::Column { index, scale, offset }) => (&table.columns[index], scale, offset),
+            Some(Source::Constant(_)) => return Err(format!("{self}: `{}` is the same number in every row", self.column)),
+            None => {
+                let near = hint(&self.column, table.names.iter().map(String::as_str));
+                return Err(format!("{self}: the log has no column `{}`{near} Its columns: {}", self.column, table.names.join(", ")));
+            }
+        };
+        let numbers = || cells.numbers().iter().map(|number| number * scale + offset);
+        let rows: Vec<bool> = match &self.wanted {
+            Wanted::Same(text) => {
+                let number = text.parse::<f64>().ok();
+                let mut rows: Vec<bool> = numbers().map(|value| Some(value) == number).collect();
+                cells.rows_of_text(text).for_each(|row| rows[row] = true);
+                rows
+            }
+            Wanted::Numbers(from, to) => numbers().map(|value| (*from..=*to).contains(&value)).collect(),
+            Wanted::Dates(from, to) => {
+                let mut rows = vec![false; cells.len()];
+                let within = |date: Timestamp| from.is_none_or(|from| from <= date) && to.is_none_or(|to| date <= to);
+                cells.moments().filter(|&(_, date)| within(date)).for_each(|(row, _)| rows[row] = true);
+                rows
+            }
+        };
+        match rows.contains(&true) {
+            true => Ok(rows),
+            false => Err(format!("{self}: no row is like that; `{}` holds {}", self.column, held(cells, numbers()))),
+        }
+    }
+}
+
+/// What a column holds, in words.
+fn held(cells: &Cells, numbers: impl Iterator<Item = f64>) -> String {
+    let (low, high) =
+        numbers.filter(|number| !number.is_nan()).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    let texts = cells.different_texts();
+    let shown = texts.iter().take(SHOWN).map(|text| format!("`{text}`")).collect::<Vec<_>>().join(", ");
+    let more = if texts.len() > SHOWN { " and others" } else { "" };
+    match (low <= high, texts.is_empty()) {
+        (true, true) => format!("{} to {}", short(low), short(high)),
+        (true, false) => format!("{} to {}, and {shown}{more}", short(low), short(high)),
+        (false, false) => shown + more,
+        (false, true) => "nothing".to_owned(),
+    }
+}
+
+/// The rows of a table that are as asked for in every respect.
+pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&str, Source>) -> Result<Table, String> {
+    if selections.is_empty() {
+        return Ok(table);
+    }
+    let mut kept = vec![true; table.lines.len()];
+    for selection in selections {
+        let rows = selection.rows(&table, mapped)?;
+        kept.iter_mut().zip(rows).for_each(|(kept, row)| *kept &= row);
+    }
+    let asked = selections.iter().map(Selection::to_string).collect::<Vec<_>>().join(" and ");
+    let rows = kept.iter().filter(|&&kept| kept).count();
+    if rows == 0 {
+        return Err(format!("{asked}: each is so in some rows, but not all in one"));
+    }
+    let note = format!("{} of {} rows are read, those with {asked}", thousands(rows), thousands(kept.len()));
+    let mut table = table.with_rows(&kept);
+    table.notes.push(note);
+    Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::measurement::{LogFacts, read_log};
+
+    const CYCLES: &str =
+        "time_s,cycle,mode,current_a,voltage_v\n0,1,rest,0,4.1\n1,1,CC,1,4.0\n2,2,CC,1,3.9\n3,2,rest,0,4.0\n4,3,rest,0,4.0\n";
+
+    fn read(text: &str, rows: &[&str]) -> Result<(Vec<f64>, String), String> {
+        let rows = rows.iter().map(|one| one.parse()).collect::<Result<_, String>>()?;
+        let log = read_log("a.csv", text.as_bytes(), LogFacts { rows, ..LogFacts::default() }).map_err(|error| error.to_string())?;
+        Ok((log.time_s, log.notes.first().cloned().unwrap_or_default()))
+    }
+
+    #[test]
+    fn rows_are_chosen_by_number_text_and_range() {
+        let times = |rows: &[&str]| read(CYCLES, rows).unwrap().0;
+        assert_eq!(times(&["cycle=2"]), [2.0, 3.0]);
+        assert_eq!(times(&["cycle = 2.0"]), [2.0, 3.0]);
+        assert_eq!(times(&["cycle=2..3"]), [2.0, 3.0, 4.0]);
+        assert_eq!(times(&["mode=rest"]), [0.0, 3.0, 4.0]);
+        assert_eq!(times(&["mode=rest", "time_s=..3.5"]), [0.0, 3.0]);
+        let note = read(CYCLES, &["cycle=2", "time_s=1.."]).unwrap().1;
+        assert_eq!(note, "a.csv: 2 of 5 rows are read, those with cycle=2 and time_s=1..");
+    }
+
+    #[test]
+    fn dates_are_chosen_by_dates_and_begin_anew() {
+        let text = "when,current_a,voltage_v\n2026-03-01T10:00:00Z,1,4.1\n2026-03-01T10:00:10Z,1,4.0\n2026-03-01T10:00:20Z,1,3.9\n";
+        let columns = vec!["time_s=when".parse().unwrap()];
+        let rows = vec!["when=2026-03-01T10:00:05Z..".parse().unwrap()];
+        let log = read_log("a.csv", text.as_bytes(), LogFacts { rows, columns, ..LogFacts::default() }).unwrap();
+        assert_eq!(log.time_s, [0.0, 10.0]);
+    }
+
+    #[test]
+    fn a_mapped_column_is_chosen_by_in_its_own_unit() {
+        let text = "min,current_a,voltage_v\n0,1,4.1\n1,1,4.0\n2,1,3.9\n";
+        let columns = vec!["time_s=min*60".parse().unwrap()];
+        let rows = vec!["time_s=60..".parse().unwrap()];
+        let log = read_log("a.csv", text.as_bytes(), LogFacts { rows, columns, ..LogFacts::default() }).unwrap();
+        assert_eq!(log.time_s, [60.0, 120.0]);
+    }
+
+    #[test]
+    fn what_no_row_is_like_is_said_with_what_there_is() {
+        let error = |rows: &[&str]| read(CYCLES, rows).unwrap_err();
+        assert_eq!(error(&["cycle=4"]), "a.csv: cycle=4: no row is like that; `cycle` holds 1 to 3");
+        assert_eq!(error(&["mode=CV"]), "a.csv: mode=CV: no row is like that; `mode` holds `rest`, `CC`");
+        assert_eq!(error(&["cycle=3", "mode=CC"]), "a.csv: cycle=3 and mode=CC: each is so in some rows, but not all in one");
+        assert!(error(&["cylce=3"]).contains("no column `cylce`; did you mean `cycle`?"), "{}", error(&["cylce=3"]));
+        assert_eq!(error(&["cycle=3..2"]), "3..2: begins after it ends");
+        for wrong in ["cycle", "=3", "cycle=", "cycle=..", "mode=a..b"] {
+            assert!(error(&[wrong]).starts_with("write COLUMN=VALUE"), "{wrong}");
+        }
+    }
+}
