@@ -185,11 +185,11 @@ fn recharge(
     let stay = |values: &[f64]| {
         let mut stretches = Vec::new();
         let mut run = forecast::pack_at(battery, values, around.temperature_degc);
-        // The capacity's factor scales a charge whose power per capacity is kept.
+        // With the same current, and behind the same converters, a larger battery takes longer.
         let stretch = |dt_s: f64, current_a: f64, power_w: f64| {
             stretches.push(Stretch { hours: values[1] * dt_s / S_PER_H, charge_w: power_w, current_a });
         };
-        let charge = charge_within(&mut run, target_soc, bay_w_max / values[1], around.protected, stretch);
+        let charge = charge_within(&mut run, target_soc, bay_w_max, around.protected, stretch);
         let stay = Stay { docked, stretches, load_h, unload_h };
         (stay, charge)
     };

@@ -24,6 +24,8 @@ const ROLLING: (f64, f64) = (0.02, 0.01);
 const INDUCTANCE_S: f64 = 1e-4;
 /// A torque constant over the back-EMF constant of the same motor: 1 in an ideal one. What lies beyond is another unit. A guess.
 const SAME_CONSTANT: (f64, f64) = (0.7, 1.4);
+/// What no sheet says.
+const ON_NO_SHEET: [&str; 2] = ["step_w", "switching_w"];
 /// Rad/s of a turn a minute.
 const RADPS_PER_RPM: f64 = std::f64::consts::PI / 30.0;
 
@@ -291,7 +293,7 @@ impl RobotSheet {
                 text.push_str(&format!("\n[[effect]]\nid = \"{effect}\"\n"));
                 last = effect;
             }
-            let nothing = value.value == 0.0;
+            let nothing = value.value == 0.0 && ON_NO_SHEET.contains(&name);
             let (value, sigma) = (format!("{:.4e}", value.value), format!("{:.1e}", value.sigma));
             let source = if nothing { "no sheet says it: taken as nothing".to_owned() } else { format!("data sheets, by {origin}") };
             text.push_str(&format!("{name} = {{ value = {value}, sigma = {sigma}, source = {} }}\n", toml::Value::from(source)));

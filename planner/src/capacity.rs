@@ -164,8 +164,12 @@ fn share(needs: &[Vec<Need>], bins: &[(usize, usize, i64)], prices: &[i64], most
             place[robot] = best_bin(&needs[robot], &at, &left, prices, priced);
             take(&needs[robot], bins, &mut left, place[robot]);
         }
+        let mut held: Vec<Vec<usize>> = vec![Vec::new(); bins.len()];
+        for (robot, bin) in place.iter().enumerate().filter_map(|(robot, bin)| Some((robot, (*bin)?))) {
+            held[bin].push(robot);
+        }
         for &robot in order.iter().filter(|&&robot| place[robot].is_none()).collect::<Vec<_>>() {
-            make_room(robot, needs, &at, &mut left, &mut place);
+            make_room(robot, needs, &at, &mut left, (&mut place, &mut held));
         }
         place
     });
@@ -195,14 +199,18 @@ fn best_bin(needs: &[Need], at: &[Vec<usize>], left: &[i64], prices: &[i64], pri
     fitting.min_by_key(|&(need, bin)| key(need, bin)).map(|(_, bin)| bin)
 }
 
-/// Moves one robot out of a bin to another if that lets `robot` in.
-fn make_room(robot: usize, needs: &[Vec<Need>], at: &[Vec<usize>], left: &mut [i64], place: &mut [Option<usize>]) {
+/// Moves one robot out of a bin to another if that lets `robot` in. `held` names the robots in each bin.
+fn make_room(
+    robot: usize,
+    needs: &[Vec<Need>],
+    at: &[Vec<usize>],
+    left: &mut [i64],
+    (place, held_by): (&mut [Option<usize>], &mut [Vec<usize>]),
+) {
     for need in &needs[robot] {
         for &bin in &at[need.station] {
-            for other in 0..place.len() {
-                if place[other] != Some(bin) {
-                    continue;
-                }
+            for among in 0..held_by[bin].len() {
+                let other = held_by[bin][among];
                 let Some(held) = needs[other].iter().find(|held| held.station == need.station) else { continue };
                 if left[bin] + held.energy < need.energy {
                     continue;
@@ -214,6 +222,8 @@ fn make_room(robot: usize, needs: &[Vec<Need>], at: &[Vec<usize>], left: &mut [i
                     left[bin] += held.energy - need.energy;
                     place[other] = Some(to);
                     place[robot] = Some(bin);
+                    held_by[to].push(other);
+                    held_by[bin][among] = robot;
                     return;
                 }
             }

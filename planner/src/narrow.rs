@@ -115,6 +115,9 @@ pub(crate) fn cheaper<'w, 'p>(
             continue;
         }
         let (began, gone) = (clock.moves, (clock.moves - first) as f64);
+        if matches!(&ends, Ends::Apart(Some(apart)) if !apart.goes_on()) {
+            ends = Ends::Beams { width: WIDTH, last: 0 };
+        }
         let came = match &mut ends {
             Ends::Apart(apart) if passes <= (APART_SHARE * gone) as u64 => {
                 let asked = Asked { reduced: &reduced, stranded_price: prices.stranded(), below: known, until: 1.0 };
@@ -146,7 +149,7 @@ pub(crate) fn cheaper<'w, 'p>(
 
 /// How an end is made.
 enum Ends {
-    /// Stations one by one.
+    /// Stations one by one, until wider passes promise nothing.
     Apart(Option<Apart>),
     /// All stations at a time: the next width, and the moves of the last time. What a station can promise one by one it may
     /// not be able to promise in another order, where promises need some certainty.

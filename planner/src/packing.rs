@@ -73,13 +73,14 @@ impl Search<'_> {
             return;
         }
         let robot = self.order[next];
-        let own = self.needs[robot].iter().flat_map(|need| self.at[need.station].iter().map(move |&bin| (need.energy, bin)));
-        let mut ways: Vec<(i64, i64, usize)> =
-            own.filter(|&(energy, bin)| self.left[bin] >= energy).map(|(energy, bin)| (self.left[bin] - energy, energy, bin)).collect();
-        // The fullest first; of bins that hold as much of one station, one will do.
+        let own = self.needs[robot].iter().flat_map(|need| self.at[need.station].iter().map(move |&bin| (need, bin)));
+        let fits = own.filter(|&(need, bin)| self.left[bin] >= need.energy);
+        let mut ways: Vec<(i64, i64, usize, usize)> =
+            fits.map(|(need, bin)| (self.left[bin] - need.energy, need.energy, need.station, bin)).collect();
+        // The fullest first; of bins of one station that hold as much, one will do.
         ways.sort_unstable();
-        ways.dedup_by_key(|&mut (rest, energy, _)| (rest, energy));
-        for (_, energy, bin) in ways {
+        ways.dedup_by_key(|&mut (rest, energy, station, _)| (rest, energy, station));
+        for (_, energy, _, bin) in ways {
             self.left[bin] -= energy;
             self.place[robot] = Some(bin);
             self.from(next + 1, served + 1);
@@ -102,6 +103,16 @@ mod tests {
         let place = share_more(&needs, &bins, &[vec![0, 1, 2]], vec![None; 6], 6);
         let held = |bin: usize| -> i64 { (0..6).filter(|&robot| place[robot] == Some(bin)).map(|robot| needs[robot][0].energy).sum() };
         assert_eq!([0, 1, 2].map(held), [30, 30, 30]);
+    }
+
+    /// Packs of two stations that hold as much are not the same pack: who can go to one station alone needs it.
+    #[test]
+    fn packs_of_two_stations_that_hold_as_much_are_both_tried() {
+        let of = |needs: &[(usize, i64)]| needs.iter().map(|&(station, energy)| Need { station, energy }).collect::<Vec<_>>();
+        let needs = vec![of(&[(0, 6)]), of(&[(0, 5), (1, 5)]), of(&[(0, 5), (1, 5)]), of(&[(0, 9)]), of(&[(0, 7), (1, 7)])];
+        let (bins, at) = ([(0, 0, 12), (0, 1, 10), (1, 0, 12)], [vec![0, 1], vec![2]]);
+        // By hand: 6 and 5 of the first, 9 of the second, 7 and 5 of the other station's.
+        assert_eq!(share_more(&needs, &bins, &at, vec![None; 5], 5).iter().flatten().count(), 5);
     }
 
     /// Nobody is put where it cannot go, and no bin gives more than it holds.

@@ -87,11 +87,12 @@ pub fn obstacles(draft: &Draft<'_, '_>, robot: usize) -> Vec<Obstacle> {
     who.travel.iter().map(|travel| Obstacle { station: travel.station, why: at_station(draft, robot, travel) }).collect()
 }
 
-/// Whether packs could pay for a service of the robot, and only a place to have it in is missing.
+/// Whether packs could pay for a service of the robot, and only a place to have it in is missing, or that it may come earlier or leave with less.
 #[must_use]
 pub fn wants_place(draft: &Draft<'_, '_>, robot: usize) -> bool {
-    let choices = draft.ways.of(robot);
-    choices.ways.iter().any(|way| draft.books[usize::from(way.station)].feeds(choices, way))
+    let (choices, who) = (draft.ways.of(robot), &draft.problem().robots[robot]);
+    let is_shut_out = choices.ways.is_empty() && !who.travel.is_empty() && (who.not_before > 0 || who.lowest_target > 0);
+    is_shut_out || choices.ways.iter().any(|way| draft.books[usize::from(way.station)].feeds(choices, way))
 }
 
 /// The reasons in words, one for each station in reach if there is any.

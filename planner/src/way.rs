@@ -339,6 +339,10 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
             if station.bays > 0 {
                 for (level, &(ticks, stored)) in from.charged.reached.iter().enumerate() {
                     let end = start + station.load_ticks + ticks + station.unload_ticks;
+                    // No time is no service.
+                    if end == start {
+                        continue;
+                    }
                     let mode = Mode::Charge((wanted + level) as u8);
                     add(mode, end, stored, NEVER, from.charged_runs, handling + taken(&from.charged.runs, ticks));
                 }

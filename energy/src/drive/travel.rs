@@ -155,23 +155,39 @@ fn ramps(segment: &Segment, accel_mps2: f64, enter_mps: f64, leave_mps: f64) -> 
     ]
 }
 
+/// The speeds at the ends of all segments: as fast as the next one, or a standstill before it turns on the spot and at the end, but no
+/// faster than the pace allows to get there from the end before, and to slow down to the next.
+fn speeds_at_ends(pace: Pace, way: &[Segment]) -> Vec<f64> {
+    let driven_m = |segment: &Segment| segment.length_m.max(0.0);
+    let reachable = |from_mps: f64, segment: &Segment| (from_mps.powi(2) + 2.0 * pace.accel_mps2 * driven_m(segment)).sqrt();
+    let wanted = |(index, segment): (usize, &Segment)| match way.get(index + 1) {
+        Some(next) if next.turn_rad == 0.0 && next.length_m > 0.0 => next.speed_mps.clamp(SLOWEST_MPS, segment.speed_mps.max(SLOWEST_MPS)),
+        _ => 0.0,
+    };
+    let mut ends: Vec<f64> = way.iter().enumerate().map(wanted).collect();
+    let mut now_mps = 0.0;
+    for (end_mps, segment) in ends.iter_mut().zip(way) {
+        *end_mps = end_mps.min(reachable(now_mps, segment));
+        now_mps = *end_mps;
+    }
+    for index in (1..way.len()).rev() {
+        ends[index - 1] = ends[index - 1].min(reachable(ends[index], &way[index]));
+    }
+    ends
+}
+
 /// All stretches of a way that begins and ends at a standstill, each with its segment. The robot
 /// stops before it turns on the spot, and otherwise carries its speed on.
 fn stretches(pace: Pace, way: &[Segment]) -> Vec<(Stretch, &Segment)> {
     let mut found = Vec::with_capacity(4 * way.len());
     let mut now_mps = 0.0;
-    for (index, segment) in way.iter().enumerate() {
+    for (segment, leave_mps) in way.iter().zip(speeds_at_ends(pace, way)) {
         if segment.turn_rad != 0.0 {
             found.push((Stretch::Turn { time_s: segment.turn_rad.abs() / pace.yaw_rate_radps }, segment));
         }
         if segment.length_m <= 0.0 {
             continue;
         }
-        let cruise_mps = segment.speed_mps.max(SLOWEST_MPS);
-        let leave_mps = match way.get(index + 1) {
-            Some(next) if next.turn_rad == 0.0 && next.length_m > 0.0 => next.speed_mps.clamp(SLOWEST_MPS, cruise_mps),
-            _ => 0.0,
-        };
         for stretch in ramps(segment, pace.accel_mps2, now_mps, leave_mps) {
             if matches!(stretch, Stretch::Drive { length_m, .. } if length_m > 0.0) {
                 found.push((stretch, segment));
@@ -327,6 +343,12 @@ mod tests {
             .sum();
         assert!((driven_m - 3.15).abs() < 1e-9, "{driven_m}");
         assert!(trip(&robot(IDLE), &[], pace, &way).time_s > 2.0 / 0.2 + 1.0 / 0.6);
+        // A leg of 5 cm gets to sqrt(2 x 0.5 x 0.05) = 0.22 m/s, and one of 5 cm at the end stops from no more.
+        let short = [Segment::level(0.05, 0.5), Segment::level(1.0, 0.5), Segment::level(0.05, 0.5)];
+        for moment in moments(pace, &[way.as_slice(), &short].concat()).iter().chain(&moments(pace, &short)) {
+            let (_, accel_mps2) = moment.inputs[1];
+            assert!(accel_mps2.abs() <= 0.5 * (1.0 + 1e-9), "{moment:?}");
+        }
         assert_eq!(trip(&robot(IDLE), &[], pace, &[]).energy_wh.value, 0.0);
     }
 }

@@ -41,6 +41,11 @@ fn plausible(channel: Channel) -> RangeInclusive<f64> {
     }
 }
 
+/// Share of values that a channel cannot hold from which on the unit is doubted. A guess: what goes wrong in a sensor is seldom.
+const MANY: f64 = 0.02;
+/// As many as that may go wrong in any log.
+const FEW: usize = 3;
+
 /// How the unit that people use most beside ours becomes ours.
 fn likely_unit(channel: Channel) -> &'static str {
     match channel {
@@ -89,17 +94,20 @@ pub(super) fn within_range(
     let Some(&first) = rows.first() else { return Ok(None) };
     let known = values.iter().filter(|value| !value.is_nan()).count();
     let (name, low, high) = (channel.name(), plain(*range.start()), plain(*range.end()));
+    let mapped =
+        format!("is the unit right? Map it, for example --column {}", for_a_shell(&format!("{name}={source}{}", likely_unit(channel))));
     if 2 * rows.len() > known {
         let message = format!(
-            "column `{name}`: {} of {known} values lie outside {low} to {high}, such as {}; is the unit right? Map it, for example --column {}",
+            "column `{name}`: {} of {known} values lie outside {low} to {high}, such as {}; {mapped}",
             rows.len(),
-            plain(values[first]),
-            for_a_shell(&format!("{name}={source}{}", likely_unit(channel)))
+            plain(values[first])
         );
         return Err((first, message));
     }
+    // An angle in degrees that is mostly small.
+    let doubt = if rows.len() > FEW && rows.len() as f64 > MANY * known as f64 { format!("; {mapped}") } else { String::new() };
     let note = format!(
-        "`{name}`: {} outside {low} to {high}, such as {}: taken as missing ({})",
+        "`{name}`: {} outside {low} to {high}, such as {}: taken as missing ({}){doubt}",
         count(rows.len(), "value"),
         plain(values[first]),
         at(&rows, lines, places)

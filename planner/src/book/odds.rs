@@ -22,6 +22,8 @@ pub(super) struct Odds<'p> {
     new: u32,
     /// How many services end in each tick.
     ends: Vec<u16>,
+    /// When services begin and end, where another pack comes.
+    spans: Vec<(Tick, Tick)>,
     /// When the last service ends, of those that had begun too.
     last: Tick,
     /// The same without those in the book.
@@ -48,6 +50,7 @@ impl<'p> Odds<'p> {
             variance: 0,
             new: 0,
             ends: vec![0; horizon as usize + 1],
+            spans: Vec::new(),
             last,
             last_begun: last,
         }
@@ -62,7 +65,7 @@ impl<'p> Odds<'p> {
 
     /// The same before a pack comes, when the packs that are there have so much left and the way draws so much by then.
     pub(super) fn short_before(&self, choices: &Choices, way: &Way, left: Limit, drawn: i64) -> i64 {
-        let last = self.last.max(Tick::from(way.end));
+        let last = self.last_of_those_before(left.before).max(Tick::from(way.end));
         let (spare, sigma) = self.before(left, last, drawn, self.variance + way.variance as i64);
         (self.quantile(choices) * sigma).ceil() as i64 - spare
     }
@@ -76,7 +79,8 @@ impl<'p> Odds<'p> {
     pub(super) fn margin(&self, left: &[Limit]) -> (i64, f64) {
         // Where nothing is drawn before, the station may even go dark until the pack comes.
         let is_drawn = |limit: &&Limit| limit.before < self.last && (self.chance.begun > 0 || limit.energy < self.held_by(limit.before));
-        let between = left.iter().filter(is_drawn).map(|&limit| self.before(limit, self.last, 0, self.variance));
+        let between =
+            left.iter().filter(is_drawn).map(|&limit| self.before(limit, self.last_of_those_before(limit.before), 0, self.variance));
         let sure = |&(spare, sigma): &(i64, f64)| spare as f64 / sigma.max(1.0);
         let end = self.with(self.last, self.taken, self.variance);
         between.chain([end]).min_by(|a, b| sure(a).total_cmp(&sure(b))).unwrap_or(end)
@@ -85,6 +89,12 @@ impl<'p> Odds<'p> {
     fn before(&self, left: Limit, last: Tick, drawn: i64, variance: i64) -> (i64, f64) {
         let (until, held, left) = (left.before.min(last), self.held_by(left.before), left.energy - drawn);
         (left - i64::from(until) * self.chance.hotel, self.chance.sigma(until, held - left, variance as f64))
+    }
+
+    /// When the last of the services ends that begin before a tick: those that begin later ask nothing of what is there before.
+    fn last_of_those_before(&self, before: Tick) -> Tick {
+        let ends = self.spans.iter().filter(|(start, _)| *start < before).map(|&(_, end)| end);
+        ends.fold(self.last_begun, Tick::max)
     }
 
     fn held_by(&self, before: Tick) -> i64 {
@@ -101,7 +111,13 @@ impl<'p> Odds<'p> {
         let sign = i64::from(-sign);
         self.taken += sign * way.energy;
         self.variance += sign * way.variance as i64;
-        let end = usize::from(way.end);
+        let (end, span) = (usize::from(way.end), (Tick::from(way.start), Tick::from(way.end)));
+        if !self.held_before.is_empty() {
+            match self.spans.iter().position(|known| *known == span).filter(|_| sign < 0) {
+                Some(place) => _ = self.spans.swap_remove(place),
+                None => self.spans.push(span),
+            }
+        }
         if sign > 0 {
             self.ends[end] += 1;
             self.new += u32::from(!choices.held);

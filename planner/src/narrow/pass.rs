@@ -74,6 +74,8 @@ struct Pass<'a> {
     credit: i64,
     left_out: bool,
     seen: u64,
+    /// What energy is worth that is left, by limits that are still to come.
+    prices: [i64; LIMITS_MAX],
     /// What of power and lift is left by the beginning that is gone on from.
     power: Vec<i32>,
     lift: Vec<i32>,
@@ -103,6 +105,7 @@ pub(super) fn pass(site: &Site, width: usize, mut go_on: impl FnMut(u64) -> bool
         credit: site.room / SERVICES,
         left_out: false,
         seen: 0,
+        prices: [0; LIMITS_MAX],
         power: vec![0; site.ticks],
         lift: vec![0; site.ticks],
         going_on: Vec::new(),
@@ -112,6 +115,9 @@ pub(super) fn pass(site: &Site, width: usize, mut go_on: impl FnMut(u64) -> bool
     let mut tick = 0;
     while tick < site.ticks {
         let until = site.next_start[tick];
+        for (price, (limit, own)) in pass.prices.iter_mut().zip(site.limits.iter().zip(&site.energy_prices)) {
+            *price = if *limit > until { *own } else { 0 };
+        }
         for beginning in &now {
             pass.spread(beginning, tick, until);
         }
@@ -283,7 +289,10 @@ impl Pass<'_> {
         while let Some(other) = self.places[at].checked_sub(1) {
             let other = &mut self.next[other as usize];
             if other.future == beginning.future {
-                let no_less = |a: &Beginning, b: &Beginning| a.spent <= b.spent && a.energy.iter().zip(&b.energy).all(|(a, b)| a >= b);
+                // What is spent holds the price of energy that was drawn, though nothing is paid for it until its limit: whoever has drawn less would
+                // look cheaper by what the same energy costs it later.
+                let owed = |of: &Beginning| of.spent + self.prices.iter().zip(&of.energy).map(|(price, left)| price * left).sum::<i64>();
+                let no_less = |a: &Beginning, b: &Beginning| owed(a) <= owed(b) && a.energy.iter().zip(&b.energy).all(|(a, b)| a >= b);
                 if no_less(other, beginning) {
                     return false;
                 }

@@ -56,6 +56,8 @@ pub(super) struct Site {
     /// The ticks before which energy is limited, and what there is.
     pub(super) limits: Vec<usize>,
     pub(super) energy: [i64; LIMITS_MAX],
+    /// What a unit of it is worth, which is paid when its limit comes.
+    pub(super) energy_prices: [i64; LIMITS_MAX],
     /// What there is in each tick of bays, lift, slot and spares, and of power.
     pub(super) there: [Vec<i64>; POWER],
     pub(super) power: Vec<i32>,
@@ -95,6 +97,7 @@ impl Site {
             swap_ticks: at.swap_ticks as usize,
             limits,
             energy,
+            energy_prices: [0; LIMITS_MAX],
             there: [row(0), row(1), row(2), row(3)],
             power: row(POWER).into_iter().map(|power| power as i32).collect(),
             earned: vec![0],
@@ -112,7 +115,11 @@ impl Site {
             let mut least = vec![i64::MAX; ticks + 1];
             least[ticks] = reduced.unserved[robot];
             for &(cost, way) in priced {
-                if usize::from(ways.of(robot).ways[way as usize].station) == station {
+                let (choices, taken) = (ways.of(robot), &ways.of(robot).ways[way as usize]);
+                // What draws more than any station has does not fit, whatever its costs.
+                let mut most = 0;
+                choices.draws(taken, at, problem.horizon, |_, _, draw| most = most.max(draw));
+                if usize::from(taken.station) == station && most <= POWER_MAX {
                     let start = site.add(problem, ways, (station, reduced), (robot, way, cost));
                     least[start] = least[start].min(cost);
                 }
@@ -130,6 +137,8 @@ impl Site {
     fn earn(&mut self, reduced: &Reduced, station: usize) {
         let prices = reduced.prices(station);
         let (_, crowd_there, crowd) = reduced.crowd(station);
+        let of_energy = prices[ROWS * self.ticks..].iter().take(self.limits.len());
+        self.energy_prices.iter_mut().zip(of_energy).for_each(|(own, price)| *own = *price);
         let mut sum = 0;
         for tick in 0..self.ticks {
             for (row, there) in self.there.iter().enumerate() {
@@ -138,7 +147,7 @@ impl Site {
             sum += prices[POWER * self.ticks + tick] * i64::from(self.power[tick]).max(0);
             sum += crowd.get(tick).map_or(0, |price| price * crowd_there[tick]);
             for (place, _) in self.limits.iter().enumerate().filter(|(_, before)| **before == tick + 1) {
-                sum += prices[ROWS * self.ticks + place] * self.energy[place].max(0);
+                sum += self.energy_prices[place] * self.energy[place].max(0);
             }
             self.earned.push(sum);
         }
@@ -184,7 +193,7 @@ impl Site {
             drawn_to = to.max(from);
         });
         for (place, &before) in self.limits.iter().enumerate().filter(|(_, before)| **before > start) {
-            by_tick[before - 1 - start] += prices[ROWS * ticks + place] * energy[place];
+            by_tick[before - 1 - start] += self.energy_prices[place] * energy[place];
         }
         let paid = self.paid.len();
         let mut sum = 0;

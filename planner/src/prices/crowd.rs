@@ -40,24 +40,32 @@ impl Counted {
         let [loads, unloads, swaps] = [(true, load), (true, unload), (false, swap)].map(|(charges, draw)| self.weight(charges, draw));
         let most = |weight: i64, most: i64| if weight > 0 { most } else { 0 };
         let lift = there.lift.min(there.bays);
+        let [loaded, unloaded, swapped] = [most(loads, lift), most(unloads, lift), most(swaps, there.slot.min(there.spares))];
+        if (loaded + 1).saturating_mul(unloaded + 1).saturating_mul(swapped + 1) > HANDLED_MAX {
+            // Nobody counts more than twice: too much, and so nothing that is worth a price.
+            return 2 * there.bays + there.spares;
+        }
         let mut found = 0;
-        for loaded in 0..=most(loads, lift) {
-            for unloaded in 0..=most(unloads, lift - loaded) {
-                for swapped in 0..=most(swaps, there.slot.min(there.spares)) {
+        for loaded in 0..=loaded {
+            for unloaded in 0..=unloaded.min(lift - loaded) {
+                for swapped in 0..=swapped {
                     let handled = [(loaded, load), (unloaded, unload), (swapped, swap)];
                     let left = handled.iter().fold(there.power, |left, (count, draw)| left.saturating_sub(count.saturating_mul(*draw)));
                     if left < 0 {
                         break;
                     }
                     let count = loads * loaded + unloads * unloaded + swaps * swapped;
-                    for charged in 0..=if bay.is_some() { there.bays - loaded - unloaded } else { 0 } {
-                        let left = left.saturating_sub(charged.saturating_mul(bay.unwrap_or(0)));
-                        if left < 0 {
-                            break;
-                        }
-                        let beside = beside.map_or(0, |draw| (left / draw).min(there.spares - swapped));
-                        found = found.max(count + charged + beside);
+                    // Those who draw less come first: one that draws more in the place of one of them leaves no room for another.
+                    let (free, spares) = (there.bays - loaded - unloaded, there.spares - swapped);
+                    let mut kinds = [(bay, free), (beside, spares)];
+                    kinds.sort_unstable_by_key(|(draw, _)| draw.unwrap_or(i64::MAX));
+                    let (mut left, mut charged) = (left, 0);
+                    for (draw, most) in kinds {
+                        let more = draw.map_or(0, |draw| (left / draw).min(most));
+                        left -= more * draw.unwrap_or(0);
+                        charged += more;
                     }
+                    found = found.max(count + charged);
                 }
             }
         }
@@ -122,6 +130,8 @@ impl Counted {
     }
 }
 
+/// Ways of handling robots at a time that are gone through: a lift and a slot take one or two.
+const HANDLED_MAX: i64 = 4096;
 /// In so many ticks of [`SAME_OF`] no more may be counted together when others are counted too: stations have fewer
 /// places while services that had begun go on, and more when spares come, for a few ticks.
 const SAME: usize = 4;

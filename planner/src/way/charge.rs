@@ -84,6 +84,9 @@ pub(super) struct Charge {
     pub(super) runs: Vec<Run>,
 }
 
+/// Ticks of one draw that are told apart: far more than a plan has.
+const STEPS_MAX: i64 = 1 << 20;
+
 /// Charges from `energy` through all `targets` (ascending).
 fn charge(battery: &Battery, charger: &Charger, energy: i64, targets: &[i64], bare: bool) -> Charge {
     let (mut energy, mut ticks) = (energy, 0);
@@ -99,10 +102,12 @@ fn charge(battery: &Battery, charger: &Charger, energy: i64, targets: &[i64], ba
             let (gain, draw) = if bare { (segment.gain_bare, segment.draw_bare) } else { (segment.gain, segment.draw) };
             let steps = (stop - energy + gain - 1) / gain;
             energy = (energy + steps * gain).min(battery.capacity);
-            ticks += steps as Tick;
+            // What takes longer than any horizon does not end in it, however much longer that is.
+            let steps = steps.min(STEPS_MAX) as Tick;
+            ticks += steps;
             match charge.runs.last_mut() {
-                Some(run) if run.draw == draw => run.ticks += steps as u32,
-                _ => charge.runs.push(Run { ticks: steps as u32, draw, segment: at as u32 }),
+                Some(run) if run.draw == draw => run.ticks += steps,
+                _ => charge.runs.push(Run { ticks: steps, draw, segment: at as u32 }),
             }
         }
         charge.reached.push((ticks, energy));

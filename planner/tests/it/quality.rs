@@ -29,6 +29,19 @@ fn small_fleets_are_planned_as_well_as_can_be() {
     }
 }
 
+/// A plan that is said to be the best is no worse than what another solver found, whichever way the search went.
+#[test]
+fn what_is_proven_is_not_undercut() {
+    let optima: Vec<Optimum> = serde_json::from_str(include_str!("../instances/optima.json")).expect("a list");
+    for optimum in &optima {
+        let instance = instance(&optimum.instance);
+        for seed in 1..=6 {
+            let bound = plan(&instance.problem, "optimise", seed, &mut Moves(60_000)).expect("a plan").bound;
+            assert!((bound.stranded, bound.cost) <= (optimum.stranded, optimum.cost), "{} by seed {seed}: {bound:?}", optimum.instance);
+        }
+    }
+}
+
 #[test]
 fn planning_ahead_beats_what_fleets_do_today() {
     let instance = instance("12-2-1");

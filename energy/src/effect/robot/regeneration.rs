@@ -15,7 +15,7 @@ static SPEC: EffectSpec = EffectSpec {
     system: System::Robot,
     phase: Phase::Drive,
     channel: Channel::PowerW,
-    needs: &[Channel::SpeedMps, Channel::AccelMps2],
+    needs: &[Channel::SpeedMps],
     equation: "P += rho min(0, F v), F the sum of all forces",
     source: "energy balance of driving, of which Kottas, Eq. 5.2a, has the forward half",
     validity: "motors that brake into the battery (synchronous H-bridge), not into a resistor",
