@@ -37,7 +37,7 @@ use crate::search::{SETTLED_MAX, Search};
 use crate::way::Ways;
 use apart::{Apart, Asked, Came};
 use beam::beam;
-pub(crate) use cover::{fewer_by_cover, kept_by_cover};
+pub(crate) use cover::fewer_by_cover;
 pub(crate) use lenient::fewer_leniently;
 pub(crate) use merge::Seen;
 use merge::merge;

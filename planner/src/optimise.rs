@@ -130,7 +130,10 @@ pub(crate) fn best<'w, 'p>(
             }
         }
         search.return_to_best();
+        let stranded = search.draft.score.stranded;
         search.settle(SETTLED_MAX);
+        // What is proven is proven of plans that strand as many.
+        proven &= search.draft.score.stranded == stranded;
     }
     let draft = search.draft;
     let least = if prices.improved() { proven_least(ways, least, draft.score.stranded) } else { least };

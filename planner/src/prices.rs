@@ -146,6 +146,8 @@ impl<'w, 'p> Prices<'w, 'p> {
     pub(crate) fn from(ways: &'w Ways<'p>, level: Level, best: &[f64]) -> Self {
         let mut prices = Prices::new(ways, level);
         prices.now.copy_from_slice(best);
+        // What none of the fewer ways asks for has no price any more.
+        prices.layout.unasked().into_iter().for_each(|row| prices.now[row] = 0.0);
         let mut usage = vec![0.0; prices.layout.rows()];
         let look = prices.look_at_all(&mut usage);
         prices.note(&look);

@@ -13,7 +13,6 @@ use crate::NoPlan;
 use crate::construct::greedy;
 use crate::draft::{Draft, NONE, broken};
 use crate::guide::Guide;
-use crate::narrow;
 use crate::optimise::{self, Budget, Clock, Moves};
 use crate::plan::{Plan, Session};
 use crate::prices::{Level, Prices};
@@ -27,11 +26,6 @@ const NEIGHBOURS_MAX: usize = 16;
 const SLIP_MAX: u32 = 18;
 /// Moves between two looks at the budget.
 const MOVES_AT_ONCE: u64 = 25;
-/// Parts of the budget between which a small fleet is searched for a plan that keeps promises which moves have not. After 20 good plans
-/// for 16 robots in two bays, of which two then came a tick late, that kept all promises in 82 of 100 runs, and moves alone in 27 %.
-const KEPT_FROM: f64 = 0.2;
-/// See [`KEPT_FROM`].
-const KEPT_UNTIL: f64 = 0.9;
 /// Greatest loyalty.
 const LOYALTY_MAX: u32 = 1_000_000;
 /// Rounds of prices that bound a whole plan.
@@ -151,14 +145,7 @@ pub fn replan(problem: &Problem, before: &[Session], changed: &[usize], loyalty:
     let mut search = Search::among(mended, movable);
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut clock = Clock { budget, moves: 0 };
-    // Where every place is in question, and moves alone do not keep all, what stations can serve is put together.
-    let is_open = |robot: usize| free[robot] || search.best[robot] == NONE;
-    let mut is_first = free.len() <= narrow::ROBOTS_MAX && (0..free.len()).all(is_open);
     while clock.used() < 1.0 && !search.idle() {
-        if is_first && clock.used() >= KEPT_FROM {
-            narrow::kept_by_cover(&ways, &mut search, KEPT_UNTIL, &mut rng, &mut clock);
-            is_first = false;
-        }
         search.run(&guide, &mut rng, MOVES_AT_ONCE, 1.0);
         clock.moves += MOVES_AT_ONCE;
     }

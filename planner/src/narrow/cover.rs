@@ -10,13 +10,13 @@ use std::cmp::Reverse;
 
 use rand::Rng;
 
-use crate::draft::{Draft, NONE, broken};
+use crate::draft::{Draft, NONE};
 use crate::guide::Guide;
 use crate::narrow::sets::{Seen, Set, Sets};
 use crate::narrow::{go_on_from, is_certain};
 use crate::optimise::Clock;
 use crate::search::Search;
-use crate::way::{Choices, Ways};
+use crate::way::Ways;
 
 /// What it counts not to serve a robot, and a temperature at which all walks are free but those to fewer robots.
 const PENALTY: i32 = 1000;
@@ -37,37 +37,11 @@ pub(crate) fn fewer_by_cover<'w, 'p>(
     rng: &mut impl Rng,
     clock: &mut Clock<'_>,
 ) {
-    let stranded = |chosen: &[u32]| (0..chosen.len()).filter(|&robot| ways.of(robot).strands && chosen[robot] == NONE).count();
-    let asked = Asked { wanted: |choices: &Choices| choices.strands || choices.held, left: stranded, least: least as usize };
-    by_cover(ways, found, &asked, until, rng, clock);
-}
-
-/// Looks for a plan that breaks fewer promises than the best one known, until `until` of the time is used. Nobody else is
-/// served at first: who was promised nothing takes what is left.
-pub(crate) fn kept_by_cover<'w, 'p>(ways: &'w Ways<'p>, found: &mut Search<'w, 'p>, until: f64, rng: &mut impl Rng, clock: &mut Clock<'_>) {
-    let asked = Asked { wanted: |choices: &Choices| choices.held, left: |chosen: &[u32]| broken(ways.problem(), chosen), least: 0 };
-    by_cover(ways, found, &asked, until, rng, clock);
-}
-
-/// What is asked for: robots, and how many of them a plan leaves that are to be fewer, though never fewer than `least`.
-struct Asked<W, L> {
-    wanted: W,
-    left: L,
-    least: usize,
-}
-
-fn by_cover<'w, 'p, W: Fn(&Choices) -> bool, L: Fn(&[u32]) -> usize>(
-    ways: &'w Ways<'p>,
-    found: &mut Search<'w, 'p>,
-    Asked { wanted, left, least }: &Asked<W, L>,
-    until: f64,
-    rng: &mut impl Rng,
-    clock: &mut Clock<'_>,
-) {
-    if !is_certain(ways) || left(&found.best) <= *least {
+    let stranded = |chosen: &[u32]| (0..chosen.len()).filter(|&robot| ways.of(robot).strands && chosen[robot] == NONE).count() as i64;
+    if !is_certain(ways) || stranded(&found.best) <= least {
         return;
     }
-    let few = ways.barely(PENALTY, wanted);
+    let few = ways.barely(PENALTY, |choices| choices.strands || choices.held);
     let robots = ways.problem().robots.len();
     let wanted = (0..robots).filter(|&robot| !few.of(robot).ways.is_empty()).fold(0, |wanted, robot| wanted | 1 << robot);
     let guide = Guide::latest(&few);
@@ -75,7 +49,7 @@ fn by_cover<'w, 'p, W: Fn(&Choices) -> bool, L: Fn(&[u32]) -> usize>(
     draft.become_choice(&few.translated(ways, &found.best));
     let mut search = Search::new(draft);
     search.sets = Some(Sets::new(&few));
-    while left(&found.best) > *least && clock.used() < until {
+    while stranded(&found.best) > least && clock.used() < until {
         for _ in 0..MOVES / LOOK {
             search.run(&guide, rng, LOOK, HEAT);
             clock.moves += LOOK;
@@ -86,7 +60,7 @@ fn by_cover<'w, 'p, W: Fn(&Choices) -> bool, L: Fn(&[u32]) -> usize>(
         search.return_to_best();
         let Some(chosen) = search.sets.as_ref().map(|sets| cover(sets, wanted, robots)) else { return };
         let chosen = ways.translated(&few, &chosen);
-        if left(&chosen) < left(&found.best) {
+        if stranded(&chosen) < stranded(&found.best) {
             go_on_from(found, &chosen);
         }
     }

@@ -45,6 +45,13 @@ pub(super) struct Layout {
 }
 
 impl Layout {
+    /// Rows of ticks in which no way asks for anything.
+    pub(super) fn unasked(&self) -> Vec<usize> {
+        let ticks = || (0..self.asked.start).chain(self.asked.end..self.ticks);
+        let rows = self.first.iter().take(self.before.len()).flat_map(|first| (0..BY_TICK).map(move |row| first + row * self.ticks));
+        rows.flat_map(|row| ticks().map(move |tick| row + tick)).collect()
+    }
+
     pub(super) fn new(ways: &Ways<'_>) -> Self {
         let problem = ways.problem();
         let ticks = problem.horizon as usize;

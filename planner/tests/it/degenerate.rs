@@ -84,6 +84,29 @@ fn equal_robots_take_turns() {
     assert!(plan.sessions.len() >= 2, "{:?}", plan.sessions);
 }
 
+/// A full bay, and a robot that is at its target already, where nothing takes any time.
+#[test]
+fn a_service_of_no_time_is_none() {
+    let mut quick = station();
+    (quick.load_ticks, quick.unload_ticks, quick.bays, quick.spares) = (0, 0, 1, Vec::new());
+    quick.ongoing = vec![planner::problem::Ongoing { bay: Some(0), from: 0, load_ticks: 0, until: 20, draw: 60, unload_ticks: 0 }];
+    let mut full = problem(vec![robot(600)], vec![quick]);
+    full.batteries[0].min_gain = 0;
+    full.robots[0].drain = 0;
+    full.robots[0].travel[0].ticks = 0;
+    assert!(planned(&full).sessions.iter().all(|session| session.end > session.start));
+}
+
+/// With hundreds of places on the lift and as many slots there are millions of ways to handle robots at a time: to go through them took minutes.
+#[test]
+fn a_station_of_very_many_places_is_planned_at_once() {
+    let mut large = station();
+    (large.bays, large.lift_slots, large.swap_slots, large.p_max) = (400, 400, 400, 1_000_000);
+    (large.load_draw, large.unload_draw, large.swap_draw) = (90, 90, 90);
+    large.spares = vec![planner::problem::Spare { ready: 0, kind: 0 }; 400];
+    assert_eq!(planned(&problem(vec![robot(500); 2], vec![large])).sessions.len(), 2);
+}
+
 #[test]
 fn what_the_packs_cannot_feed_is_said_in_words() {
     let mut hungry = station();

@@ -1,5 +1,6 @@
 //! No bay, lift movement, spare or joule is promised twice; the same seed gives the same plan.
 
+use planner::draft::Draft;
 use planner::problem::{Chance, Pack};
 use planner::{Moves, Ways, capacity, plan, policies, renew, replan};
 use proptest::prelude::*;
@@ -24,6 +25,40 @@ fn what_begins_before_a_pack_comes_must_be_held_with_certainty_by_what_is_there(
     // 650 and 1.645 x 100 are 815.
     assert_eq!([600, 700, 900].map(|remaining| served(remaining, 30)), [false, false, true]);
     assert!(served(700, 0), "both packs are there");
+}
+
+/// What the station takes by itself until a pack comes is asked of the packs that are there for services that begin before, not for later ones.
+#[test]
+fn a_later_service_takes_nothing_from_an_earlier_one_before_its_pack_comes() {
+    const COMES: u32 = 20;
+    let problem = |remaining: i64| {
+        let mut station = degenerate::station();
+        let pack = |name: &str, remaining, available_from| Pack { name: name.to_owned(), remaining, reserve: 0, available_from };
+        (station.hotel, station.switch_cost, station.spares) = (0, 0, Vec::new());
+        station.packs = vec![pack("0", remaining, 0), pack("1", 9000, i64::from(COMES))];
+        let shared = [[0.0; 3]; 3];
+        station.chance = Some(Chance { quantile: 1.645, quantile_held: 0.0, hotel: 10, begun: 0, variance: 100.0 * 100.0, shared });
+        degenerate::problem(vec![degenerate::robot(200), degenerate::robot(900)], vec![station])
+    };
+    let rich = problem(9000);
+    let ways = Ways::new(&rich);
+    let early = ways.of(0).ways.iter().min_by_key(|way| (way.end, way.energy)).expect("a way");
+    let needs = early.energy + 165 + 10 * i64::from(early.end);
+    // Until the pack comes the station takes more than until the early service ends.
+    assert!(u32::from(early.end) + 3 < COMES, "{early:?}");
+    let scarce = problem(needs + 20);
+    let ways = Ways::new(&scarce);
+    let places = [
+        ways.of(0).ways.iter().position(|way| (way.end, way.energy) == (early.end, early.energy)),
+        ways.of(1).ways.iter().position(|way| u32::from(way.start) >= COMES),
+    ];
+    for [first, second] in [[0, 1], [1, 0]] {
+        let mut draft = Draft::new(&ways);
+        let place = |robot: usize| places[robot].expect("a way") as u32;
+        draft.serve(first, place(first));
+        let (choices, way) = (ways.of(second), &ways.of(second).ways[place(second) as usize]);
+        assert!(draft.books[0].fits(choices, way), "robot {second} after robot {first}: {way:?}");
+    }
 }
 
 proptest! {
