@@ -3,7 +3,7 @@
 //! The correlation of neighbouring rows alone says it of an error that decays (an AR(1) process). Beside the noise of a sensor, a slow error
 //! shows little of itself there: equal parts of both have a correlation of a half, whether the slow one lasts for two rows or for a thousand.
 //! So correlations are added up, as far as they are more than chance (Sokal, Monte Carlo Methods in Statistical Mechanics, 1997,
-//! section 3: up to five times what they add up to). Where that is more than a decay from row to row explains, the residual is taken for white noise
+//! section 3: up to five times what they add up to, or as what is slow lasts). Where that is more than a decay from row to row explains, the residual is taken for white noise
 //! beside a decay, `rho_k = share kept^k`, which has these two.
 
 use nalgebra::DMatrix;
@@ -106,11 +106,15 @@ fn sum_of_correlations(rows: &[usize], residual: &[f64]) -> Option<(f64, usize)>
         if count > 0.0 { sum / count / variance } else { 0.0 }
     };
     let most = (values.len() / 4).max(1);
+    let lag1 = one_by_one(1);
+    // A small slow part adds little at first: what decays adds up to its correlation of neighbours times as many rows as it lasts.
+    let is_seen = lag1 > CHANCE / (rows.len() as f64).sqrt();
+    let wide = |sum: f64| if is_seen { WINDOW * sum.max((sum - 1.0) / (2.0 * lag1)) } else { WINDOW * sum };
     let window = |correlation: &dyn Fn(usize) -> f64, from: usize, to: usize, sum: f64| {
         let mut sum = sum;
         for lag in from..=to.min(most) {
             sum += 2.0 * correlation(lag);
-            if lag as f64 >= WINDOW * sum || lag == most {
+            if lag as f64 >= wide(sum) || lag == most {
                 return Ok((sum, lag));
             }
         }
@@ -170,6 +174,14 @@ mod tests {
             [DMatrix::from_element(20_000, 1, 1.0), DMatrix::from_fn(20_000, 1, say)].map(|j| found.spread(&rows, &j)[(0, 0)]);
         assert!((same / 20_000.0 / found.rows_per_independent(20_000) - 1.0).abs() < 0.02, "{same}");
         assert!(opposite < 0.6 * 20_000.0, "{opposite}");
+    }
+
+    /// A tenth of the variance: neighbours correlate by little, and yet rows are worth a fifteenth of what they would be without.
+    #[test]
+    fn a_small_slow_part_is_seen_too() {
+        let found = of(&made(20_000, 1.0 / 3.0, 60.0));
+        // 1 + 2 x 0.1 x 60 = 13.
+        assert!((found.rows_per_independent(20_000) / 13.0 - 1.0).abs() < 0.5, "{found:?}");
     }
 
     #[test]

@@ -92,7 +92,7 @@ pub(crate) fn cheaper<'w, 'p>(
 ) -> bool {
     let mut ends = if is_certain(ways) { Ends::Apart(None) } else { Ends::Beams { width: WIDTH, last: 0 } };
     // Moves before, and those that went to passes.
-    let (first, mut passes) = (clock.moves, 0);
+    let (mut first, mut passes) = (clock.moves, 0);
     let mut swept = Score::default();
     let mut rounds = ROUNDS_FIRST;
     while merge(ways, prices, search, clock) {}
@@ -117,6 +117,7 @@ pub(crate) fn cheaper<'w, 'p>(
         let (began, gone) = (clock.moves, (clock.moves - first) as f64);
         if matches!(&ends, Ends::Apart(Some(apart)) if !apart.goes_on()) {
             ends = Ends::Beams { width: WIDTH, last: 0 };
+            (first, passes) = (clock.moves, 0);
         }
         let came = match &mut ends {
             Ends::Apart(apart) if passes <= (APART_SHARE * gone) as u64 => {

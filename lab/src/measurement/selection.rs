@@ -20,7 +20,7 @@ const SHOWN: usize = 6;
 /// What a column must hold in every row that is read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
-    /// The column, by the logger's name, or by that which a mapping gives it.
+    /// The column, by the name that a mapping gives it, and then in its unit, or by the logger's.
     pub column: String,
     wanted: Wanted,
     /// As the user wrote it.
@@ -87,9 +87,9 @@ impl<'de> Deserialize<'de> for Selection {
 impl Selection {
     /// Which rows are as asked for.
     fn rows(&self, table: &Table, mapped: &BTreeMap<&str, Source>) -> Result<Vec<bool>, String> {
-        let of_mapping = || mapped.get(self.column.as_str()).copied();
         let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
-        let source = table.names.iter().position(|name| *name == self.column).map(own).or_else(of_mapping);
+        let of_logger = || table.names.iter().position(|name| *name == self.column).map(own);
+        let source = mapped.get(self.column.as_str()).copied().or_else(of_logger);
         let (cells, scale, offset) = match source {
             Some(Source::Column { index, scale, offset }) => (&table.columns[index], scale, offset),
             Some(Source::Constant(_)) => return Err(format!("{self}: `{}` is the same number in every row", self.column)),
@@ -191,13 +191,30 @@ mod tests {
         assert_eq!(log.time_s, [0.0, 10.0]);
     }
 
+    /// A logger's remark among its dates.
+    #[test]
+    fn dates_behind_what_is_none_are_chosen_too() {
+        let row = |row: i32| format!("2026-03-01T10:00:{row:02}Z,{},1,4.1\n", if row == 20 { "rest" } else { "CC" });
+        let text = (0..40).map(row).fold("when,mode,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+        let text = text.replace("2026-03-01T10:00:20Z", "started");
+        let read = |selected: &[&str]| {
+            let (columns, rows) = (vec!["time_s=when".parse().unwrap()], selected.iter().map(|one| one.parse().unwrap()).collect());
+            read_log("a.csv", text.as_bytes(), LogFacts { rows, columns, ..LogFacts::default() }).map(|log| log.rows())
+        };
+        assert_eq!(read(&["mode=CC"]).unwrap(), 39);
+        assert_eq!(read(&["when=2026-03-01T10:00:10Z..", "mode=CC"]).unwrap(), 29);
+        assert!(read(&[]).unwrap_err().to_string().contains("a.csv:22: column `when`: `started` is no date"));
+    }
+
     #[test]
     fn a_mapped_column_is_chosen_by_in_its_own_unit() {
-        let text = "min,current_a,voltage_v\n0,1,4.1\n1,1,4.0\n2,1,3.9\n";
-        let columns = vec!["time_s=min*60".parse().unwrap()];
-        let rows = vec!["time_s=60..".parse().unwrap()];
-        let log = read_log("a.csv", text.as_bytes(), LogFacts { rows, columns, ..LogFacts::default() }).unwrap();
-        assert_eq!(log.time_s, [60.0, 120.0]);
+        for name in ["min", "time_s"] {
+            let text = format!("{name},current_a,voltage_v\n0,1,4.1\n1,1,4.0\n2,1,3.9\n");
+            let columns = vec![format!("time_s={name}*60").parse().unwrap()];
+            let rows = vec!["time_s=60..".parse().unwrap()];
+            let log = read_log("a.csv", text.as_bytes(), LogFacts { rows, columns, ..LogFacts::default() }).unwrap();
+            assert_eq!(log.time_s, [60.0, 120.0]);
+        }
     }
 
     #[test]

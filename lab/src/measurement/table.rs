@@ -64,10 +64,10 @@ pub struct Cells {
     known: BTreeMap<String, u32>,
     /// Texts that were not kept, since there were too many different ones.
     dropped: usize,
-    /// Rows of dates with a time, for as long as every text was one.
+    /// Rows of dates with a time, where the first text is one.
     moments: Vec<(u32, Timestamp)>,
-    /// The first text that was none.
-    odd: Option<(u32, String)>,
+    /// Texts that are none: the first one, and where there are dates as many as are kept of any.
+    odd: Vec<(u32, String)>,
 }
 
 /// A date with a time as in RFC 3339. One without a zone is taken as it stands, as if there were no others.
@@ -85,10 +85,11 @@ impl Cells {
     pub fn push_text(&mut self, text: &str) {
         let row = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
         self.numbers.push(f64::NAN);
-        if self.odd.is_none() {
+        if self.odd.is_empty() || !self.moments.is_empty() {
             match moment(text) {
                 Some(moment) => self.moments.push((row, moment)),
-                None => self.odd = Some((row, text.to_owned())),
+                None if self.odd.len() < TEXTS_MAX => self.odd.push((row, text.to_owned())),
+                None => {}
             }
         }
         let id = match self.known.get(text) {
@@ -138,7 +139,7 @@ impl Cells {
     pub fn seconds(&self) -> Result<Option<Vec<f64>>, (usize, String)> {
         let Some(&(_, first)) = self.moments.first() else { return Ok(None) };
         let number = self.numbers.iter().position(|number| !number.is_nan()).map(|row| (row, self.numbers[row].to_string()));
-        let text = self.odd.as_ref().map(|(row, text)| (*row as usize, text.clone()));
+        let text = self.odd.first().map(|(row, text)| (*row as usize, text.clone()));
         if let Some(odd) = number.into_iter().chain(text).min_by_key(|(row, _)| *row) {
             return Err(odd);
         }
@@ -182,27 +183,13 @@ impl Cells {
             .collect();
         let place = |row: u32| places.get(row as usize).copied().flatten();
         let numbers = self.numbers.iter().zip(kept).filter(|(_, kept)| **kept).map(|(&number, _)| number).collect();
-        let mut cells = Cells {
+        Cells {
             numbers,
-            at: self.at.iter().filter_map(|&(row, id)| Some((place(row)?, id))).collect(),
-            moments: self.moments.iter().filter_map(|&(row, moment)| Some((place(row)?, moment))).collect(),
-            odd: None,
+            at: self.at.into_iter().filter_map(|(row, id)| Some((place(row)?, id))).collect(),
+            moments: self.moments.into_iter().filter_map(|(row, moment)| Some((place(row)?, moment))).collect(),
+            odd: self.odd.into_iter().filter_map(|(row, text)| Some((place(row)?, text))).collect(),
             ..self
-        };
-        // After a text that is no date none was looked for.
-        if let Some((odd, _)) = self.odd {
-            for &(row, id) in self.at.iter().filter(|(row, _)| *row >= odd) {
-                let (Some(place), text) = (place(row), &cells.texts[id as usize]) else { continue };
-                match moment(text) {
-                    Some(moment) => cells.moments.push((place, moment)),
-                    None => {
-                        cells.odd = Some((place, text.clone()));
-                        break;
-                    }
-                }
-            }
         }
-        cells
     }
 
     /// Every cell as text; missing ones are empty.

@@ -110,9 +110,9 @@ impl Spectrum {
     }
 }
 
-/// Power at whole multiples of a quarter of a frequency, that of one period in `span_s`, from none on; of a log that may be shorter than that.
-pub(crate) fn quarters(slots: &Slots, span_s: f64) -> Vec<f64> {
-    let length = ((4.0 * span_s / slots.interval_s).round() as usize).max(slots.values.len());
+/// Power at multiples of a quarter of the least frequency, that of one period in all slots, from none on.
+pub(crate) fn quarters(slots: &Slots) -> Vec<f64> {
+    let length = 4 * slots.values.len();
     let mut buffer: Vec<Complex<f64>> = slots.with_zeros().map(|value| Complex::new(value, 0.0)).collect();
     buffer.resize(length, Complex::default());
     transform(length, false).process(&mut buffer);

@@ -22,8 +22,8 @@ pub(super) struct Odds<'p> {
     new: u32,
     /// How many services end in each tick.
     ends: Vec<u16>,
-    /// When services begin and end, where another pack comes.
-    spans: Vec<(Tick, Tick)>,
+    /// When services begin and end, and the variance that is their own, where another pack comes.
+    spans: Vec<(Tick, Tick, i64)>,
     /// When the last service ends, of those that had begun too.
     last: Tick,
     /// The same without those in the book.
@@ -65,8 +65,8 @@ impl<'p> Odds<'p> {
 
     /// The same before a pack comes, when the packs that are there have so much left and the way draws so much by then.
     pub(super) fn short_before(&self, choices: &Choices, way: &Way, left: Limit, drawn: i64) -> i64 {
-        let last = self.last_of_those_before(left.before).max(Tick::from(way.end));
-        let (spare, sigma) = self.before(left, last, drawn, self.variance + way.variance as i64);
+        let (last, variance) = self.of_those_before(left.before);
+        let (spare, sigma) = self.before(left, last.max(Tick::from(way.end)), drawn, variance + way.variance as i64);
         (self.quantile(choices) * sigma).ceil() as i64 - spare
     }
 
@@ -78,9 +78,11 @@ impl<'p> Odds<'p> {
     /// before a pack comes. `left` is what the packs that are there before each tick have left.
     pub(super) fn margin(&self, left: &[Limit]) -> (i64, f64) {
         // Where nothing is drawn before, the station may even go dark until the pack comes.
-        let is_drawn = |limit: &&Limit| limit.before < self.last && (self.chance.begun > 0 || limit.energy < self.held_by(limit.before));
-        let between =
-            left.iter().filter(is_drawn).map(|&limit| self.before(limit, self.last_of_those_before(limit.before), 0, self.variance));
+        let is_drawn = |limit: &&Limit| self.chance.begun > 0 || limit.energy < self.held_by(limit.before);
+        let between = left.iter().filter(is_drawn).map(|&limit| {
+            let (last, variance) = self.of_those_before(limit.before);
+            self.before(limit, last, 0, variance)
+        });
         let sure = |&(spare, sigma): &(i64, f64)| spare as f64 / sigma.max(1.0);
         let end = self.with(self.last, self.taken, self.variance);
         between.chain([end]).min_by(|a, b| sure(a).total_cmp(&sure(b))).unwrap_or(end)
@@ -91,10 +93,10 @@ impl<'p> Odds<'p> {
         (left - i64::from(until) * self.chance.hotel, self.chance.sigma(until, held - left, variance as f64))
     }
 
-    /// When the last of the services ends that begin before a tick: those that begin later ask nothing of what is there before.
-    fn last_of_those_before(&self, before: Tick) -> Tick {
-        let ends = self.spans.iter().filter(|(start, _)| *start < before).map(|&(_, end)| end);
-        ends.fold(self.last_begun, Tick::max)
+    /// When the last of the services ends that begin before a tick, and their variance: those that begin later ask nothing of what is there before.
+    fn of_those_before(&self, before: Tick) -> (Tick, i64) {
+        let early = self.spans.iter().filter(|(start, ..)| *start < before);
+        early.fold((self.last_begun, 0), |(last, sum), &(_, end, variance)| (last.max(end), sum + variance))
     }
 
     fn held_by(&self, before: Tick) -> i64 {
@@ -111,7 +113,7 @@ impl<'p> Odds<'p> {
         let sign = i64::from(-sign);
         self.taken += sign * way.energy;
         self.variance += sign * way.variance as i64;
-        let (end, span) = (usize::from(way.end), (Tick::from(way.start), Tick::from(way.end)));
+        let (end, span) = (usize::from(way.end), (Tick::from(way.start), Tick::from(way.end), way.variance as i64));
         if !self.held_before.is_empty() {
             match self.spans.iter().position(|known| *known == span).filter(|_| sign < 0) {
                 Some(place) => _ = self.spans.swap_remove(place),

@@ -45,7 +45,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Rows of ticks in which no way asks for anything.
+    /// Rows of ticks in which no way asks for anything, but for those of crowds, which have their prices in all.
     pub(super) fn unasked(&self) -> Vec<usize> {
         let ticks = || (0..self.asked.start).chain(self.asked.end..self.ticks);
         let rows = self.first.iter().take(self.before.len()).flat_map(|first| (0..BY_TICK).map(move |row| first + row * self.ticks));

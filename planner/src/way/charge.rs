@@ -115,10 +115,19 @@ fn charge(battery: &Battery, charger: &Charger, energy: i64, targets: &[i64], ba
     charge
 }
 
+/// More than all packs hold, and little enough to add up that of all robots.
+const NEED_MAX: i64 = 1 << 48;
+
 /// What the station's packs give to charge from `energy` to `target`, mWh.
 #[must_use]
 pub fn charge_need(battery: &Battery, charger: usize, energy: i64, target: i64) -> i64 {
-    charge(battery, &battery.chargers[charger], energy, &[target], false).runs.iter().map(|run| i64::from(run.ticks) * run.draw).sum()
+    let (mut energy, mut need) = (energy, 0_i64);
+    for segment in &battery.chargers[charger].curve {
+        let steps = ((segment.below.min(target) - energy).max(0) + segment.gain - 1) / segment.gain;
+        energy = (energy + steps * segment.gain).min(battery.capacity);
+        need = need.saturating_add(steps.saturating_mul(segment.draw)).min(NEED_MAX);
+    }
+    need
 }
 
 /// What the first ticks of a charge draw.

@@ -38,7 +38,10 @@ fn a_later_service_takes_nothing_from_an_earlier_one_before_its_pack_comes() {
         station.packs = vec![pack("0", remaining, 0), pack("1", 9000, i64::from(COMES))];
         let shared = [[0.0; 3]; 3];
         station.chance = Some(Chance { quantile: 1.645, quantile_held: 0.0, hotel: 10, begun: 0, variance: 100.0 * 100.0, shared });
-        degenerate::problem(vec![degenerate::robot(200), degenerate::robot(900)], vec![station])
+        // Little is known of the later one.
+        let mut later = degenerate::robot(900);
+        later.travel[0].variance = 300.0 * 300.0;
+        degenerate::problem(vec![degenerate::robot(200), later], vec![station])
     };
     let rich = problem(9000);
     let ways = Ways::new(&rich);

@@ -99,7 +99,8 @@ impl FactArgs {
 
     /// What is known about a log: from the file beside it, and from the flags, which win.
     pub(super) fn of(&self, path: &Path) -> anyhow::Result<LogFacts> {
-        let (beside, overrides) = (path.with_extension("toml"), self.overrides()?);
+        let beside = if is_facts(path) { path.to_owned() } else { path.with_extension("toml") };
+        let overrides = self.overrides()?;
         if !beside.is_file() {
             return Ok(overrides.over(LogFacts::default()));
         }
@@ -112,6 +113,7 @@ impl FactArgs {
         match &facts.log {
             None => ensure!(!is_facts(path), "{name} does not say of which log it is: write log = \"FILE.csv\" into it, or name the log"),
             Some(of) => {
+                ensure!(!is_facts(of), "{name}: log = \"{}\" names facts, no log", of.display());
                 ensure!(is_facts(path), "{name} is of another log, {}, and stands beside {log}: name {name} as the log", of.display());
             }
         }

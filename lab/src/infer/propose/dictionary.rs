@@ -6,6 +6,7 @@ use energy::effect::expression::{Definition, Lag, OwnParameter, TIME, readable};
 use energy::{Channel, Facts, Model, System};
 
 use crate::infer::frame::Frame;
+use crate::measurement::short;
 
 /// A shape with coefficients in front that are looked for.
 #[derive(Debug, Clone)]
@@ -88,7 +89,7 @@ impl Term {
 pub fn rhythm(value: impl Fn(&str) -> Option<f64>) -> String {
     let share = |level: f64| format!(", on for {:.0} % of it", 100.0 * level.clamp(-1.0, 1.0).acos() / PI);
     let Some(period_s) = value(PERIOD) else { return String::new() };
-    format!(" with a period of {period_s:.0} s{}", value(LEVEL).map(share).unwrap_or_default())
+    format!(" with a period of {} s{}", short(period_s), value(LEVEL).map(share).unwrap_or_default())
 }
 
 /// Every term for the frame's model and logs; `period_s` is that of the residual, if it has one.

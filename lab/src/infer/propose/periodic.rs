@@ -7,12 +7,13 @@ use energy::Channel;
 
 use super::dictionary::{COEFFICIENTS, Term};
 use super::{Look, Seen, error, extended, unknown, with_term};
-use crate::infer::evidence::{Evidence, Segment};
+use crate::infer::evidence::Evidence;
 use crate::infer::frame::Frame;
 use crate::infer::lens::whiten_all;
 use crate::infer::rough::Rough;
 use crate::infer::state::{State, residual};
 use crate::infer::trial::held_out;
+use crate::measurement::rows_after_gaps;
 use crate::whiteness::{Slots, quarters};
 
 /// Phases that are looked at, and what of a period the deviation of a clock is: three of them reach every phase.
@@ -23,30 +24,50 @@ const ONE_PHASE: f64 = 0.03;
 /// Share by which the held-out error may be higher with one phase for all logs.
 const AS_GOOD: f64 = 0.05;
 
-/// Periods that the longest log must hold, and readings that a period must have.
+/// Periods that the longest piece of a log must hold, and readings that a period must have.
 const PERIODS: usize = 3;
 const READINGS: f64 = 4.0;
 /// By how many times the power at a period must exceed the usual one.
 const STANDS_OUT: f64 = 10.0;
 
+/// A piece of a log without a pause: its rows, and what is left of them in floors.
+struct Piece<'a> {
+    time_s: &'a [f64],
+    left: &'a [f64],
+}
+
+impl Piece<'_> {
+    /// What beats with this frequency, as a sine and a cosine.
+    fn beats(&self, frequency: f64) -> [f64; 2] {
+        self.time_s.iter().zip(self.left).fold([0.0; 2], |[sine, cosine], (&time_s, &value)| {
+            let (s, c) = (TAU * frequency * time_s).sin_cos();
+            [sine + s * value, cosine + c * value]
+        })
+    }
+}
+
 /// The period at which the residual of these rows has most power, s, if it has several times the usual one: at a phase of its own in every log.
 pub(super) fn period_s(state: &State) -> Option<f64> {
-    let by_rows = state.frame.by_rows();
-    let (frame, evidence) = (&by_rows, &by_rows.evidence);
-    let mut left = residual(frame, &state.x);
-    for segment in &evidence.segments {
-        left[segment.range()].iter_mut().for_each(|left| *left /= evidence.floor(segment.channel));
+    let frame = state.frame.by_rows();
+    let mut left = residual(&frame, &state.x);
+    let segments = &frame.evidence.segments;
+    for segment in segments {
+        left[segment.range()].iter_mut().for_each(|left| *left /= frame.evidence.floor(segment.channel));
     }
-    let longest = evidence.segments.iter().max_by(|a, b| span_s(&a.time_s).total_cmp(&span_s(&b.time_s)))?;
-    let span_s = span_s(&longest.time_s);
-    // In quarters of the least frequency that the longest log tells from the next one.
-    let mut powers: Vec<f64> = Vec::new();
-    for segment in &evidence.segments {
-        let Some(slots) = Slots::of(&segment.time_s, &left[segment.range()]) else { continue };
-        let own = quarters(&slots, span_s);
-        let seen = ((4.0 * span_s / (READINGS * slots.interval_s)) as usize).min(own.len());
-        powers.resize(powers.len().max(seen), 0.0);
-        powers.iter_mut().zip(&own[..seen]).for_each(|(sum, own)| *sum += own);
+    let pieces: Vec<Vec<Piece<'_>>> = segments.iter().map(|segment| pieces(&segment.time_s, &left[segment.range()])).collect();
+    let slots: Vec<Slots> = pieces.iter().flatten().filter_map(|piece| Slots::of(piece.time_s, piece.left)).collect();
+    let lasts_s = |slots: &Slots| slots.values.len() as f64 * slots.interval_s;
+    let longest = slots.iter().max_by(|a, b| lasts_s(a).total_cmp(&lasts_s(b)))?;
+    // In quarters of the least frequency that the longest piece tells from the next one.
+    let quarter = 0.25 / lasts_s(longest);
+    let mut powers = vec![0.0; (1.0 / (READINGS * longest.interval_s * quarter)) as usize];
+    for slots in &slots {
+        let (own, own_quarter) = (quarters(slots), 0.25 / lasts_s(slots));
+        let seen = own.len().min((1.0 / (READINGS * slots.interval_s * own_quarter)) as usize);
+        for (place, power) in powers.iter_mut().enumerate() {
+            let at = (place as f64 * quarter / own_quarter).round() as usize;
+            *power += if at < seen { own[at] } else { 0.0 };
+        }
     }
     let from = 4 * PERIODS;
     let peak = (from..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]))?;
@@ -55,21 +76,45 @@ pub(super) fn period_s(state: &State) -> Option<f64> {
     if powers[peak] <= STANDS_OUT * sorted[sorted.len() / 2] {
         return None;
     }
-    // Between the frequencies that were tried, at the times of the rows: an edge must be met to a row or two.
-    let power = |frequency: f64| {
-        let of_segment = |segment: &Segment| {
-            let rows = segment.time_s.iter().zip(&left[segment.range()]);
-            let (sine, cosine) = rows.fold((0.0, 0.0), |(sine, cosine), (&time_s, &value)| {
-                let (s, c) = (TAU * frequency * time_s).sin_cos();
-                (sine + s * value, cosine + c * value)
-            });
-            sine * sine + cosine * cosine
-        };
-        evidence.segments.iter().map(of_segment).sum::<f64>()
+    // Between the frequencies that were tried, at the times of the rows: an edge must be met to a row or two. First each piece at a phase of its own, then
+    // all pieces of a log at one, which tells more, but only near the right one.
+    let square = |[sine, cosine]: [f64; 2]| sine * sine + cosine * cosine;
+    let apart = |frequency: f64| pieces.iter().flatten().map(|piece| square(piece.beats(frequency))).sum::<f64>();
+    let of_log = |pieces: &Vec<Piece<'_>>, frequency: f64| {
+        let beats = pieces.iter().map(|piece| piece.beats(frequency));
+        square(beats.fold([0.0; 2], |[sine, cosine], [s, c]| [sine + s, cosine + c]))
     };
-    let fine = |share: i32| 0.25 * (peak as f64 + 0.05 * f64::from(share)) / span_s;
-    let best = (-20..=20).max_by(|&a, &b| power(fine(a)).total_cmp(&power(fine(b))))?;
-    Some(fine(best).recip())
+    let together = |frequency: f64| pieces.iter().map(|pieces| of_log(pieces, frequency)).sum::<f64>();
+    let near = highest(peak as f64 * quarter, quarter, apart);
+    let span_s = segments.iter().map(|segment| span_s(&segment.time_s)).fold(0.0, f64::max);
+    Some(highest(near, 0.5 / span_s, together).recip())
+}
+
+/// Frequencies that are tried on each side of one.
+const TRIED: i32 = 20;
+
+/// Where power is highest within so much of a frequency: at the top of the parabola through the highest of those tried and its neighbours.
+fn highest(about: f64, reach: f64, power: impl Fn(f64) -> f64) -> f64 {
+    let step = reach / f64::from(TRIED);
+    let tried: Vec<f64> = (-TRIED..=TRIED).map(|steps| power(about + f64::from(steps) * step)).collect();
+    let top = (1..tried.len() - 1).max_by(|&a, &b| tried[a].total_cmp(&tried[b])).unwrap_or(TRIED as usize);
+    let (before, at, after) = (tried[top - 1], tried[top], tried[top + 1]);
+    let bend = before - 2.0 * at + after;
+    let beside = if bend < 0.0 { ((before - after) / (2.0 * bend)).clamp(-1.0, 1.0) } else { 0.0 };
+    about + (top as f64 - f64::from(TRIED) + beside) * step
+}
+
+/// A log cut at its pauses.
+fn pieces<'a>(time_s: &'a [f64], left: &'a [f64]) -> Vec<Piece<'a>> {
+    let mut cuts = rows_after_gaps(time_s, &[]);
+    cuts.push(time_s.len());
+    let mut from = 0;
+    let piece = |to: usize| {
+        let rows = from..to;
+        from = to;
+        Piece { time_s: &time_s[rows.clone()], left: &left[rows] }
+    };
+    cuts.into_iter().map(piece).collect()
 }
 
 impl Look<'_> {
