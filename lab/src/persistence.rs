@@ -169,7 +169,7 @@ mod tests {
         assert!((found.squares_per_independent() / 16.0 - 1.0).abs() < 0.5, "{found:?}");
         // All rows have the same say, or every other one the opposite.
         let rows: Vec<usize> = (0..20_000).collect();
-        let say = |row: usize, _| if row % 2 == 0 { 1.0 } else { -1.0 };
+        let say = |row: usize, _| if row.is_multiple_of(2) { 1.0 } else { -1.0 };
         let [same, opposite] =
             [DMatrix::from_element(20_000, 1, 1.0), DMatrix::from_fn(20_000, 1, say)].map(|j| found.spread(&rows, &j)[(0, 0)]);
         assert!((same / 20_000.0 / found.rows_per_independent(20_000) - 1.0).abs() < 0.02, "{same}");
