@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use energy::document::hint;
 use energy::{Channel, Model};
-use lab::measurement::{Log, LogFacts, Role, Thinning, leave_out_edges, leave_out_settling, thin, uneven_sampling};
+use lab::measurement::{Log, LogFacts, Role, Thinning, leave_out_edges, leave_out_settling, shared_rows, thin, uneven_sampling};
 use lab::prepare::{Prepared, counted_as_zero, odd_current, odd_voltage, predicted_channels, prepare_to_judge};
 use lab::{ModelSource, load_model};
 
@@ -128,6 +128,9 @@ impl LogArgs {
             thin(log, model, self.rows.thinning());
             say(&log.notes[told..]);
         }
+        if role == Some(Role::Train) {
+            say(&counted_twice(&logs));
+        }
         say(uneven_sampling(&logs).as_slice());
         say(counted_as_zero(model, &logs).as_slice());
         Ok(logs)
@@ -191,6 +194,16 @@ impl LogInputs {
     pub(super) fn ready(&self, model: &Model, logs: &[Log]) -> anyhow::Result<Vec<Prepared>> {
         self.logs.ready(model, logs)
     }
+}
+
+/// Logs to learn from that hold rows of each other.
+fn counted_twice(logs: &[Log]) -> Vec<String> {
+    let pairs = logs.iter().enumerate().flat_map(|(index, log)| logs[..index].iter().map(move |before| (before, log)));
+    let shared = pairs.map(|(before, log)| (before, log, shared_rows(log, before))).filter(|(.., rows)| *rows > 0);
+    let words = |(before, log, rows): (&Log, &Log, usize)| {
+        format!("{}: {rows} of its {} rows hold the times and readings of {}: they count twice", log.file, log.rows(), before.file)
+    };
+    shared.map(words).collect()
 }
 
 /// Tells the user what stops nothing.

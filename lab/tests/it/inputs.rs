@@ -99,6 +99,13 @@ fn one_file_holds_several_logs() {
     assert!(compared.stderr.contains("all.csv: 20 of 60 rows are read, those with cycle=2"), "{}", compared.stderr);
     let fitted = run("fit", &["--free", "ohmic", "--log", "one.toml", "two.toml"]);
     assert!(fitted.stdout.contains("one") && fitted.stdout.contains("held out"), "{}{}", fitted.stdout, fitted.stderr);
+    write(folder.path(), "again.toml", "schema = 1\nlog = \"all.csv\"\nsoc_initial = 1.0\nrows = [\"time_s=100..115\"]\n");
+    let again = run("fit", &["--free", "ohmic", "--log", "one.toml", "again.toml"]);
+    assert!(
+        again.stderr.contains("again.toml: 16 of its 16 rows hold the times and readings of one.toml: they count twice"),
+        "{}",
+        again.stderr
+    );
     // A flag takes the place of what the file says of the same column, and adds to what it says of others.
     let flags = run("compare", &["--log", "one.toml", "--rows", "cycle=3", "--rows", "time_s=..309"]);
     assert!(flags.stderr.contains("10 of 60 rows are read, those with cycle=3 and time_s=..309"), "{}", flags.stderr);

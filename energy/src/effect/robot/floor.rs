@@ -2,7 +2,8 @@
 //!
 //! `F = F_class` for the classes 1, 2 and 3 of the channel `floor_class`, `P = F v` in sum with the
 //! other forces, never below zero; class 0 is the
-//! floor for which the other numbers were stated, and takes nothing extra. N at the ground. A floor
+//! floor for which the other numbers were stated, and takes nothing extra. N at the ground, but beside `motion`, whose efficiency is for its own forces
+//! alone, N as the motors have to give it: that over the efficiency. A floor
 //! that is easier than the reference has a negative force. Other classes count as the reference.
 //!
 //! Absence: the residual of driving differs from floor to floor.
