@@ -176,7 +176,7 @@ mod tests {
         assert!(opposite < 0.6 * 20_000.0, "{opposite}");
     }
 
-    /// A tenth of the variance: neighbours correlate by little, and yet rows are worth a fifteenth of what they would be without.
+    /// A tenth of the variance: neighbours correlate by little, and yet thirteen rows are worth one.
     #[test]
     fn a_small_slow_part_is_seen_too() {
         let found = of(&made(20_000, 1.0 / 3.0, 60.0));
