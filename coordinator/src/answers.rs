@@ -6,10 +6,11 @@ mod explain;
 use std::collections::BTreeSet;
 
 use energy::units::S_PER_H;
-use proto::{Mode, PackId, Quality, RobotId, Schedule, Service, ServiceStatus, StationId, Unserved};
+use proto::{BayPhase, Mode, PackId, Quality, RobotId, RobotPhase, RobotState, Schedule, Service, ServiceStatus, StationId, Unserved};
 
 pub use self::capacity::capacity;
 pub use self::explain::{Explainer, changes};
+use crate::fleet::Station;
 use crate::forecast;
 use crate::models::from_wire;
 use crate::scheduler::{HANDOVER_S, Plan, Planned};
@@ -75,10 +76,23 @@ fn untold<'a>(basis: &'a Basis<'_>, plan: &'a Plan) -> impl Iterator<Item = Unse
         let (_, state) = robot.known()?;
         let place = state.station.as_ref().map_or_else(String::new, |station| format!(" at {station}"));
         let note = state.note.as_ref().map_or_else(String::new, |note| format!(": {note}"));
-        let plannable = matches!(state.phase, proto::RobotPhase::Working | proto::RobotPhase::Waiting);
+        let plannable = matches!(state.phase, RobotPhase::Working | RobotPhase::Waiting);
         let why = || format!("{}{place}{note}", state.phase);
-        (!plannable).then(|| Unserved { robot: id.clone(), runs_empty: true, reasons: vec![why()] })
+        (!plannable).then(|| Unserved { robot: id.clone(), runs_empty: is_stuck(basis, state), reasons: vec![why()] })
     })
+}
+
+/// Whether a robot that no service moves gets no energy where it is: it stands where it gave out, or in a place without power.
+fn is_stuck(basis: &Basis<'_>, robot: &RobotState) -> bool {
+    match robot.phase {
+        RobotPhase::Stranded => true,
+        RobotPhase::Docked | RobotPhase::Charging | RobotPhase::Charged | RobotPhase::Swapping => {
+            let station = robot.station.as_ref().and_then(|station| basis.fleet.stations.get(station));
+            let failed = |station: &Station| robot.bay.as_ref().is_some_and(|bay| station.bay_phase(bay) == Some(BayPhase::Failed));
+            station.is_some_and(|station| failed(station) || station.known().is_none_or(|state| !state.powered))
+        }
+        RobotPhase::Working | RobotPhase::Waiting | RobotPhase::Travelling => false,
+    }
 }
 
 fn running_service(basis: &Basis<'_>, run: &ServiceRun) -> Service {
@@ -134,13 +148,22 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     let station = basis.fleet.stations.get(id)?;
     let state = station.heard()?;
     let active = state.active_pack.as_ref()?;
-    let left_s = station.packs.get(active)?.time_to_empty_s?.value;
+    let models = basis.models.stations.get(id)?;
+    let (owner, gauge) = (Owner::Pack(id.clone(), active.clone()), station.packs.get(active)?);
+    let left_s = match basis.trust.fault(basis.now, &owner) {
+        None => gauge.time_to_empty_s?.value,
+        // Its gauge does not say how it is now.
+        Some(_) if state.pack_power_w <= 0.0 => return None,
+        Some(_) => {
+            let (_, left_wh) = basis.trust.belief(basis.now, &owner, gauge, models.packs.get(active)?.battery().stored_wh());
+            left_wh.value / state.pack_power_w * S_PER_H
+        }
+    };
     if left_s > HANDOVER_S {
         return None;
     }
     // The least full first, so that full packs stay full. What a pack holds counts at the power
     // that the station draws: at rest even an empty one looks as if it held something.
-    let models = basis.models.stations.get(id)?;
     let usable_wh = |pack: &PackId| {
         let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
         let model = basis.worn(&Owner::Pack(id.clone(), pack.clone()), model, gauge);

@@ -52,7 +52,7 @@ pub use carry::packs_after_begun;
 pub use crowd::{Fed, crowds, solve_side_by_side};
 pub use effort::{Effort, WHOLE_FLEET_MAX};
 pub use plan::{Plan, Planned, Rejected};
-pub use problem::{Begun, HANDOVER_S, PackState, PackView, RobotView, SpareView, StationView, View};
+pub use problem::{Begun, HANDOVER_S, Lasts, PackState, PackView, RobotView, SpareView, StationView, View, WayView};
 pub use racks::Racks;
 pub use recharging::Recharging;
 pub use refill::{Refill, steps_s};

@@ -7,6 +7,7 @@ mod fit;
 mod packs;
 mod sharing;
 mod spares;
+mod stock;
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,16 +15,17 @@ use std::sync::Arc;
 
 use energy::units::S_PER_H;
 use energy::{Channel, Estimate, Model, Need};
-use proto::{Absence, BayPhase, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, Timestamp, Travel};
+use proto::{Absence, BayPhase, BayState, Gauge, PackId, RobotId, RobotPhase, RobotState, StationId, Timestamp};
 
 use self::crowd::InReach;
 use self::fit::SpareKind;
+pub(crate) use self::stock::Stock;
 use crate::fleet::{Fleet, Station};
 use crate::forecast::{self, Draw};
-use crate::models::{Models, Settings, StationModels};
+use crate::models::{Models, Settings, StationModels, from_wire};
 use crate::refusals::Refusals;
 use crate::scheduler::charging::{Table, step_degc, uncritical_degc};
-use crate::scheduler::{Planned, RobotView, StationView, Tables, View};
+use crate::scheduler::{Planned, RobotView, StationView, Tables, View, WayView};
 use crate::service_run::{ServiceRun, Stage};
 use crate::trust::{Owner, Trust};
 use crate::watch::{Subject, Watch};
@@ -31,8 +33,6 @@ use crate::when::minute_from;
 
 /// Share of the time to empty after which a service is wanted whatever the state of charge.
 const QUEUE_SHARE: f64 = 0.9;
-/// Share of the usual caution with which a robot's time is judged that was promised a service.
-const HELD_CAUTION: f64 = 0.5;
 /// A pack that should have been brought, and a station that should have arrived by now, are counted on after this time, s.
 const COMES_LATE_S: f64 = 60.0;
 
@@ -73,9 +73,6 @@ struct Around<'v> {
     stations: BTreeMap<&'v StationId, (usize, &'v StationView, Vec<SpareKind>)>,
     /// What charging takes: at a station, for a battery, in a step of temperature.
     tables: BTreeMap<(usize, usize, i32), Arc<Table>>,
-    /// Standard deviations that the confidence asks for.
-    caution: f64,
-    is_doubting: bool,
 }
 
 impl Basis<'_> {
@@ -91,8 +88,6 @@ impl Basis<'_> {
         let mut around = Around {
             stations: stations.iter().enumerate().map(|(index, station)| (&station.station, (index, station, kinds(station)))).collect(),
             tables: BTreeMap::new(),
-            caution: self.settings.caution(),
-            is_doubting: self.watch.is_doubting(),
         };
         let robots = self.fleet.robots.iter().filter_map(|(id, robot)| {
             let (gauge, state) = robot.known()?;
@@ -104,52 +99,42 @@ impl Basis<'_> {
         View { now: self.now, robots, stations, crowd: self.crowd }
     }
 
-    /// How long a robot goes on for certain, s, as it is asked for of a new promise.
-    #[must_use]
-    pub fn surely_lasts_s(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Model) -> f64 {
-        let (_, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, battery.battery().stored_wh());
-        lasting_s(remaining_wh, state, self.doubts(id), self.settings.caution()).0
-    }
-
-    /// How much less certain is what is known of a robot's battery, its work and its ways.
-    fn doubts(&self, id: &RobotId) -> [f64; 3] {
-        [Subject::RobotBattery, Subject::RobotWork, Subject::RobotWay].map(|subject| self.watch.wider(&subject(id.clone())))
+    /// What a robot's pack holds against what it draws.
+    pub(crate) fn stock(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Model) -> Stock {
+        let (soc, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, battery.battery().stored_wh());
+        // How much less certain is what is known of its battery, its work and its ways.
+        let doubt = |subject: fn(RobotId) -> Subject| if self.watch.is_doubting() { self.watch.wider(&subject(id.clone())) } else { 1.0 };
+        let [of_battery, of_work, on_way] = [Subject::RobotBattery, Subject::RobotWork, Subject::RobotWay].map(doubt);
+        Stock {
+            soc: wider(soc, of_battery),
+            remaining_wh: wider(remaining_wh, of_battery),
+            stored_wh: battery.battery().stored_wh(),
+            drain_w: wider(from_wire(state.drain_w), of_work),
+            on_way,
+            caution: self.settings.caution(),
+            held: self.promised.contains(id),
+        }
     }
 
     fn robot(&self, id: &RobotId, gauge: &Gauge, state: &RobotState, battery: &Arc<Model>, around: &mut Around<'_>) -> RobotView {
-        let (soc, remaining_wh) = self.trust.belief(self.now, &Owner::Robot(id.clone()), gauge, battery.battery().stored_wh());
-        let doubts = if around.is_doubting { self.doubts(id) } else { [1.0; 3] };
-        let soc = wider(soc, doubts[0]);
-        let per_s = |power_w: f64| (power_w / battery.battery().stored_wh() / S_PER_H).max(1e-12);
-        let drain_soc_per_s = per_s(state.drain_w.value);
-        let (caution, held) = (around.caution, self.promised.contains(id));
-        let (pessimistic_s, drain_hi_w) = lasting_s(remaining_wh, state, doubts, caution);
-        // A promise that was given is not broken over the last minute of its margin.
-        let empty_s = if held { lasting_s(remaining_wh, state, doubts, HELD_CAUTION * caution).0 } else { pessimistic_s };
-        // What nobody knows yet lasts no longer than a full pack would by the cautious drain.
-        let full_s = battery.battery().stored_wh() / drain_hi_w.max(f64::MIN_POSITIVE) * S_PER_H;
-        // (Who draws nothing for certain lasts for ever, however it is looked at.)
-        let expected_s = lasting_s(remaining_wh, state, doubts, 0.0).0.min(full_s).max(pessimistic_s);
-        let spread_s = if expected_s.is_finite() { expected_s - pessimistic_s } else { 0.0 };
-        let lasts_s = Estimate::new(expected_s, spread_s / caution.max(f64::MIN_POSITIVE));
+        let stock = self.stock(id, gauge, state, battery);
+        let per_s = |power_w: f64| (power_w / stock.stored_wh / S_PER_H).max(1e-12);
+        let drain_soc_per_s = per_s(stock.drain_w.value);
         let mut view = RobotView {
             robot: id.clone(),
             battery: Arc::clone(battery),
             temperature_degc: gauge.temperature_degc,
-            charge_degc: charge_degc(battery, gauge.temperature_degc, held),
-            soc,
-            empty_s,
-            lasts_s,
-            surely_s: pessimistic_s,
-            handled_s: 0.0,
-            wanted_s: ((soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0),
+            charge_degc: charge_degc(battery, gauge.temperature_degc, stock.held),
+            soc: stock.soc,
+            lasts: stock.lasts(None, 0.0),
+            wanted_s: ((stock.soc.value - self.settings.serve_below_soc) / drain_soc_per_s).max(0.0),
             is_hurried: false,
             drain_soc_per_s,
-            drain_hi_soc_per_s: per_s(drain_hi_w),
+            drain_hi_soc_per_s: per_s(stock.drain_hi_w()),
             weight: state.mission.weight,
             until_s: state.mission.until.map(|until| until.seconds_since(self.now)),
-            held,
-            travel: Vec::new(),
+            held: stock.held,
+            ways: Vec::new(),
             unfit: Vec::new(),
             closed: Vec::new(),
         };
@@ -169,18 +154,15 @@ impl Basis<'_> {
             let kind = (index, Arc::as_ptr(battery).addr(), view.charge_degc as i32);
             let made = || self.table(&station.station, &self.models.stations[&station.station], battery, view.charge_degc);
             let table = Arc::clone(around.tables.entry(kind).or_insert_with(made));
-            view.handled_s = view.handled_s.max(if station.bays.is_empty() { station.handling.swap_s } else { station.handling.load_s });
-            view.travel.push((index, travel.time_s, table));
+            let (extra_soc, lasts) = (stock.extra_soc(travel), stock.lasts(Some(travel), station.taken_in_s()));
+            view.ways.push(WayView { station: index, time_s: travel.time_s, extra_soc, lasts, table });
             let unfit = kinds.iter().enumerate().filter(|(_, kind)| !kind.fits(&state.battery, battery));
             view.unfit.extend(unfit.map(|(kind, _)| (index, kind)));
         }
-        // It lives on its own pack until it is in the bay, or has the other pack.
-        view.empty_s = (empty_s - view.handled_s).max(0.0);
-        view.surely_s = (pessimistic_s - view.handled_s).max(0.0);
-        view.lasts_s.value = (lasts_s.value - view.handled_s).max(0.0);
         // A heavy load may empty a pack soon after it reaches the level at which a service is
-        // wanted, or before: it comes while there is time left for a queue.
-        let with_a_queue_s = QUEUE_SHARE * (pessimistic_s - view.handled_s).max(0.0);
+        // wanted, or before: it comes while there is time left for a queue, where it can wait longest for one.
+        let longest_s = view.ways.iter().map(|way| way.lasts.surely_s).max_by(f64::total_cmp).unwrap_or(view.lasts.surely_s);
+        let with_a_queue_s = QUEUE_SHARE * longest_s.max(0.0);
         view.is_hurried = with_a_queue_s < view.wanted_s;
         view.wanted_s = view.wanted_s.min(with_a_queue_s);
         view
@@ -271,6 +253,12 @@ impl Basis<'_> {
         if left_s > 0.0 { left_s } else { COMES_LATE_S }
     }
 
+    /// Whether a bay of a station can take a robot in, once whoever is in it is out.
+    pub(crate) fn takes_in(&self, id: &StationId, bay: &BayState) -> bool {
+        let here: Vec<&ServiceRun> = self.running.values().filter(|run| run.station == *id).collect();
+        self.usable(&bay.bay, bay.phase, &here)
+    }
+
     /// Whether a bay works, and is free or held by a service that has begun. If somebody is in it whom no
     /// service put there, nobody knows for how long.
     fn usable(&self, bay: &proto::BayId, phase: BayPhase, here: &[&ServiceRun]) -> bool {
@@ -336,18 +324,6 @@ pub(crate) fn charge_degc(battery: &Model, gauged_degc: f64, held: bool) -> f64 
         _ if gauged_degc - doubt_degc < cold_degc => step_degc(battery, gauged_degc - doubt_degc),
         _ => step_degc(battery, gauged_degc),
     }
-}
-
-/// Time until a robot may be empty, s: what its gauge has left over its drain, both pessimistic by `z` sigmas; and
-/// that drain, W. The models of its battery, its work and its ways are less certain than they say by these factors.
-fn lasting_s(remaining_wh: Estimate, state: &RobotState, [battery, work, on_way]: [f64; 3], z: f64) -> (f64, f64) {
-    let drain_w = state.drain_w.value + z * work * state.drain_w.sigma;
-    // What the cheapest way home takes beyond as much work is kept back for it.
-    let beyond_wh = |way: &Travel| way.energy_wh.value + z * on_way * way.energy_wh.sigma - drain_w * way.time_s / S_PER_H;
-    let reserve_wh = state.travel.values().map(beyond_wh).fold(f64::INFINITY, f64::min);
-    let reserve_wh = if reserve_wh.is_finite() { reserve_wh.max(0.0) } else { 0.0 };
-    let energy_wh = (remaining_wh.value - z * battery * remaining_wh.sigma - reserve_wh).max(0.0);
-    (if drain_w <= 0.0 { f64::INFINITY } else { energy_wh / drain_w * S_PER_H }, drain_w)
 }
 
 fn wider(estimate: Estimate, factor: f64) -> Estimate {

@@ -95,6 +95,8 @@ fn fleet(robots: usize, stations: usize) -> Problem {
         let travel = (0..3.min(stations)).map(|next| Travel {
             station: (home + next) % stations,
             ticks: (2 + (number * 7 + next * 5) % 9) as u32,
+            extra: 0,
+            extra_hi: 0,
             variance: 0.0,
             spares: Some(0),
         });

@@ -74,9 +74,9 @@ fn needs(problem: &Problem, robot: usize) -> Vec<Need> {
     let robot = &problem.robots[robot];
     // Energy alone: when the horizon ends does not matter.
     let here = robot.travel.iter().chain(&robot.beyond).filter_map(|travel| {
-        let (station, ticks) = (&problem.stations[travel.station], i64::from(problem.soonest(travel)));
-        let energy = robot.energy - robot.drain * ticks;
-        if robot.energy - robot.drain_hi * ticks < battery.floor || target - energy < battery.min_gain {
+        let (station, soonest) = (&problem.stations[travel.station], problem.soonest(travel));
+        let energy = robot.left_at(travel, soonest);
+        if i64::from(soonest) > robot.last_start(travel, battery.floor) || target - energy < battery.min_gain {
             return None;
         }
         let handling = i64::from(station.load_ticks) * station.load_draw + i64::from(station.unload_ticks) * station.unload_draw;

@@ -202,13 +202,14 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
     for (place, &ready) in raw.spares.iter().enumerate() {
         spares.push(Spare { ready: range(at(&format!("spares[{place}]")), ready, 0, i64::from(Tick::MAX))? as Tick, kind: 0 });
     }
+    let bays = range(at("bays"), raw.bays, 0, 10_000)?;
     let mut ongoing: Vec<Ongoing> = Vec::new();
     for (place, session) in raw.ongoing.iter().enumerate() {
         let name = |field: &str| at(&format!("ongoing[{place}].{field}"));
-        if raw.bays == 0 {
+        if bays == 0 {
             return contradiction(at("ongoing"), "a charge is under way, but there is no bay");
         }
-        let bay = range(name("bay"), session.bay, 0, raw.bays - 1)? as u32;
+        let bay = range(name("bay"), session.bay, 0, bays - 1)? as u32;
         if ongoing.iter().any(|other| other.bay == Some(bay)) {
             return contradiction(name("bay"), format!("bay {bay} holds two charges at once; each may hold one"));
         }
@@ -227,7 +228,7 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
         opens: 0,
         away: Vec::new(),
         away_slack: 0,
-        bays: range(at("bays"), raw.bays, 0, 10_000)? as u32,
+        bays: bays as u32,
         lift_slots: range(at("lift_slots"), raw.lift_slots, 0, 10_000)?,
         swap_slots: range(at("swap_slots"), raw.swap_slots, 0, 10_000)?,
         hotel: energy("hotel", raw.hotel)?,
@@ -270,7 +271,7 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64, capaci
         }
         let ticks = range(at(&format!("travel time to station {id}")), ticks, 0, i64::from(Tick::MAX))?;
         let list = if ticks < horizon { &mut travel } else { &mut beyond };
-        list.push(Travel { station, ticks: ticks as Tick, variance: 0.0, spares: Some(0) });
+        list.push(Travel { station, ticks: ticks as Tick, extra: 0, extra_hi: 0, variance: 0.0, spares: Some(0) });
     }
     Ok(Robot {
         name: raw.id.to_string(),

@@ -275,6 +275,10 @@ pub struct Travel {
     pub station: usize,
     /// Time to get there, and back, ticks.
     pub ticks: Tick,
+    /// What the way takes beyond as many ticks of work, there and as much once more back; below zero where it takes less.
+    pub extra: i64,
+    /// The same on the way there with the caution that promises need.
+    pub extra_hi: i64,
     /// Variance of what a charge there takes that is this robot's own, units².
     pub variance: f64,
     /// The kind of spares there that goes into it; none where no spare does.
@@ -301,6 +305,18 @@ impl Robot {
     #[must_use]
     pub fn endurance(&self, floor: i64) -> i64 {
         ((self.energy - floor).div_euclid(self.drain_hi)).max(0)
+    }
+
+    /// The last tick in which a service at the end of a way can begin by the cautious estimate; below zero where it never gets there.
+    #[must_use]
+    pub fn last_start(&self, travel: &Travel, floor: i64) -> i64 {
+        (self.energy - travel.extra_hi - floor).div_euclid(self.drain_hi)
+    }
+
+    /// What is left in its pack at the end of a way, in the tick in which a service begins there.
+    #[must_use]
+    pub fn left_at(&self, travel: &Travel, start: Tick) -> i64 {
+        self.energy - travel.extra - self.drain * i64::from(start)
     }
 
     /// Worth of the work that is missed when it works only in these ticks, given as disjoint `(from, to)`.

@@ -30,7 +30,7 @@ pub enum Why {
     TooFar {
         /// Ticks to the station.
         away: Tick,
-        /// Ticks until the robot may be empty.
+        /// Ticks after which it may no longer get there.
         endurance: i64,
     },
     /// The robot may be empty before the station is where it takes robots in.
@@ -155,9 +155,10 @@ fn amount(lacks: &[Clash]) -> i64 {
 
 fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     let station = &problem.stations[travel.station];
-    let (who, battery, endurance) = (&problem.robots[robot], problem.battery(robot), problem.endurance(robot));
-    let soonest = problem.soonest(travel);
-    if i64::from(soonest) > endurance || who.energy - who.drain_hi * i64::from(soonest) < battery.floor {
+    let (who, battery) = (&problem.robots[robot], problem.battery(robot));
+    let (soonest, last) = (problem.soonest(travel), who.last_start(travel, battery.floor));
+    if i64::from(soonest) > last {
+        let endurance = last.max(0);
         return if soonest > travel.ticks { Why::NotThere { opens: soonest, endurance } } else { Why::TooFar { away: soonest, endurance } };
     }
     if station.bays == 0 && !problem.exchanges(travel) {

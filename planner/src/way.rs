@@ -280,7 +280,8 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         return made;
     }
     let mut first = robot.travel.iter().map(|travel| problem.soonest(travel)).min().unwrap_or(0).max(robot.not_before);
-    let mut last = robot.endurance(battery.floor).min(i64::from(horizon) - 1);
+    let last_there = robot.travel.iter().map(|travel| robot.last_start(travel, battery.floor)).max().unwrap_or(-1);
+    let mut last = last_there.min(i64::from(horizon) - 1);
     if let Some(Only::This(commitment)) = only {
         (first, last) = (first.max(commitment.start), last.min(i64::from(commitment.start)));
     }
@@ -291,20 +292,21 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     let swaps = robot.travel.iter().any(|travel| problem.exchanges(travel));
     made.ways.reserve(usize::try_from(last - i64::from(first) + 1).unwrap_or(0) * robot.travel.len());
     for start in first.. {
-        if i64::from(start) > last || robot.energy - robot.drain_hi * i64::from(start) < battery.floor {
+        if i64::from(start) > last {
             break;
         }
-        let energy = robot.energy - robot.drain * i64::from(start);
-        let enough = battery.targets.partition_point(|target| target - energy < battery.min_gain);
-        let wanted = enough.max(robot.lowest_target.min(battery.targets.len()));
-        let mut at: Vec<From> = Vec::new();
-        for travel in travels.iter().filter(|travel| problem.soonest(travel) <= start) {
+        let in_reach = |travel: &&&Travel| problem.soonest(travel) <= start && i64::from(start) <= robot.last_start(travel, battery.floor);
+        let mut at: Vec<(i64, From)> = Vec::new();
+        for travel in travels.iter().filter(in_reach) {
             let station = &problem.stations[travel.station];
-            let place = at.iter().position(|from| from.charger == station.charger).unwrap_or_else(|| {
-                at.push(From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut runs));
+            let energy = robot.left_at(travel, start);
+            let enough = battery.targets.partition_point(|target| target - energy < battery.min_gain);
+            let wanted = enough.max(robot.lowest_target.min(battery.targets.len()));
+            let place = at.iter().position(|(left, from)| *left == energy && from.charger == station.charger).unwrap_or_else(|| {
+                at.push((energy, From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut runs)));
                 at.len() - 1
             });
-            let from = &at[place];
+            let from = &at[place].1;
             let away = i64::from(travel.ticks);
             let in_time = robot.wanted.map_or(start, |wanted| wanted.max(travel.ticks));
             let works_until = i64::from(start.min(in_time)) - away;
@@ -312,7 +314,8 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
             let owed = &battery.chargers[station.charger].owed;
             let cost = |mode: Mode, end: Tick, stored: i64| {
                 let owed = if let Mode::Charge(level) = mode { owed.get(usize::from(level)).copied().unwrap_or(0) } else { 0 };
-                let (from, to) = (i64::from(end) + away, i64::from(end) + (stored - battery.floor).div_euclid(robot.drain_served));
+                let (from, to) =
+                    (i64::from(end) + away, i64::from(end) + (stored - travel.extra - battery.floor).div_euclid(robot.drain_served));
                 amiss + robot.weight * i64::from(owed) + robot.missed([(0, works_until), (from, to)])
             };
             let mut add = |mode, end: Tick, stored, ready, runs, energy| {

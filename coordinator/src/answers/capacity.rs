@@ -49,8 +49,11 @@ fn comes<'p>(basis: &Basis<'_>, view: &View, robot: &RobotView, planned: Option<
         let station = view.stations.iter().position(|station| station.station == planned.station)?;
         return Some((station, planned.start.seconds_since(basis.now), Some(planned)));
     }
-    let reached = robot.travel.iter().map(|(station, travel_s, _)| (*station, travel_s.max(view.stations[*station].opens_s)));
-    let reached = reached.filter(|(_, there_s)| *there_s <= robot.endures_s(*there_s));
+    let is_in_reach = robot.is_in_reach(&view.stations);
+    let reached = robot.ways.iter().filter_map(|way| {
+        let there_s = way.time_s.max(view.stations[way.station].opens_s);
+        (there_s <= way.lasts.counted_s(is_in_reach)).then_some((way.station, there_s))
+    });
     let (station, there_s) = reached.min_by(|a, b| a.1.total_cmp(&b.1))?;
     (robot.wanted_s <= HORIZON_MAX_S).then(|| (station, robot.wanted_s.max(there_s), None))
 }
@@ -77,8 +80,10 @@ fn question(
     // Whose battery is never charged as it is now does not come for that.
     let in_vain = |soc: Estimate, table: &Table| !exchanges && table.at(soc.value).stopped.is_some();
     let coming = robots.iter().filter_map(|(from_s, planned, robot)| {
-        let (_, _, table) = robot.travel.iter().find(|(station, _, _)| *station == index)?;
-        let soc = Estimate::new((robot.soc.value - robot.drain_soc_per_s * from_s).max(0.0), robot.soc.sigma);
+        let way = robot.way(index)?;
+        let (table, extra_soc) = (&way.table, way.extra_soc);
+        let left_soc = robot.soc.value - robot.drain_soc_per_s * from_s - extra_soc.value;
+        let soc = Estimate::new(left_soc.max(0.0), robot.soc.sigma.hypot(extra_soc.sigma));
         let wanted = match planned {
             Some(planned) => {
                 let spare = station.spares.iter().find(|spare| planned.spare.as_ref() == Some(&spare.spare));
@@ -98,6 +103,10 @@ fn question(
     if in_vain(Estimate::exact(from_soc), &basis.table(id, models, battery, basis.left_degc(id, battery))) {
         service.place = Place::InVain;
     }
+    // A station that takes no part has no place for anybody, nor has a bay that does not work or that somebody is in whom nobody knows.
+    let takes_part = station.out_of_order.is_none();
+    let bays = state.bays.iter().filter(|bay| takes_part && basis.takes_in(id, bay));
+    let spares = station.spares.iter().filter(|_| takes_part);
     Some(Question {
         station: id.clone(),
         begun_until_s: station.committed_until_s,
@@ -107,8 +116,8 @@ fn question(
         recharging: station.recharging.iter().map(|charged| charged.after(station.committed_until_s)).collect(),
         breakdown_wh: if exchanges { by_cause(&service) } else { table.breakdown_wh.clone() },
         service,
-        bays_s: state.bays.iter().map(|bay| taken_until_s(station, &bay.bay)).collect(),
-        spares: station.spares.iter().map(|spare| (racks.kind(index, spare), spare.ready_s.max(0.0))).collect(),
+        bays_s: bays.map(|bay| taken_until_s(station, &bay.bay)).collect(),
+        spares: spares.map(|spare| (racks.kind(index, spare), spare.ready_s.max(0.0))).collect(),
         planned_short_wh: None,
         overhead_per_h: station.overhead_per_h.clone(),
         overhead_breakdown: forecast::overhead_breakdown(models),

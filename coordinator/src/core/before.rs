@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use proto::{Mode, RobotId, Schedule, Service, StationId, Timestamp};
+use proto::{Mode, RobotId, Schedule, Service, SpareId, StationId, Timestamp};
 
 use super::Core;
 use crate::scheduler::translate::HORIZON_MAX_S;
@@ -26,8 +26,16 @@ impl Before {
 impl Core {
     /// The state of charge to which the coordinator before would have charged this robot at that station, if that can still be going on.
     pub(super) fn promised_soc(&self, now: Timestamp, robot: &RobotId, station: &StationId) -> Option<f64> {
-        let service = self.before.services.get(robot).filter(|service| service.station == *station && self.is_current(now, service))?;
-        if let Mode::Recharge { to_soc } = service.mode { Some(to_soc) } else { None }
+        if let Mode::Recharge { to_soc } = self.was_promised(now, robot, station)?.mode { Some(to_soc) } else { None }
+    }
+
+    /// The spare that the coordinator before would have given this robot at that station, if that can still come.
+    pub(super) fn promised_spare(&self, now: Timestamp, robot: &RobotId, station: &StationId) -> Option<SpareId> {
+        if let Mode::Swap { spare } = &self.was_promised(now, robot, station)?.mode { Some(spare.clone()) } else { None }
+    }
+
+    fn was_promised(&self, now: Timestamp, robot: &RobotId, station: &StationId) -> Option<&Service> {
+        self.before.services.get(robot).filter(|service| service.station == *station && self.is_current(now, service))
     }
 
     /// What should have been over by so long ago that it would have been given up is nobody's any more: its robot may have been serviced

@@ -140,8 +140,7 @@ impl Core {
         let gauged_wh = |pack: &PackId| {
             let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
             let owner = Owner::Pack(run.station.clone(), pack.clone());
-            let believed_wh = self.trust.belief(now, &owner, gauge, model.battery().stored_wh()).1.value;
-            Some(Estimate::new(believed_wh, gauge.remaining_wh.sigma))
+            Some(self.trust.belief(now, &owner, gauge, model.battery().stored_wh()).1)
         };
         let gauged_wh = sum(here().filter_map(|pack| gauged_wh(&pack.pack)));
         let surely_wh = gauged_wh.value - self.settings.caution() * gauged_wh.sigma;

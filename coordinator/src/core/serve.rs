@@ -125,6 +125,10 @@ impl Core {
                 self.is_in(now, &robot, bay);
                 continue;
             }
+            if let Some(spare) = belief.known().and_then(|(_, state)| self.basis(now).ready_instead(run, state)) {
+                self.is_given(now, &robot, spare);
+                continue;
+            }
             let unchanged = run.again.as_ref().filter(|again| again.phase == belief.phase());
             let is_early = unchanged.is_some_and(|again| now < again.at);
             if let Some(action) = self.asked_again(now, run, belief).filter(|_| !is_early) {

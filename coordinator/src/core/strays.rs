@@ -98,8 +98,9 @@ impl Core {
             // Who was just let out says so a moment later.
             (Charged, Held::Nowhere) if settled => self.adopt_unseen(now, robot, Stage::ChargingItself),
             (Travelling, _) => {
-                // Without a bay it goes by its own rule, and plans when it is there. Who was just called back says so a moment later.
-                let Some((station, bay)) = self.says_bay(robot) else { return };
+                // Without a bay it comes for an exchange that was promised, or goes by its own rule, and plans when it is there. Who was just called back
+                // says so a moment later.
+                let Some((station, bay)) = self.says_bay(robot) else { return self.adopt_exchange(now, robot) };
                 if settled || self.refusals.holds(now, robot, &station).is_none() {
                     self.adopt(now, robot, station, bay, Stage::Travelling);
                 }
@@ -148,31 +149,55 @@ impl Core {
         if stage != Stage::Travelling && known.is_some_and(|state| !state.powered) {
             return;
         }
-        let packs = known.and_then(|state| state.active_pack.clone()).into_iter().collect();
-        let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.clone()) else { return };
+        let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.as_ref()) else { return };
         let promised_soc = self.promised_soc(now, robot, &station);
         let to_soc = promised_soc.unwrap_or(self.settings.charge_to_soc);
         let charge_s = self.models.battery(robot, &state.battery).map_or(0.0, |battery| {
             let facts = battery.battery();
             to_soc * facts.capacity_ah / facts.charge.current_a * energy::units::S_PER_H
         });
-        let travel_s = if stage == Stage::Travelling { state.travel.get(&station).map_or(0.0, |way| way.time_s) } else { 0.0 };
-        // No bay is held for who says that it comes later than anybody plans ahead.
+        let is_unseen = matches!(stage, Stage::Waiting | Stage::ChargingItself);
+        let unseen = if is_unseen { format!(", in {bay} by its own word, which is free by the station's") } else { String::new() };
+        let promised = promised_soc.map(|to_soc| format!("to {:.0} %, as the coordinator before promised", to_soc * 100.0));
+        self.carry_on_from(now, robot, &station, (How::Recharge { bay, to_soc }, stage, charge_s), (promised, &unseen));
+    }
+
+    /// Carries on an exchange that the coordinator before promised, and for which the robot is on its way.
+    fn adopt_exchange(&mut self, now: Timestamp, robot: &RobotId) {
+        let Some(station) = self.fleet.robots.get(robot).and_then(|belief| belief.state.as_ref()?.station.clone()) else { return };
+        let Some(spare) = self.promised_spare(now, robot, &station) else { return };
+        let Some(swap_s) = self.models.stations.get(&station).map(|models| models.handling.swap_s) else { return };
+        let promised = format!("for {spare}, as the coordinator before promised");
+        self.carry_on_from(now, robot, &station, (How::Swap { spare }, Stage::Travelling, swap_s), (Some(promised), ""));
+    }
+
+    /// Carries on a service from a stage; it lasts so many seconds beside the way.
+    fn carry_on_from(
+        &mut self,
+        now: Timestamp,
+        robot: &RobotId,
+        station: &StationId,
+        (how, stage, lasts_s): (How, Stage, f64),
+        (promised, unseen): (Option<String>, &str),
+    ) {
+        let known = self.fleet.stations.get(station).and_then(Station::known);
+        let packs = known.and_then(|state| state.active_pack.clone()).into_iter().collect();
+        let Some(state) = self.fleet.robots.get(robot).and_then(|belief| belief.state.as_ref()) else { return };
+        let travel_s = if stage == Stage::Travelling { state.travel.get(station).map_or(0.0, |way| way.time_s) } else { 0.0 };
+        // No place is held for who says that it comes later than anybody plans ahead.
         if travel_s > HORIZON_MAX_S {
             return;
         }
-        let is_unseen = matches!(stage, Stage::Waiting | Stage::ChargingItself);
-        let unseen = if is_unseen { format!(", in {bay} by its own word, which is free by the station's") } else { String::new() };
         let start = now.plus_s(travel_s);
         let mut why = vec!["begun by the coordinator before this one, or by the robot itself".to_owned()];
-        why.extend(promised_soc.map(|to_soc| format!("to {:.0} %, as the coordinator before promised", to_soc * 100.0)));
+        why.extend(promised);
         let mut run = ServiceRun {
             robot: robot.clone(),
             station: station.clone(),
-            how: How::Recharge { bay, to_soc },
+            how,
             left: now,
             start,
-            end: start.plus_s(charge_s),
+            end: start.plus_s(lasts_s),
             need: Need::default(),
             packs,
             why: why.into(),
@@ -184,22 +209,15 @@ impl Core {
             again: None,
         };
         // Who was just called back because its station leaves is still on its way for a moment.
-        if self.fleet.stations.get(&station).is_some_and(|place| self.comes_too_late(now, &run, place).is_some()) {
+        if self.fleet.stations.get(station).is_some_and(|place| self.comes_too_late(now, &run, place).is_some()) {
             return;
         }
         let basis = self.basis(now);
-        run.need = basis.still_needs(&run, &self.models.stations[&station], basis.ends_s(&run));
+        run.need = basis.still_needs(&run, &self.models.stations[station], basis.ends_s(&run));
         self.strays.remove(robot);
         self.changed.insert(robot.clone(), vec![format!("it is taken over at {station} as it was found")]);
         self.plan.planned.retain(|planned| planned.robot != *robot);
-        self.event(
-            now,
-            EventKind::ServiceStarted,
-            Some(robot),
-            Some(&station),
-            None,
-            format!("{robot} is taken over at {station}{unseen}"),
-        );
+        self.event(now, EventKind::ServiceStarted, Some(robot), Some(station), None, format!("{robot} is taken over at {station}{unseen}"));
         self.running.insert(robot.clone(), run);
         self.refresh_schedule(now);
     }

@@ -147,11 +147,11 @@ fn times_s(task: &Task, session: &Session) -> [f64; 2] {
 /// What a service draws when.
 fn parts(task: &Task, index: usize, session: &Session, need: &Need) -> Vec<Part> {
     let (view, [start_s, end_s]) = (&task.view.robots[session.robot], times_s(task, session));
-    let table = view.travel.iter().find(|(station, ..)| *station == index).map(|(.., table)| table);
+    let table = view.way(index).map(|way| &way.table);
     let course = match (table, session.mode) {
         (Some(table), Mode::Charge(_)) => {
             let handling = &task.view.stations[index].handling;
-            Course::charge(table, task.soc_at(session.robot, session.start), task.to_soc(session.mode), handling.load_s)
+            Course::charge(table, task.soc_at(session.robot, index, session.start), task.to_soc(session.mode), handling.load_s)
         }
         _ => Course { even_wh: need.mean_wh, charge: Vec::new(), charge_from_s: 0.0 },
     };

@@ -206,7 +206,8 @@ impl<'a> Ledger<'a> {
         let (task, now) = (self.task, self.task.view.now);
         let robot = &task.view.robots[session.robot];
         let [start, end] = [session.start, session.end].map(|tick| task.grid.time(tick));
-        let travel_s = robot.travel.iter().find(|(station, _, _)| *station == self.index).map_or(0.0, |(_, travel_s, _)| *travel_s);
+        let way = robot.way(self.index);
+        let travel_s = way.map_or(0.0, |way| way.time_s);
         let who = &task.problem.robots[session.robot];
         let first = who.travel.iter().find(|travel| travel.station == self.index).map_or(0, |travel| travel.ticks);
         // Who comes in the first tick in which it can be there, and is late already, leaves at once: the
@@ -220,7 +221,7 @@ impl<'a> Ledger<'a> {
         self.until_s = self.until_s.max(end_s);
         let total = self.need.plus(&self.overhead(self.until_s));
         let packs = self.paying(before_wh, total.mean_wh);
-        let (covered, arrives) = (self.cover.until(end_s), robot.arrives(start_s));
+        let (covered, arrives) = (self.cover.until(end_s), way.map_or(1.0, |way| way.lasts.for_s(start_s)));
         let spare = if session.mode == Mode::Swap || session.mode == Mode::SwapAndRecharge { self.spare(session) } else { None };
         let mut planned = Planned {
             robot: robot.robot.clone(),
@@ -266,9 +267,9 @@ impl<'a> Ledger<'a> {
 
     /// Until the pack that the robot leaves is charged, s from the beginning of the exchange.
     fn recharged_s(&self, session: &Session) -> f64 {
-        let (view, soc) = (&self.task.view.robots[session.robot], self.task.soc_at(session.robot, session.start));
-        let table = view.travel.iter().find(|(station, _, _)| *station == self.index);
-        self.station.handling.swap_s + table.map_or(0.0, |(_, _, table)| table.at(soc).bare_s)
+        let soc = self.task.soc_at(session.robot, self.index, session.start);
+        let way = self.task.view.robots[session.robot].way(self.index);
+        self.station.handling.swap_s + way.map_or(0.0, |way| way.table.at(soc).bare_s)
     }
 
     /// Packs over which what is taken between two totals falls when all are drained in order.

@@ -40,15 +40,8 @@ pub struct RobotView {
     pub charge_degc: f64,
     /// Its state of charge.
     pub soc: Estimate,
-    /// Time until it is empty if it goes on working, s, pessimistic at the confidence that is asked for;
-    /// infinite when it needs nothing.
-    pub empty_s: f64,
-    /// The same as it is expected, with its standard deviation, s.
-    pub lasts_s: Estimate,
-    /// The same as `empty_s` with all the caution of a new promise, s: who was promised a service is judged with less.
-    pub surely_s: f64,
-    /// What is taken off them for the time that it takes to be brought into a bay or to be given another pack, s.
-    pub handled_s: f64,
+    /// How long it lasts if it goes on working and comes to no station.
+    pub lasts: Lasts,
     /// Time from which a service is wanted, s: until then it has charge enough.
     pub wanted_s: f64,
     /// Whether that is before its charge falls to where the settings have it: it may be empty soon after, or sooner.
@@ -63,36 +56,77 @@ pub struct RobotView {
     pub until_s: Option<f64>,
     /// Whether the last plan promised it a service.
     pub held: bool,
-    /// Stations in reach: index, time to get there (s), and what charging takes there.
-    pub travel: Vec<(usize, f64, Arc<Table>)>,
+    /// Ways to the stations in reach, in their order.
+    pub ways: Vec<WayView>,
     /// Kinds of spares there that do not go into it.
     pub unfit: Vec<(usize, usize)>,
     /// Stations that it could reach and that take no part, with the reason.
     pub closed: Vec<(StationId, String)>,
 }
 
-impl RobotView {
-    /// Time that a plan counts on, s, when no service can begin before `nearest_s`. Who may be empty before that,
-    /// but is not expected to be, is sent all the same: by waiting nothing gets better. What is promised so holds as long as that is so.
+/// How long a robot goes on, s from now; below zero where it has not even the energy for the way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lasts {
+    /// Until it may be empty, pessimistic at the confidence that is asked for, and with less caution for who was promised a service;
+    /// infinite when it needs nothing.
+    pub empty_s: f64,
+    /// The same with all the caution of a new promise.
+    pub surely_s: f64,
+    /// As it is expected, with its standard deviation.
+    pub expected_s: Estimate,
+}
+
+impl Lasts {
+    /// What a plan counts on, s; where the robot comes to no station for certain, that it gets to the one it is sent to.
     #[must_use]
-    pub fn endures_s(&self, nearest_s: f64) -> f64 {
-        if self.surely_s < nearest_s { self.empty_s.max(self.lasts_s.value) } else { self.empty_s }
+    pub fn counted_s(&self, is_in_reach: bool) -> f64 {
+        if is_in_reach { self.empty_s } else { self.empty_s.max(self.expected_s.value) }
+    }
+
+    /// Probability that it goes on for so many seconds: 1 within the time that it lasts with the confidence that is asked for.
+    #[must_use]
+    pub fn for_s(&self, time_s: f64) -> f64 {
+        if time_s <= self.surely_s || self.expected_s.sigma <= 0.0 {
+            return 1.0;
+        }
+        Normal::standard().cdf((self.expected_s.value - time_s) / self.expected_s.sigma)
+    }
+}
+
+/// A robot's way to a station.
+#[derive(Debug, Clone)]
+pub struct WayView {
+    /// Index of the station.
+    pub station: usize,
+    /// Time to get there, s.
+    pub time_s: f64,
+    /// Charge that it takes beyond as much work, SoC; below zero where it takes less.
+    pub extra_soc: Estimate,
+    /// How long the robot can work and drive until a service there begins, when it has what the way takes and what it lives on until it is
+    /// in the bay or has the other pack.
+    pub lasts: Lasts,
+    /// What charging takes there.
+    pub table: Arc<Table>,
+}
+
+impl RobotView {
+    /// The way to a station, if that is in reach.
+    #[must_use]
+    pub fn way(&self, station: usize) -> Option<&WayView> {
+        self.ways.iter().find(|way| way.station == station)
+    }
+
+    /// Whether it gets to any station for certain, at the earliest. Who may be empty before that, but is not expected to be, is sent all the
+    /// same: by waiting nothing gets better. What is promised so holds as long as that is so.
+    #[must_use]
+    pub fn is_in_reach(&self, stations: &[StationView]) -> bool {
+        self.ways.iter().any(|way| way.lasts.surely_s >= way.time_s.max(stations[way.station].opens_s))
     }
 
     /// Whether a spare of this kind at a station goes into it.
     #[must_use]
     pub fn takes(&self, station: usize, kind: usize) -> bool {
         !self.unfit.contains(&(station, kind))
-    }
-
-    /// Probability that it is not empty before a service that begins in so many seconds. 1 within the time that
-    /// it lasts with the confidence that is asked for.
-    #[must_use]
-    pub fn arrives(&self, start_s: f64) -> f64 {
-        if start_s <= self.empty_s || self.lasts_s.sigma <= 0.0 {
-            return 1.0;
-        }
-        Normal::standard().cdf((self.lasts_s.value - start_s) / self.lasts_s.sigma)
     }
 }
 
@@ -136,6 +170,12 @@ pub struct StationView {
 }
 
 impl StationView {
+    /// How long a robot lives on its own pack there before it is in a bay or has the other pack, s.
+    #[must_use]
+    pub fn taken_in_s(&self) -> f64 {
+        if self.bays.is_empty() { self.handling.swap_s } else { self.handling.load_s }
+    }
+
     /// Everything that is drawn for services that have begun and for packs that robots left, beside what the station takes.
     #[must_use]
     pub fn owed(&self) -> Need {

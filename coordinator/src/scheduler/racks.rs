@@ -22,7 +22,7 @@ impl Racks {
     pub fn new(view: &View) -> Self {
         let of = |(index, station): (usize, &StationView)| {
             let count = station.spares.iter().map(|spare| spare.kind + 1).max().unwrap_or(0);
-            let is_here = |robot: &&RobotView| robot.travel.iter().any(|(there, ..)| *there == index);
+            let is_here = |robot: &&RobotView| robot.way(index).is_some();
             // Where there is one kind, it does not matter who takes it.
             let here: Vec<&RobotView> = if count > 1 { view.robots.iter().filter(is_here).collect() } else { Vec::new() };
             let mut known: Vec<Vec<bool>> = Vec::new();

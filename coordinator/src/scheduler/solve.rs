@@ -195,7 +195,7 @@ impl Asked<'_> {
         let promised = |robot: &RobotView| self.before.planned.iter().any(|planned| planned.robot == robot.robot);
         let mut left: Vec<&RobotView> = self.view.robots.iter().filter(|robot| left.contains(&robot.robot)).collect();
         let mending = Asked { effort: Effort::Mend, ..*self };
-        left.sort_by(|a, b| promised(b).cmp(&promised(a)).then(a.empty_s.total_cmp(&b.empty_s)));
+        left.sort_by(|a, b| promised(b).cmp(&promised(a)).then(a.lasts.empty_s.total_cmp(&b.lasts.empty_s)));
         for robot in left.into_iter().take(spares) {
             let asked = BTreeSet::from([robot.robot.clone()]);
             let (shared, unsure) = mending.beside(&best.plan, (best.task.view.clone(), &best.plan), &asked, Offer::Spares(&asked));
@@ -256,7 +256,7 @@ impl Asked<'_> {
     /// Who strands and could come to such a station.
     fn left(&self, best: &Solved, to: impl Fn(&StationView) -> bool) -> BTreeSet<RobotId> {
         let stranded: BTreeSet<&RobotId> = best.plan.rejected.iter().filter(|left| left.stranded).map(|left| &left.robot).collect();
-        let comes = |robot: &&RobotView| robot.travel.iter().any(|(station, ..)| to(&self.view.stations[*station]));
+        let comes = |robot: &&RobotView| robot.ways.iter().any(|way| to(&self.view.stations[way.station]));
         let left = self.view.robots.iter().filter(|robot| stranded.contains(&robot.robot)).filter(comes);
         left.map(|robot| robot.robot.clone()).collect()
     }

@@ -86,16 +86,16 @@ fn battery() -> Arc<Model> {
 /// A robot that loses 30 % an hour.
 fn robot(name: &str, soc: f64, stations: &[(usize, f64)]) -> RobotView {
     let drain_soc_per_s = 0.3 / HOUR;
+    let surely_s = (soc - 0.02) / drain_soc_per_s;
+    let lasts = Lasts { empty_s: surely_s, surely_s, expected_s: Estimate::new(soc / drain_soc_per_s, 0.02 / 1.645 / drain_soc_per_s) };
+    let way = |&(station, time_s): &(usize, f64)| WayView { station, time_s, extra_soc: Estimate::exact(0.0), lasts, table: table() };
     RobotView {
         robot: RobotId::new(name).unwrap(),
         battery: battery(),
         temperature_degc: 25.0,
         charge_degc: 25.0,
         soc: Estimate::new(soc, 0.01),
-        empty_s: (soc - 0.02) / drain_soc_per_s,
-        lasts_s: Estimate::new(soc / drain_soc_per_s, 0.02 / 1.645 / drain_soc_per_s),
-        surely_s: (soc - 0.02) / drain_soc_per_s,
-        handled_s: 0.0,
+        lasts,
         wanted_s: ((soc - 0.1) / drain_soc_per_s).max(0.0),
         is_hurried: false,
         drain_soc_per_s,
@@ -103,7 +103,7 @@ fn robot(name: &str, soc: f64, stations: &[(usize, f64)]) -> RobotView {
         weight: 1.0,
         until_s: None,
         held: false,
-        travel: stations.iter().map(|&(station, travel_s)| (station, travel_s, table())).collect(),
+        ways: stations.iter().map(way).collect(),
         unfit: Vec::new(),
         closed: Vec::new(),
     }
@@ -305,14 +305,21 @@ fn what_was_promised_stays_where_it_is_as_long_as_it_can() {
 
 #[test]
 fn what_a_promise_is_worth_goes_with_the_mean_weight_of_those_that_have_one() {
-    let loyalty = |weights: &[f64]| {
+    let task = |weights: &[f64]| {
         let robots = weights.iter().map(|&weight| RobotView { weight, ..robot("r", 0.2, &[(0, 60.0)]) });
-        let task = Task::new(view(robots.collect(), vec![station("s", 1, &[90.0], &[])]), &settings(), &[], translate::Offer::Usual);
-        task.loyalty(120.0)
+        Task::new(view(robots.collect(), vec![station("s", 1, &[90.0], &[])]), &settings(), &[], translate::Offer::Usual)
     };
+    let loyalty = |weights: &[f64]| task(weights).loyalty(120.0);
     let one = loyalty(&[1.0, 1.0]);
     assert!(one > 0);
     assert_eq!([loyalty(&[10.0, 10.0]), loyalty(&[2.0, 4.0]), loyalty(&[1.0, 0.0]), loyalty(&[0.0, 0.0])], [10 * one, 3 * one, one, one]);
+    // A fleet may weigh its robots in whatever it likes: 12 ticks of work are worth 12 ticks of work.
+    for weights in [[0.02, 0.02], [1e5, 1e5], [2e3, 5e5]] {
+        let task = task(&weights);
+        let units: Vec<i64> = task.problem.robots.iter().map(|robot| robot.weight).collect();
+        assert_eq!(i64::from(task.loyalty(120.0)), 12 * (units[0] + units[1]) / 2, "{units:?}");
+        assert_eq!(units[0] as f64 / units[1] as f64, weights[0] / weights[1], "{units:?}");
+    }
 }
 
 #[test]

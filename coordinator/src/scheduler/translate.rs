@@ -16,7 +16,7 @@ use proto::{RobotId, Timestamp};
 
 use super::charging::{Point, Table};
 use super::plan::Planned;
-use super::problem::{RobotView, View};
+use super::problem::{Lasts, RobotView, View};
 use super::racks::Racks;
 use crate::models::Settings;
 
@@ -24,6 +24,8 @@ use crate::models::Settings;
 const UNITS_PER_WH: f64 = 1e5;
 /// Parts of a second's worth of work that costs are counted in.
 const WORTH: f64 = 10.0;
+/// The most of them that a robot's second counts.
+const WEIGHT_MAX: f64 = 1e4;
 /// Lengths of a tick, s: the shortest that is fine enough for the fleet.
 const TICKS_S: [u32; 8] = [10, 15, 20, 30, 60, 120, 300, 600];
 /// Ticks times stations that a plan may look at.
@@ -88,6 +90,8 @@ pub struct Task {
     pub racks: Racks,
     /// The policy that plans it.
     pub policy: &'static dyn Policy,
+    /// Units of cost in a second's worth of usual work.
+    worth: f64,
 }
 
 /// What is on offer.
@@ -125,8 +129,8 @@ impl Task {
                     batteries.push(robot);
                     kinds.len() - 1
                 });
-                for (station, _, table) in &robot.travel {
-                    tables[kind].entry(*station).or_insert_with(|| Arc::clone(table));
+                for way in &robot.ways {
+                    tables[kind].entry(way.station).or_insert_with(|| Arc::clone(&way.table));
                 }
                 kind
             })
@@ -143,7 +147,8 @@ impl Task {
         let stations: Vec<Station> = stations.collect();
         let before_of = before.iter().map(|planned| (&planned.robot, planned)).collect();
         let levels_soc = battery::levels_soc(settings);
-        let places = Places { view: &view, racks: &racks, grid, offer, levels_soc: &levels_soc, before: before_of };
+        let worth = worth(&view);
+        let places = Places { view: &view, racks: &racks, grid, offer, levels_soc: &levels_soc, before: before_of, worth };
         let robots: Vec<Robot> = view.robots.iter().zip(kind_of).map(|(robot, kind)| places.robot(robot, kind, &batteries[kind])).collect();
         let mut problem = Problem {
             name: String::new(),
@@ -156,7 +161,7 @@ impl Task {
             robots,
         };
         close_horizon(&mut problem, &view);
-        let mut task = Self { view, problem, grid, levels_soc, racks, policy: settings.policy };
+        let mut task = Self { view, problem, grid, levels_soc, racks, policy: settings.policy, worth };
         let sessions = task.sessions(before);
         planner::hold(&mut task.problem, &sessions);
         task
@@ -175,11 +180,13 @@ impl Task {
         before.iter().filter_map(session).collect()
     }
 
-    /// State of charge that a robot is expected to have at a tick.
+    /// State of charge that a robot is expected to come to a station in reach with, at a tick.
     #[must_use]
-    pub fn soc_at(&self, robot: usize, tick: Tick) -> f64 {
+    pub fn soc_at(&self, robot: usize, station: usize, tick: Tick) -> f64 {
         let who = &self.problem.robots[robot];
-        (who.energy - who.drain * i64::from(tick)) as f64 / self.problem.battery(robot).capacity as f64
+        let way = who.travel.iter().find(|travel| travel.station == station);
+        let left = way.map_or(who.energy - who.drain * i64::from(tick), |way| who.left_at(way, tick));
+        left as f64 / self.problem.battery(robot).capacity as f64
     }
 
     /// What a service takes: its energy with its doubt. That of the robot's state of charge counts in full for a charge, wherever it ends;
@@ -187,8 +194,9 @@ impl Task {
     #[must_use]
     pub fn need(&self, robot: usize, station: usize, start: Tick, mode: Mode) -> Need {
         let view = &self.view.robots[robot];
-        let Some((_, _, table)) = view.travel.iter().find(|(index, _, _)| *index == station) else { return Need::default() };
-        let soc = Estimate::new(self.soc_at(robot, start).max(0.0), view.soc.sigma);
+        let Some(way) = view.way(station) else { return Need::default() };
+        let table = &way.table;
+        let soc = Estimate::new(self.soc_at(robot, station, start).max(0.0), view.soc.sigma.hypot(way.extra_soc.sigma));
         let there = &self.problem.stations[station];
         let swap_wh = self.problem.wh(i64::from(there.swap_ticks) * there.swap_draw);
         let drawn = match mode {
@@ -206,9 +214,9 @@ impl Task {
     /// The charge of the pack that an exchange leaves, once that is over; none where none follows, or not from the station's packs.
     #[must_use]
     pub fn charge_after(&self, session: &Session) -> Option<Point> {
-        let (_, _, table) = self.view.robots[session.robot].travel.iter().find(|(index, _, _)| *index == session.station)?;
+        let table = &self.view.robots[session.robot].way(session.station)?.table;
         let charges = self.view.stations[session.station].charges_spares && !matches!(session.mode, Mode::Charge(_));
-        charges.then(|| table.at(self.soc_at(session.robot, session.start))).filter(|charge| charge.bare_wh > 0.0)
+        charges.then(|| table.at(self.soc_at(session.robot, session.station, session.start))).filter(|charge| charge.bare_wh > 0.0)
     }
 
     /// Level at which a service ends, if it is a charge: else the usual one.
@@ -227,23 +235,31 @@ impl Task {
     /// Worth of work in seconds of it.
     #[must_use]
     pub fn work_s(&self, cost: i64) -> f64 {
-        cost as f64 / WORTH * f64::from(self.grid.tick_s)
+        cost as f64 / self.worth * f64::from(self.grid.tick_s)
     }
 
     /// What moving a promise costs that is worth so many seconds of a robot's work: of its work as the fleet's is weighed on the mean, so
     /// that weights say how robots compare, and nothing else.
     #[must_use]
     pub fn loyalty(&self, work_s: f64) -> u32 {
-        let weighed = self.view.robots.iter().map(|robot| robot.weight).filter(|weight| *weight > 0.0);
-        let (sum, count) = weighed.fold((0.0, 0.0), |(sum, count), weight| (sum + weight, count + 1.0));
-        let mean = if count > 0.0 { sum / count } else { 1.0 };
-        (work_s / f64::from(self.grid.tick_s) * mean * WORTH).round().clamp(0.0, 1e6) as u32
+        let weighed = self.problem.robots.iter().map(|robot| robot.weight).filter(|weight| *weight > 0);
+        let (sum, count) = weighed.fold((0, 0), |(sum, count), weight| (sum + weight, count + 1));
+        let mean = if count > 0 { sum as f64 / f64::from(count) } else { WORTH };
+        (work_s / f64::from(self.grid.tick_s) * mean).round().clamp(0.0, 1e6) as u32
     }
+}
+
+/// Units of cost in a second's worth of usual work: [`WORTH`], unless the weights of a fleet are so large or small that these would not tell
+/// them apart. Then the greatest counts as much as a weight can.
+fn worth(view: &View) -> f64 {
+    let weighed = || view.robots.iter().map(|robot| robot.weight).filter(|weight| *weight > 0.0);
+    let is_usual = |weight: f64| (1.0..=WEIGHT_MAX).contains(&(WORTH * weight));
+    if weighed().all(is_usual) { WORTH } else { WEIGHT_MAX / weighed().fold(0.0, f64::max) }
 }
 
 /// The shortest tick with which the books of all stations stay small.
 fn tick_s(view: &View) -> u32 {
-    let farthest_s = view.robots.iter().map(|robot| robot.empty_s.min(HORIZON_MAX_S).max(robot.wanted_s.min(HORIZON_MAX_S)));
+    let farthest_s = view.robots.iter().map(|robot| robot.lasts.empty_s.min(HORIZON_MAX_S).max(robot.wanted_s.min(HORIZON_MAX_S)));
     let ticks = (BOOKED_MAX / view.stations.len().max(1) as f64).clamp(TICKS_MAX[0], TICKS_MAX[1]);
     let wanted_s = farthest_s.fold(S_PER_H, f64::max) / ticks;
     TICKS_S.into_iter().find(|&tick_s| f64::from(tick_s) >= wanted_s).unwrap_or(TICKS_S[TICKS_S.len() - 1])
@@ -290,6 +306,7 @@ struct Places<'a> {
     offer: Offer<'a>,
     levels_soc: &'a [f64],
     before: BTreeMap<&'a RobotId, &'a Planned>,
+    worth: f64,
 }
 
 impl Places<'_> {
@@ -301,15 +318,12 @@ impl Places<'_> {
         let drain = per_tick(robot.drain_soc_per_s);
         // At the begin of the grid a little more was stored.
         let energy = ((robot.soc.value.max(0.0) + robot.drain_soc_per_s * ahead_s) * capacity) as i64;
-        let nearest = robot
-            .travel
-            .iter()
-            .map(|(station, travel_s, _)| grid.up(travel_s.max(self.view.stations[*station].opens_s) + ahead_s))
-            .min()
-            .unwrap_or(0);
-        let endures = (robot.endures_s(f64::from(nearest) * tick_s - ahead_s) + ahead_s) / tick_s;
+        let is_in_reach = robot.is_in_reach(&self.view.stations);
+        let last_tick = |lasts: &Lasts| ((lasts.counted_s(is_in_reach) + ahead_s) / tick_s).clamp(-1.0, 1e9).floor() as i64;
+        let endures = last_tick(&robot.lasts).max(0);
         // The least drain by which it is empty after that many whole ticks.
-        let drain_hi = if endures.is_finite() { energy / (endures.min(1e9) as i64 + 1) + 1 } else { 1 };
+        let drain_hi = if endures < 1_000_000_000 { energy / (endures + 1) + 1 } else { 1 };
+        let drain_hi = drain_hi.max(drain).max(1);
         // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end.
         let wanted = grid.up(robot.wanted_s.min(HORIZON_MAX_S) + ahead_s);
         let promised = self.before.get(&robot.robot).and_then(|planned| Some((grid.tick(planned.start)?, planned.mode)));
@@ -324,22 +338,27 @@ impl Places<'_> {
         let lowest_target = if may_leave_early { 0 } else { was_promised.map_or(full, |level| level.min(full)) };
         let gate = if may_come_early { 0 } else { promised.map_or(wanted, |(start, _)| start.min(wanted)) };
         let from_soc = robot.soc.value - robot.drain_soc_per_s * robot.wanted_s.min(HORIZON_MAX_S);
-        let travel = robot.travel.iter().map(|(station, travel_s, table)| {
-            let own_variance = table.own_variance(Estimate::new(from_soc.max(0.0), robot.soc.sigma));
+        let travel = robot.ways.iter().map(|way| {
+            let arrives = Estimate::new((from_soc - way.extra_soc.value).max(0.0), robot.soc.sigma.hypot(way.extra_soc.sigma));
+            // By so much more it must begin earlier than the pack is empty by work alone.
+            let earlier = energy.div_euclid(drain_hi) - last_tick(&way.lasts);
             Travel {
-                station: *station,
-                ticks: grid.up(travel_s + ahead_s),
-                variance: own_variance * UNITS_PER_WH.powi(2),
-                spares: self.racks.given(self.view, robot, *station),
+                station: way.station,
+                ticks: grid.up(way.time_s + ahead_s),
+                extra: (way.extra_soc.value * capacity).round() as i64,
+                extra_hi: drain_hi * earlier,
+                variance: way.table.own_variance(arrives) * UNITS_PER_WH.powi(2),
+                spares: self.racks.given(self.view, robot, way.station),
             }
         });
-        let weight = (robot.weight * WORTH).round().clamp(0.0, 1e4) as i64;
+        let least = if robot.weight > 0.0 { 1.0 } else { 0.0 };
+        let weight = (robot.weight * self.worth).round().clamp(least, WEIGHT_MAX) as i64;
         Robot {
             name: robot.robot.to_string(),
             battery: kind,
             energy,
             drain,
-            drain_hi: drain_hi.max(drain).max(1),
+            drain_hi,
             drain_served: per_tick(robot.drain_hi_soc_per_s).max(drain).max(1),
             mission_end: 0,
             weight,

@@ -32,7 +32,7 @@ pub(super) fn why_not(task: &Task, plan: &planner::Plan, unserved: &Unserved, co
         format!("{station}: {why}")
     };
     if !unserved.stranded && unserved.obstacles.iter().all(|obstacle| matches!(obstacle.why, Why::Pointless)) && view.closed.is_empty() {
-        return vec![if view.travel.is_empty() { "no station is in reach" } else { "it needs none as far as is planned" }.to_owned()];
+        return vec![if view.ways.is_empty() { "no station is in reach" } else { "it needs none as far as is planned" }.to_owned()];
     }
     let mut reasons: Vec<String> = closed.chain(unserved.obstacles.iter().map(told)).collect();
     if reasons.is_empty() {
@@ -47,7 +47,7 @@ fn never_charged(task: &Task, robot: usize, station: usize) -> Option<String> {
     if task.view.stations[station].bays.is_empty() {
         return None;
     }
-    let table = view.travel.iter().find(|(index, ..)| *index == station).map(|(.., table)| table)?;
+    let table = &view.way(station)?.table;
     let comes_soc = view.soc.value - view.drain_soc_per_s * view.wanted_s.min(HORIZON_MAX_S);
     let why = table.at(comes_soc).stopped?;
     let limit = view.battery.battery().protection.get(why);
@@ -68,7 +68,7 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
     let minutes = |ticks: f64| ticks * f64::from(task.grid.tick_s) / 60.0;
     match *why {
         Why::TooFar { away, endurance } => {
-            let handled = task.view.robots[robot].handled_s / 60.0;
+            let handled = task.view.stations[station].taken_in_s() / 60.0;
             let taken_in = if handled >= 1.0 { format!(", where it takes {handled:.0} min until it is served") } else { String::new() };
             let (away, empty) = (minutes(f64::from(away)), minutes(endurance as f64) + handled);
             format!("it is {away:.0} min away{taken_in}, and the robot may be empty in {empty:.0} min")
@@ -76,7 +76,7 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
         Why::NotThere { opens, endurance } => format!(
             "it is on its way and takes robots in from {}, and the robot may be empty in {:.0} min",
             on_clock(task, opens),
-            minutes(endurance as f64) + task.view.robots[robot].handled_s / 60.0
+            minutes(endurance as f64) + task.view.stations[station].taken_in_s() / 60.0
         ),
         Why::Leaves { ref away } => {
             let back = match away.end < task.problem.horizon {

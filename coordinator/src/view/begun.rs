@@ -2,7 +2,7 @@
 
 use energy::units::S_PER_H;
 use energy::{Estimate, Model, Need};
-use proto::StationId;
+use proto::{RobotState, StationId};
 
 use super::Basis;
 use crate::fleet::Robot;
@@ -83,7 +83,8 @@ impl Basis<'_> {
         let (gauge, state) = self.fleet.robots.get(&run.robot).and_then(Robot::known)?;
         let battery = &self.battery(&run.robot, gauge, state)?;
         let begun = self.begun(run, 0.0);
-        let drained = state.drain_w.value.max(0.0) * (begun.from_s + begun.load_s) / S_PER_H / battery.battery().stored_wh();
+        let drained_wh = self.until_taken_in_wh(run, state) + state.drain_w.value.max(0.0) * begun.load_s / S_PER_H;
+        let drained = drained_wh / battery.battery().stored_wh();
         let table =
             self.table_beside(self.sharing(&run.station), &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
         let charge_s = table.between((gauge.soc.value - drained).max(0.0), run.how.to_soc()?).charge_s;
@@ -93,6 +94,18 @@ impl Basis<'_> {
     /// When a service begins whose robot is under way, s.
     fn begins_s(&self, run: &ServiceRun) -> f64 {
         (run.start.seconds_since(self.now) + self.late_s(run)).max(0.0)
+    }
+
+    /// What a robot under way still draws until its service begins, Wh: the rest of its way, and work that waiting counts as.
+    fn until_taken_in_wh(&self, run: &ServiceRun, state: &RobotState) -> f64 {
+        let begins_s = self.begins_s(run);
+        let worked_wh = state.drain_w.value * begins_s / S_PER_H;
+        let way = state.travel.get(&run.station).filter(|way| run.stage == Stage::Travelling && way.time_s > 0.0);
+        let extra_wh = way.map_or(0.0, |way| {
+            let left = (run.start.seconds_since(self.now) / way.time_s).clamp(0.0, 1.0);
+            left * (way.energy_wh.value - state.drain_w.value * way.time_s / S_PER_H)
+        });
+        (worked_wh + extra_wh).max(0.0)
     }
 
     /// What a service that has begun and ends then still takes: the charge that the robot still lacks, or the exchange alone. What the
@@ -109,8 +122,8 @@ impl Basis<'_> {
         let table =
             self.table_beside(self.sharing(&run.station), &run.station, models, battery, warmed_degc(battery, gauge.temperature_degc));
         // Until it is in its bay it lives on its own pack, and that is charged as well.
-        let drain_w = if run.under_way() { state.drain_w.value.max(0.0) } else { 0.0 };
-        let drained = drain_w * self.begins_s(run) / S_PER_H / battery.battery().stored_wh();
+        let drained_wh = if run.under_way() { self.until_taken_in_wh(run, state) } else { 0.0 };
+        let drained = drained_wh / battery.battery().stored_wh();
         let soc = from_wire(gauge.soc);
         let need = table.need_to(Estimate::new((soc.value - drained).max(0.0), soc.sigma), to_soc, factor);
         if run.stage == Stage::Unloading { need.scaled(left(handling.load_s + handling.unload_s)) } else { need }

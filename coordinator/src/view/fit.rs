@@ -42,7 +42,7 @@ impl SpareKind {
         self.model.as_ref()
     }
 
-    fn is(&self, other: &Self) -> bool {
+    pub(super) fn is(&self, other: &Self) -> bool {
         let address = |kind: &Self| kind.model.as_ref().map(Arc::as_ptr);
         self.name == other.name && address(self) == address(other)
     }

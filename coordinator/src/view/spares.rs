@@ -4,15 +4,15 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use energy::{Estimate, Model, Need};
-use proto::{SpareId, SpareState, StationId, StationState};
+use proto::{RobotId, RobotState, SpareId, SpareState, StationId, StationState};
 
 use super::Basis;
 use crate::fleet::Station;
 use crate::models::{StationModels, from_wire};
 use crate::scheduler::charging::Table;
 use crate::scheduler::translate::HORIZON_MAX_S;
-use crate::scheduler::{Recharging, SpareView, StationView};
-use crate::service_run::{How, ServiceRun};
+use crate::scheduler::{Planned, Recharging, SpareView, StationView};
+use crate::service_run::{How, ServiceRun, Stage};
 use crate::watch::Subject;
 
 /// A spare that should have been charged by now, and is not, is expected once more as long from now as it is late already: what is hardly
@@ -76,6 +76,39 @@ impl Basis<'_> {
             Some(self.left(id, models, station, state, spare).until_s)
         });
         known.unwrap_or(0.0)
+    }
+
+    /// The spares of a station that are ready and go into a robot.
+    pub(crate) fn ready_spares(&self, station: &StationId, robot: &RobotId, state: &RobotState) -> Vec<SpareId> {
+        let known = self.models.stations.get(station).zip(self.fleet.stations.get(station).and_then(Station::known));
+        let (Some((models, there)), Some(battery)) = (known, self.models.battery(robot, &state.battery)) else { return Vec::new() };
+        let is_charged = |spare: &&SpareState| spare.ready && spare.soc.value > self.settings.serve_below_soc;
+        let fits = |spare: &&SpareState| self.kind_of(models, spare).fits(&state.battery, battery);
+        there.spares.iter().filter(is_charged).filter(fits).map(|spare| spare.spare.clone()).collect()
+    }
+
+    /// A spare that a robot at a station is given, when its time has come, in place of its own which is still charged: one that is ready and
+    /// goes into it, and that nobody is given before its own is ready; best one that nobody was promised.
+    pub(crate) fn ready_instead(&self, run: &ServiceRun, robot: &RobotState) -> Option<SpareId> {
+        let own = run.how.spare().filter(|_| run.stage == Stage::Waiting && self.now >= run.start)?;
+        let (models, station) = (self.models.stations.get(&run.station)?, self.fleet.stations.get(&run.station)?.known()?);
+        let known = |id: &SpareId| station.spares.iter().find(|spare| spare.spare == *id);
+        if known(own).is_some_and(|spare| spare.ready) {
+            return None;
+        }
+        let ready_s = self.ready_s(&run.station, own);
+        let is_taken = |id: &SpareId| self.running.values().any(|other| other.station == run.station && other.how.spare() == Some(id));
+        let promised = |id: &SpareId| self.planned.iter().find(|other| other.station == run.station && other.spare.as_ref() == Some(id));
+        // Who was promised it gets the other one.
+        let is_alike = |id: &SpareId| {
+            let kinds = known(own).zip(known(id)).map(|(own, other)| [own, other].map(|spare| self.kind_of(models, spare)));
+            kinds.is_some_and(|[own, other]| own.is(&other))
+        };
+        let can_wait = |id: &SpareId, other: &Planned| is_alike(id) && other.start.seconds_since(self.now) >= ready_s;
+        let mut instead = self.ready_spares(&run.station, &run.robot, robot);
+        instead.retain(|id| !is_taken(id) && promised(id).is_none_or(|other| can_wait(id, other)));
+        let soc = |id: &SpareId| known(id).map_or(0.0, |spare| spare.soc.value);
+        instead.into_iter().min_by(|a, b| promised(a).is_some().cmp(&promised(b).is_some()).then(soc(b).total_cmp(&soc(a))))
     }
 
     /// Whether anybody was promised a spare at a station that has to be charged first.

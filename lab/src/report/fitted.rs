@@ -49,30 +49,7 @@ pub struct FittedParameter {
 
 /// Error of one channel of one log, before and after.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct FittedLog {
-    /// Name of the log.
-    pub log: String,
-    /// Canonical name of the channel.
-    pub channel: &'static str,
-    /// Unit of RMS and floor.
-    pub unit: &'static str,
-    /// Rows that count.
-    pub rows: usize,
-    /// Known sensor floor; null when the model states none.
-    pub floor: Option<f64>,
-    /// RMS of observed minus predicted before the fit.
-    pub rms_before: f64,
-    /// RMS after it.
-    pub rms_after: f64,
-    /// Lag-1 autocorrelation of the residuals after it.
-    pub lag1: f64,
-    /// Independent rows that the rows are worth.
-    pub effective_rows: f64,
-}
-
-/// Error of one channel of a log to which nothing was fitted, before and after.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HeldLog {
+pub struct LogErrors {
     /// Name of the log.
     pub log: String,
     /// Canonical name of the channel.
@@ -87,6 +64,18 @@ pub struct HeldLog {
     pub rms_before: f64,
     /// RMS with the model as fitted.
     pub rms_after: f64,
+}
+
+/// The same of a log to which the model was fitted.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FittedLog {
+    /// Its errors.
+    #[serde(flatten)]
+    pub errors: LogErrors,
+    /// Lag-1 autocorrelation of the residuals after it.
+    pub lag1: f64,
+    /// Independent rows that the rows are worth.
+    pub effective_rows: f64,
 }
 
 /// Everything that `lab fit` says.
@@ -109,7 +98,7 @@ pub struct FitReport {
     /// By log and channel.
     pub logs: Vec<FittedLog>,
     /// By log and channel, of logs to which nothing was fitted.
-    pub holdout: Vec<HeldLog>,
+    pub holdout: Vec<LogErrors>,
     /// What to know about the result, one sentence each.
     pub words: Vec<String>,
     /// The file written; null when none was asked for.
@@ -121,6 +110,32 @@ const WORSE: f64 = 1.02;
 /// Correlation beyond which two parameters are reported to move together.
 const TOGETHER: f64 = 0.95;
 
+impl LogErrors {
+    /// Of two comparisons of the same logs, which list their channels in the same order.
+    fn each(before: &Comparison, after: &Comparison) -> impl Iterator<Item = LogErrors> {
+        let pairs = before.errors.iter().zip(&after.errors);
+        pairs.map(|(before, after): (&ChannelError, &ChannelError)| LogErrors {
+            log: after.log.clone(),
+            channel: after.channel,
+            unit: after.unit,
+            rows: after.size.rows,
+            floor: after.floor,
+            rms_before: before.size.rms,
+            rms_after: after.size.rms,
+        })
+    }
+
+    fn grew(&self) -> bool {
+        self.rms_after > WORSE * self.rms_before
+    }
+
+    /// What a table says of it at the end of a row.
+    fn cells(&self) -> [String; 3] {
+        let floor = self.floor.map_or_else(|| "unknown".to_owned(), |floor| quantity(floor, self.unit));
+        [quantity(self.rms_before, self.unit), quantity(self.rms_after, self.unit), floor]
+    }
+}
+
 impl FitReport {
     /// Puts a report together.
     #[must_use]
@@ -129,18 +144,9 @@ impl FitReport {
         let p = parameters.len();
         let correlation = (0..p).map(|i| (0..p).map(|j| fit.certainty.correlation[(i, j)]).collect()).collect();
         // Comparisons and fits list channels of logs in the same order.
-        let errors = before.errors.iter().zip(&after.errors).zip(&fit.certainty.segments);
-        let log = |((before, after), worth): ((&ChannelError, &ChannelError), &SegmentCertainty)| FittedLog {
-            log: after.log.clone(),
-            channel: after.channel,
-            unit: after.unit,
-            rows: after.size.rows,
-            floor: after.floor,
-            rms_before: before.size.rms,
-            rms_after: after.size.rms,
-            lag1: worth.lag1,
-            effective_rows: worth.effective_rows,
-        };
+        let errors = LogErrors::each(before, after).zip(&fit.certainty.segments);
+        let log =
+            |(errors, worth): (LogErrors, &SegmentCertainty)| FittedLog { errors, lag1: worth.lag1, effective_rows: worth.effective_rows };
         let logs: Vec<FittedLog> = errors.map(log).collect();
         FitReport {
             schema: 1,
@@ -160,17 +166,8 @@ impl FitReport {
     /// Adds what the fit is worth to logs to which nothing was fitted.
     #[must_use]
     pub fn with_holdout(mut self, before: &Comparison, after: &Comparison) -> FitReport {
-        let log = |(before, after): (&ChannelError, &ChannelError)| HeldLog {
-            log: after.log.clone(),
-            channel: after.channel,
-            unit: after.unit,
-            rows: after.size.rows,
-            floor: after.floor,
-            rms_before: before.size.rms,
-            rms_after: after.size.rms,
-        };
-        self.holdout = before.errors.iter().zip(&after.errors).map(log).collect();
-        for log in self.holdout.iter().filter(|log| log.rms_after > WORSE * log.rms_before) {
+        self.holdout = LogErrors::each(before, after).collect();
+        for log in self.holdout.iter().filter(|log| log.grew()) {
             let (before, after) = (quantity(log.rms_before, log.unit), quantity(log.rms_after, log.unit));
             self.words.push(format!(
                 "{} in {}, held out, is predicted worse than before ({before}, now {after}): the fit helps only where it was made.",
@@ -201,16 +198,9 @@ impl FitReport {
     #[must_use]
     pub fn human(&self) -> String {
         let mut errors = table(&["log", "channel", "rows", "independent", "RMS before", "RMS after", "floor"]);
-        for log in &self.logs {
-            errors.add_row([
-                log.log.clone(),
-                log.channel.to_owned(),
-                log.rows.to_string(),
-                format!("{:.1}", log.effective_rows),
-                quantity(log.rms_before, log.unit),
-                quantity(log.rms_after, log.unit),
-                log.floor.map_or_else(|| "unknown".to_owned(), |floor| quantity(floor, log.unit)),
-            ]);
+        for FittedLog { errors: log, effective_rows, .. } in &self.logs {
+            let row = [log.log.clone(), log.channel.to_owned(), log.rows.to_string(), format!("{effective_rows:.1}")];
+            errors.add_row(row.into_iter().chain(log.cells()));
         }
         numbers_from(&mut errors, 2);
         let mut parameters = table(&["parameter", "before", "after", "range", ""]);
@@ -249,14 +239,8 @@ impl FitReport {
     fn holdout_table(&self) -> comfy_table::Table {
         let mut errors = table(&["held out", "channel", "rows", "RMS before", "RMS after", "floor"]);
         for log in &self.holdout {
-            errors.add_row([
-                log.log.clone(),
-                log.channel.to_owned(),
-                log.rows.to_string(),
-                quantity(log.rms_before, log.unit),
-                quantity(log.rms_after, log.unit),
-                log.floor.map_or_else(|| "unknown".to_owned(), |floor| quantity(floor, log.unit)),
-            ]);
+            let row = [log.log.clone(), log.channel.to_owned(), log.rows.to_string()];
+            errors.add_row(row.into_iter().chain(log.cells()));
         }
         numbers_from(&mut errors, 2);
         errors
@@ -309,7 +293,7 @@ fn words(parameters: &[FittedParameter], logs: &[FittedLog], fit: &Fit) -> Vec<S
     if !fit.solution.converged {
         words.push(format!("The search did not end within {} steps: the numbers are not a minimum.", fit.solution.iterations));
     }
-    for log in logs.iter().filter(|log| log.rms_after > WORSE * log.rms_before) {
+    for log in logs.iter().map(|log| &log.errors).filter(|log| log.grew()) {
         let (before, after) = (quantity(log.rms_before, log.unit), quantity(log.rms_after, log.unit));
         let where_ = format!("{} in {}", log.channel, log.log);
         words.push(format!(

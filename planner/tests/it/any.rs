@@ -85,7 +85,9 @@ pub fn station() -> impl Strategy<Value = Station> {
 fn robot(stations: usize) -> impl Strategy<Value = Robot> {
     let critical = proptest::option::of((0_i64..40, 0_i64..12, 1_i64..5));
     let spares = prop_oneof![4 => Just(Some(0_u16)), 2 => Just(Some(1)), 1 => Just(None)];
-    let travel = vec(proptest::option::of((0_u32..9, spares)), stations);
+    // A way may take less than as much work, and more than the robot has.
+    let extra = (-20_i64..60, 0_i64..30);
+    let travel = vec(proptest::option::of((0_u32..9, extra, spares)), stations);
     (0_i64..=1000, 0_i64..30, 1_i64..8, 0_i64..60, 1_i64..4, critical, travel, 0_usize..3).prop_map(
         |(energy, drain, caution, mission_end, weight, critical, travel, lowest_target)| Robot {
             name: "any".to_owned(),
@@ -104,7 +106,12 @@ fn robot(stations: usize) -> impl Strategy<Value = Robot> {
             travel: travel
                 .into_iter()
                 .enumerate()
-                .filter_map(|(station, reach)| reach.map(|(ticks, spares)| Travel { station, ticks, variance: 0.0, spares }))
+                .filter_map(|(station, reach)| {
+                    let (ticks, (extra, caution), spares) = reach?;
+                    // What a way takes is more than nothing.
+                    let extra = extra.max(-drain * i64::from(ticks));
+                    Some(Travel { station, ticks, extra, extra_hi: extra + caution, variance: 0.0, spares })
+                })
                 .collect(),
             beyond: Vec::new(),
         },

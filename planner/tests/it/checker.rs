@@ -44,9 +44,9 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
             let start = session.start as usize;
             assert!(session.start >= travel.ticks, "arrives before it can");
             assert!(session.start >= station.opens, "is taken in before the station is there");
-            assert!(robot.energy - robot.drain_hi * start as i64 >= battery.floor, "may be empty before");
+            assert!(robot.energy - travel.extra_hi - robot.drain_hi * start as i64 >= battery.floor, "may be empty before");
             assert!(outcome[session.robot].is_none(), "serviced twice");
-            let arrived = robot.energy - robot.drain * start as i64;
+            let arrived = robot.energy - travel.extra - robot.drain * start as i64;
             let (stored, end) = if let Mode::Charge(level) = session.mode {
                 let target = battery.targets[usize::from(level)];
                 assert!(usize::from(level) >= robot.lowest_target, "ends below what is on offer");
@@ -93,7 +93,7 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
                 let leaves = away.start + if robot.held { station.away_slack } else { 0 };
                 assert!((session.start..session.end).all(|tick| !(leaves..away.end).contains(&tick)), "is there while the station is not");
             }
-            outcome[session.robot] = Some((start as i64, i64::from(travel.ticks), end as i64, stored));
+            outcome[session.robot] = Some((start as i64, i64::from(travel.ticks), end as i64, stored - travel.extra));
         }
         for tick in 0..horizon {
             assert!(bays.iter().all(|bay| bay[tick] <= 1), "a bay is booked twice in tick {tick} of station {at}");

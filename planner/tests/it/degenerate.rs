@@ -17,7 +17,7 @@ pub fn station() -> planner::problem::Station {
 }
 
 pub fn robot(energy: i64) -> Robot {
-    let travel = vec![Travel { station: 0, ticks: 2, variance: 0.0, spares: Some(0) }];
+    let travel = vec![Travel { station: 0, ticks: 2, extra: 0, extra_hi: 0, variance: 0.0, spares: Some(0) }];
     Robot {
         name: "r".to_owned(),
         battery: 0,

@@ -94,3 +94,38 @@ fn a_promise_of_the_coordinator_before_is_kept_or_told_to_be_broken() {
     let is_planned = core.schedule().services.iter().any(|service| service.robot == id("r1"));
     assert_eq!(core.promised.contains(&id::<RobotId>("r1")), is_planned);
 }
+
+#[test]
+fn who_is_on_its_way_to_an_exchange_that_was_promised_gets_it() {
+    let mut core = core();
+    let promised = Service { mode: Mode::Swap { spare: id("spare-1") }, bay: None, ..service("r0", 0.98, 1800.0) };
+    core.handle(at(0.0), Input::Before(Arc::new(Schedule { services: vec![promised], ..core.schedule().clone() })));
+    joins(&mut core, 0.0, 0);
+    let travels = RobotState { phase: RobotPhase::Travelling, station: Some(id("s")), seq: 2000, ..working(1.0, &["s"]) };
+    core.handle(at(1.0), Input::RobotState(id("r0"), travels));
+    let spare = SpareState { spare: id("spare-1"), soc: Estimate::new(0.9, 0.01), ready: true, battery: None };
+    core.handle(at(1.0), Input::StationState(id("s"), StationState { spares: vec![spare], ..ready(1.0) }));
+    core.handle(at(1.0), Input::PackGauge(id("s"), id("p"), gauge(1.0, 1.0, 84.0)));
+    let settled_s = core.settings.deadline_s + core.settings.resend_s + 2.0;
+    [2.0, settled_s, settled_s + 2.0].into_iter().for_each(|time_s| core.handle(at(time_s), Input::Tick));
+    let run = &core.running[&id::<RobotId>("r0")];
+    assert_eq!((&run.how, run.stage), (&How::Swap { spare: id("spare-1") }, Stage::Travelling));
+    let broken = |output| matches!(output, Output::Record(Record::Event(event)) if event.kind == EventKind::PromiseBroken);
+    assert!(!std::iter::from_fn(|| core.poll()).any(broken));
+}
+
+#[test]
+fn who_charges_somewhere_by_itself_is_not_told_to_run_empty() {
+    let stuck = |station: &str, powered: bool| {
+        let mut core = core();
+        joins(&mut core, 0.0, 0);
+        let own = RobotState { phase: RobotPhase::Charging, station: Some(id(station)), seq: 2000, ..working(1.0, &["s"]) };
+        core.handle(at(1.0), Input::RobotState(id("r0"), own));
+        core.handle(at(1.0), Input::StationState(id("s"), StationState { powered, ..ready(1.0) }));
+        core.handle(at(1.0), Input::PackGauge(id("s"), id("p"), gauge(1.0, 1.0, 84.0)));
+        core.handle(at(3.0), Input::Tick);
+        let told: Vec<bool> = core.schedule().unserved.iter().map(|unserved| unserved.runs_empty).collect();
+        told
+    };
+    assert_eq!([stuck("elsewhere", true), stuck("s", true), stuck("s", false)], [vec![false], vec![false], vec![true]]);
+}

@@ -98,3 +98,18 @@ fn an_exchange_takes_the_arm_and_no_bay_and_its_spare_pays_for_itself() {
     let here = capacity.stations.iter().find(|station| station.station.as_ref() == "s").unwrap();
     assert_eq!((here.robots_promised, here.lacks_bay, here.lacks_spare), (0, false, true), "{here:?}");
 }
+
+#[test]
+fn a_bay_that_does_not_work_serves_nobody() {
+    let told = |phase: BayPhase, powered: bool| {
+        let mut core = core_of_two();
+        let bays = vec![BayState { bay: id("bay-1"), phase, robot: None }];
+        opens(&mut core, "s", StationState { bays, powered, ..ready(0.0) });
+        come(&mut core, &[0.24, 0.21]);
+        let capacity = core.capacity(at(2.0));
+        let of_s = capacity.stations.iter().find(|station| station.station.as_str() == "s").expect("it is known").clone();
+        (of_s.robots_promised > 0, of_s.lacks_bay)
+    };
+    assert!(told(BayPhase::Free, true).0);
+    assert_eq!([told(BayPhase::Failed, true), told(BayPhase::Free, false)], [(false, true); 2]);
+}

@@ -94,7 +94,7 @@ fn what_gauges_have_learned_of_their_batteries_is_what_is_planned_with() {
         core.handle(at(time_s), Input::PackGauge(id("s"), id("p"), Gauge { soh: of_pack, ..gauge(time_s, 1.0, 84.0) }));
         core.handle(at(time_s), Input::RobotGauge(id("r0"), Gauge { soh: of_robot, ..gauge(time_s, 0.3, 14.6) }));
         let view = core.basis(at(time_s)).view();
-        let charge = view.robots[0].travel[0].2.at(0.3);
+        let charge = view.robots[0].ways[0].table.at(0.3);
         (view.stations[0].packs[0].usable_wh, charge.need_wh, charge.charge_s)
     };
     let new = believed(&mut core, 1.0, Estimate::new(1.0, 0.01), Estimate::new(1.0, 0.01));

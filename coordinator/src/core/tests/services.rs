@@ -184,6 +184,36 @@ fn an_exchange_waits_for_its_spare_and_remembers_what_its_robot_hands_over() {
 }
 
 #[test]
+fn who_waits_for_a_spare_gets_another_that_is_ready() {
+    let mut core = begun(How::Swap { spare: id("spare-1") }, Stage::Travelling);
+    let shelf = |core: &mut Core, time_s: f64, ready: [bool; 2]| {
+        let spare = |(name, ready): (&str, bool)| SpareState { spare: id(name), soc: Estimate::new(0.9, 0.01), ready, battery: None };
+        let before = core.fleet.stations[&id::<StationId>("s")].state.clone().unwrap();
+        let spares = ["spare-1", "spare-2"].into_iter().zip(ready).map(spare).collect();
+        core.handle(
+            at(time_s),
+            Input::StationState(id("s"), StationState { at: at(time_s), seq: (time_s * 1e3) as u64 + 2, spares, ..before }),
+        );
+    };
+    let given = |core: &Core| core.running[&id::<RobotId>("r0")].how.clone();
+    let due_s = core.running[&id::<RobotId>("r0")].start.seconds_since(at(0.0));
+    shelf(&mut core, due_s - 5.0, [false, true]);
+    says(&mut core, due_s - 4.0, "r0", RobotPhase::Waiting);
+    core.handle(at(due_s - 3.0), Input::Tick);
+    assert_eq!(given(&core), How::Swap { spare: id("spare-1") }, "its time has not come");
+    // Another robot has that one.
+    let other = ServiceRun { robot: id("r1"), how: How::Swap { spare: id("spare-2") }, ..core.running[&id::<RobotId>("r0")].clone() };
+    core.running.insert(id("r1"), other);
+    core.handle(at(due_s + 1.0), Input::Tick);
+    assert_eq!(given(&core), How::Swap { spare: id("spare-1") });
+    core.running.remove(&id::<RobotId>("r1"));
+    core.handle(at(due_s + 2.0), Input::Tick);
+    assert_eq!(given(&core), How::Swap { spare: id("spare-2") });
+    core.handle(at(due_s + 3.0), Input::Tick);
+    assert!(core.running[&id::<RobotId>("r0")].asked.is_some(), "and is handed it");
+}
+
+#[test]
 fn a_pack_that_a_robot_left_is_as_full_as_its_gauge_said_unless_the_station_knows_better() {
     let mut core = begun(How::Swap { spare: id("spare-1") }, Stage::Swapping);
     let said = core.fleet.robots[&id::<RobotId>("r0")].gauge.as_ref().unwrap().soc;

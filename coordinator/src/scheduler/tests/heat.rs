@@ -7,12 +7,12 @@ use super::*;
 /// `one` with a battery whose charge never ends, and goes as far as that.
 fn stopped(one: RobotView, why: Trip, reaches_soc: f64) -> RobotView {
     let point = |point: &Point| Point { stopped: (point.charge_s > 0.0).then_some(why), ..*point };
-    let travel = one.travel.iter().map(|(station, travel_s, table)| {
-        let points = table.points.iter().map(point).collect();
-        (*station, *travel_s, Arc::new(Table { points, reaches_soc, ..Table::clone(table) }))
+    let ways = one.ways.iter().map(|way| {
+        let points = way.table.points.iter().map(point).collect();
+        WayView { table: Arc::new(Table { points, reaches_soc, ..Table::clone(&way.table) }), ..way.clone() }
     });
     let degc = if why.is_lower() { -5.2 } else { 41.3 };
-    RobotView { temperature_degc: degc, charge_degc: degc.round(), travel: travel.collect(), ..one }
+    RobotView { temperature_degc: degc, charge_degc: degc.round(), ways: ways.collect(), ..one }
 }
 
 #[test]

@@ -22,3 +22,28 @@ fn the_doubt_of_what_a_robot_has_left_counts_in_full_wherever_its_charge_ends() 
     assert!((left / (19.0_f64 / 26.0).powi(2) - of_soc - 0.01).abs() < 0.02, "{left}");
     assert_eq!(task.need(0, 0, 0, Mode::Swap).own_variance, 0.0);
 }
+
+#[test]
+fn what_a_way_takes_beyond_work_is_charged_there_and_must_be_had_before() {
+    let task = |extra_soc: f64| {
+        let mut far = robot("r", 0.3, &[(0, 600.0), (1, 600.0)]);
+        let lasts = &mut far.ways[0].lasts;
+        (lasts.empty_s, lasts.surely_s) =
+            (lasts.empty_s - extra_soc / far.drain_soc_per_s, lasts.surely_s - extra_soc / far.drain_soc_per_s);
+        far.ways[0].extra_soc = Estimate::exact(extra_soc);
+        let stations = ["s", "t"].map(|name| station(name, 1, &[80.0], &[])).to_vec();
+        Task::new(view(vec![far], stations), &settings(), &[], Offer::Usual)
+    };
+    let (plain, steep) = (task(0.0), task(0.05));
+    let need_wh = |task: &Task, station: usize| task.need(0, station, 70, task.full_charge()).mean_wh;
+    // 26 Wh for 98 % of charge.
+    assert!((need_wh(&steep, 0) - need_wh(&plain, 0) - 0.05 * 26.0 / 0.98).abs() < 0.01, "{} {}", need_wh(&steep, 0), need_wh(&plain, 0));
+    assert_eq!(need_wh(&steep, 1), need_wh(&plain, 1));
+    // Work takes 5 % in 10 min.
+    let last_s = |task: &Task, way: usize| {
+        let who = &task.problem.robots[0];
+        who.last_start(&who.travel[way], 0) as f64 * f64::from(task.grid.tick_s)
+    };
+    assert!((last_s(&plain, 0) - last_s(&steep, 0) - 600.0).abs() <= f64::from(steep.grid.tick_s));
+    assert_eq!([last_s(&plain, 1), last_s(&steep, 1)], [last_s(&plain, 0); 2]);
+}

@@ -39,7 +39,9 @@ fn a_robot_waits_for_a_spare_of_its_own_kind_whatever_others_there_are() {
     assert!(now_s < 900.0 && then_s >= 890.0, "{now_s} {then_s}");
     assert_eq!(found.plan.quality.stranded_bound, 0);
     // Who is empty before that is told what it waits for.
-    let found = solved(vec![explorer("a"), RobotView { empty_s: 800.0, surely_s: 800.0, ..explorer("b") }, explorer("c")], vec![rack]);
+    let mut hasty = explorer("b");
+    [&mut hasty.lasts, &mut hasty.ways[0].lasts].into_iter().for_each(|lasts| (lasts.empty_s, lasts.surely_s) = (800.0, 800.0));
+    let found = solved(vec![explorer("a"), hasty, explorer("c")], vec![rack]);
     assert_eq!((found.plan.planned.len(), found.plan.rejected.len()), (2, 1));
     assert!(found.plan.rejected[0].reasons[0].contains("no charged spare that fits it is left"), "{:?}", found.plan.rejected);
 }

@@ -62,8 +62,11 @@ impl<'w, 'p> Accounts<'w, 'p> {
         let Explained { cost, others, earlier, later, .. } = self.explainer.explain(index);
         let session = self.sessions.get(&index);
         let others = others.iter().map(|other| alternative(self.task, index, session, other, cost));
+        // Who has no service is told of these as reasons.
+        let closed =
+            session.into_iter().flat_map(|_| self.task.view.robots[index].closed.iter().map(|closed| takes_no_part(self.task, closed)));
         Account {
-            others: others.collect(),
+            others: others.chain(closed).collect(),
             earlier: session.map_or_else(Vec::new, |session| vec![self.why_not_earlier(session, earlier.as_ref())]),
             when_wanted: later.filter(|other| !other.lacks.is_empty()).map(|other| {
                 format!("at {}, nearer to when it is wanted: {}", on_clock(self.task, other.start), lacks_in_words(self.task, &other))
@@ -128,6 +131,14 @@ fn alternative(task: &Task, robot: usize, session: Option<&Session>, other: &Oth
         start: is_free.then(|| task.grid.time(other.start)),
         why_not: vec![beyond],
     }
+}
+
+/// A station that the robot could reach and that takes no part, or not for it.
+fn takes_no_part(task: &Task, (station, why): &(StationId, String)) -> Alternative {
+    let known = task.view.stations.iter().find(|view| view.station == *station);
+    let exchanges = known.is_some_and(|view| view.bays.is_empty() && !view.spares.is_empty());
+    let mode = if exchanges { "swap" } else { "recharge" };
+    Alternative { station: station.clone(), mode, start: None, why_not: vec![why.clone()] }
 }
 
 /// Why what is better by itself is not chosen: the planner weighs what it moves (`planner::replan`), or its search has not come by.

@@ -28,6 +28,8 @@ pub struct Grounds {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Comes {
     Before(i64),
+    /// The same, and it was promised so.
+    BeforeAsPromised(i64),
     After(i64),
     AtOnce,
     #[default]
@@ -56,7 +58,9 @@ impl Grounds {
         let wanted = robot.in_time(session.station);
         let minutes = |ticks: Tick| f64::from(ticks) * f64::from(task.grid.tick_s) / 60.0;
         let (before, after) = (minutes(wanted.saturating_sub(session.start)), minutes(session.start.saturating_sub(wanted)));
-        let comes = if before >= 0.5 {
+        let comes = if before >= 0.5 && robot.held && robot.not_before == session.start {
+            Comes::BeforeAsPromised(before.round() as i64)
+        } else if before >= 0.5 {
             Comes::Before(before.round() as i64)
         } else if after >= 0.5 {
             Comes::After(after.round() as i64)
@@ -69,8 +73,7 @@ impl Grounds {
         let without = if arrives < 1.0 {
             Without::Lasts((arrives * 100.0).round() as i64)
         } else {
-            let handled_s = task.view.robots[session.robot].handled_s;
-            let at = task.grid.time(empty).plus_s(handled_s);
+            let at = task.grid.time(empty);
             let whole = at.unix_ms().div_euclid(60_000);
             if is_soon(at, task.view.now) { Without::EmptyAt(whole) } else { Without::EmptyOn(whole) }
         };
@@ -94,6 +97,7 @@ impl Grounds {
             Comes::Before(minutes) => {
                 format!("comes {minutes} min before it is wanted: later it would not fit beside what else is planned")
             }
+            Comes::BeforeAsPromised(minutes) => format!("comes {minutes} min before it is wanted, as it was promised"),
             Comes::After(minutes) => format!("comes {minutes} min after it is wanted"),
             Comes::AtOnce => "comes as soon as the robot can be there".to_owned(),
             Comes::WhenWanted => "comes when it is wanted".to_owned(),

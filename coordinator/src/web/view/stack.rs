@@ -40,10 +40,12 @@ pub(super) fn stacks(basis: &Basis<'_>, schedule: &Schedule) -> Stacks {
     for (id, models) in &basis.models.stations {
         let Some(station) = basis.fleet.stations.get(id) else { continue };
         let view = basis.station(id, models, Some(station));
-        let begun = view.owed().plus(&view.overhead_per_h.scaled(view.committed_until_s / S_PER_H)).estimate();
-        let planned = schedule.services.iter().filter(|service| service.station == *id && service.status == ServiceStatus::Planned);
-        let planned: Vec<Estimate> = planned.map(|service| from_wire(service.pack_energy_wh)).collect();
-        let owed = planned.iter().fold(begun, |sum, next| Estimate::new(sum.value + next.value, sum.sigma + next.sigma));
+        let planned = || schedule.services.iter().filter(|service| service.station == *id && service.status == ServiceStatus::Planned);
+        // What the station itself takes, it takes until the last of them has ended.
+        let ends_s = planned().map(|service| service.end.seconds_since(basis.now)).fold(view.committed_until_s, f64::max);
+        let begun = view.owed().plus(&view.overhead_per_h.scaled(ends_s.max(0.0) / S_PER_H)).estimate();
+        let planned_wh = planned().map(|service| from_wire(service.pack_energy_wh));
+        let owed = planned_wh.fold(begun, |sum, next| Estimate::new(sum.value + next.value, sum.sigma + next.sigma));
         let usable: Vec<(&PackId, Estimate)> = view.packs.iter().map(|pack| (&pack.pack, pack.usable_wh)).collect();
         let shares = share_out(owed, &usable);
         for (pack, gauge) in &station.packs {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::models::ShortEnergy;
-use crate::trust::Trust;
+use crate::trust::{Owner, Trust};
 
 #[test]
 fn whoever_charges_is_let_out_before_the_station_leaves() {
@@ -84,10 +84,13 @@ fn of_several_the_last_to_be_charged_is_let_out_last() {
 fn whoever_charges_is_let_out_before_the_packs_give_out_unless_something_comes() {
     // At 60 W, by hand: half a minute for the lift and one for what nobody knows, of which 30 s are 0.5 Wh. A pack of 84 Wh at 80 % lasts for an hour,
     // one at 1 % for less than a minute at this power.
-    let let_go = |soc: f64, remaining_wh: f64, back: Option<f64>| {
+    let told = |soc: f64, remaining_wh: f64, back: Option<f64>, is_believed: bool| {
         let mut core = begun(How::Recharge { bay: id("bay-1"), to_soc: 0.98 }, Stage::Charging);
         says(&mut core, 110.0, "r0", RobotPhase::Charging);
         holds(&mut core, 110.0, BayPhase::Occupied, Some("r0"));
+        if is_believed {
+            core.trust.forget(&Owner::Pack(id("s"), id("p")));
+        }
         let left = Gauge { remaining_wh: Estimate::new(remaining_wh, 0.1), ..gauge(111.0, soc, 84.0) };
         core.handle(at(111.0), Input::PackGauge(id("s"), id("p"), left));
         let mut state =
@@ -97,11 +100,13 @@ fn whoever_charges_is_let_out_before_the_packs_give_out_unless_something_comes()
         core.handle(at(112.0), Input::StationState(id("s"), state));
         core.running[&id::<RobotId>("r0")].cut_short.clone()
     };
+    let let_go = |soc: f64, remaining_wh: f64, back: Option<f64>| told(soc, remaining_wh, back, true);
     let why = Some("the packs of s hold no more than lets everybody out".to_owned());
     assert_eq!(let_go(0.8, 60.0, None), None);
     assert_eq!(let_go(0.8, 1.2, None), why, "its gauge is nearer to it");
     assert_eq!(let_go(0.012, 3.0, None), why, "what it says lasts for no service");
     assert_eq!(let_go(0.1, 7.0, None), None);
+    assert_eq!(told(0.1, 7.0, None, false), why, "its gauge was at 100 % a moment ago: nothing is there for certain");
     // 1.6 Wh are surely 1.44, or 86 s, of which 60 are for what nobody knows.
     assert_eq!(let_go(0.1, 1.6, Some(130.0)), None, "another one comes in time");
     assert_eq!([let_go(0.012, 1.0, Some(500.0)), let_go(0.012, 1.0, Some(30.0))], [why.clone(), why], "too late, or overdue");
