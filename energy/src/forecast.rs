@@ -79,17 +79,17 @@ pub fn discharge_behind(run: &mut impl Battery, power_w: f64, extra_ohm: impl Fn
     let above_v =
         |voltage_v: f64, lowest_v: f64| (voltage_v - facts.eod_v()).min((lowest_v - facts.eod_v_per_cell) * f64::from(facts.series));
     let (mut before_v, mut before_above_v) = (None, 0.0);
-    let mut last_a = drawn_w / run.channel(Channel::VoltageV).max(facts.eod_v());
+    let mut last_a = drawn_w / run.channel(Channel::TerminalVoltageV).max(facts.eod_v());
     while time_s < TIME_MAX_S {
         let more_ohm = extra_ohm(run.channel(Channel::Soc));
-        let current_a = run.step_power(drawn_w + more_ohm * last_a * last_a, dt_s);
-        let more_v = more_ohm * *current_a.as_ref().unwrap_or(&0.0);
-        let voltage_v = run.channel(Channel::VoltageV) - more_v;
+        let is_met = run.step_power(drawn_w + more_ohm * last_a * last_a, dt_s).is_ok();
+        // What flows and what is delivered does not hang on what sensors show of it; where it ends does: nothing else sees the voltage.
+        let current_a = run.channel(Channel::TerminalCurrentA);
+        let more_v = more_ohm * current_a;
+        let voltage_v = run.channel(Channel::TerminalVoltageV) - more_v;
         let lowest_v = run.channel(Channel::CellMinV) - more_v / f64::from(facts.series);
-        let now_above_v = above_v(voltage_v, lowest_v);
-        if let Ok(current_a) = current_a
-            && now_above_v >= 0.0
-        {
+        let now_above_v = above_v(run.channel(Channel::VoltageV) - more_v, lowest_v);
+        if is_met && now_above_v >= 0.0 {
             // The step holds the current that gives this power at its end; the voltage fell to
             // there from that of the step before, so the step's energy is that of their mean.
             energy_wh += current_a * f64::midpoint(before_v.unwrap_or(voltage_v), voltage_v) * dt_s / S_PER_H;
@@ -101,7 +101,7 @@ pub fn discharge_behind(run: &mut impl Battery, power_w: f64, extra_ohm: impl Fn
         // that the energy would be a sawtooth over whatever the model hangs on, and a small deviation of it any deviation.
         run.restore();
         if dt_s < 0.01 * longest_s {
-            if let (Ok(current_a), Some(before_v)) = (current_a, before_v) {
+            if let Some(before_v) = before_v.filter(|_| is_met) {
                 let share = before_above_v / (before_above_v - now_above_v);
                 energy_wh += current_a * f64::midpoint(before_v, before_v + share * (voltage_v - before_v)) * share * dt_s / S_PER_H;
             }

@@ -38,6 +38,8 @@
 //!     |
 //!   judge      accepted or not, also by logs that the fit has not seen
 //!     |          anew   once more from the beginning, where the best leaves something
+//!     |
+//!   look       at every absent effect: what is missing, and what the logs cannot tell from it
 //!     v
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |          prune   effects that a later one made needless
@@ -72,6 +74,7 @@ mod handover;
 pub mod judge;
 pub mod judges;
 mod lens;
+pub mod look;
 pub mod noise;
 pub mod other_numbers;
 pub mod other_starts;

@@ -53,7 +53,11 @@ impl Whiteness {
             slots: slots.filled,
             empty_slots: slots.values.len() - slots.filled,
             lag1: slots.lag1(),
-            correlation_time_s: slots.filled_between().correlation().time_s(slots.interval_s),
+            // Between rows that say nothing of each other nothing can be filled in.
+            correlation_time_s: match slots.neighbours_agree() {
+                true => slots.filled_between().correlation().time_s(slots.interval_s),
+                false => correlation.time_s(slots.interval_s),
+            },
             ljung_box: LjungBox::of(&correlation, slots.filled),
             cumulative_periodogram: spectrum.cumulative(),
             period: spectrum.period(),
@@ -135,6 +139,13 @@ pub(crate) mod tests {
         // A wave has fallen below 1/e after a fifth of its period.
         let lasts_s = white.correlation_time_s.unwrap();
         assert!(white.lag1 > 0.9 && (200.0..600.0).contains(&lasts_s), "{white:?}");
+    }
+
+    #[test]
+    fn noise_of_rows_that_are_far_apart_lasts_no_longer_than_that_of_rows_that_are_near() {
+        let time_s: Vec<f64> = (0..200).chain((200..2000).step_by(10)).map(f64::from).collect();
+        let white = Whiteness::of(&time_s, &uniform(time_s.len())).unwrap();
+        assert!(white.empty_slots > 1000 && white.correlation_time_s.unwrap() < 1.0, "{white:?}");
     }
 
     #[test]

@@ -84,13 +84,14 @@ fn end(mut run: Pack, ending: &[(f64, f64)]) -> Option<f64> {
 
 /// Energy of one step at constant power, Wh; none when the pack cannot.
 fn step(run: &mut Pack, power_w: f64, dt_s: f64) -> Option<f64> {
-    let before_v = run.channel(Channel::VoltageV);
-    let current_a = run.step_power(power_w, dt_s).ok()?;
+    let before_v = run.channel(Channel::TerminalVoltageV);
+    run.step_power(power_w, dt_s).ok()?;
     if run.is_empty() {
         return None;
     }
     // The step holds the current that gives this power at its end.
-    Some(current_a * f64::midpoint(before_v, run.channel(Channel::VoltageV)) * dt_s / S_PER_H)
+    let [current_a, voltage_v] = [Channel::TerminalCurrentA, Channel::TerminalVoltageV].map(|channel| run.channel(channel));
+    Some(current_a * f64::midpoint(before_v, voltage_v) * dt_s / S_PER_H)
 }
 
 #[cfg(test)]
@@ -101,6 +102,16 @@ mod tests {
     fn pack() -> Pack {
         let model = Arc::new(load_model("mds-3s4p-7600mah", &|_| unreachable!("built in")).unwrap());
         Pack::new(model, Start::at_soc(0.6))
+    }
+
+    #[test]
+    fn what_an_ammeter_shows_changes_nothing_of_what_is_delivered() {
+        let (draw, true_one) = (Draw { power_w: 40.0, ending: vec![(60.0, 80.0)] }, pack());
+        let off = true_one.model().with("current_gain").unwrap();
+        let values = off.parameters().iter().map(|own| if own.effect == "current_gain" { 1.05 } else { own.value }).collect::<Vec<_>>();
+        let told = Pack::new(Arc::new(off.with_values(&values)), Start::at_soc(0.6));
+        let [told_wh, true_wh] = [&told, &true_one].map(|pack| delivered_wh(pack, &draw));
+        assert!((told_wh / true_wh - 1.0).abs() < 1e-6, "{told_wh} {true_wh}");
     }
 
     #[test]

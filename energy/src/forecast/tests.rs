@@ -172,3 +172,20 @@ fn a_stations_power_is_explained_to_the_last_watt() {
     // By hand: ((40 + 3 x 4.19) / 0.88) / 0.84 + 0.2 + 5.5.
     assert!((run.channels[Channel::PackPowerW] - ((40.0 + 12.57) / 0.88 / 0.84 + 5.7)).abs() < 1e-9);
 }
+
+#[test]
+fn what_an_ammeter_shows_changes_nothing_of_what_is_delivered() {
+    let true_one = model("explorer-3s1p-1320mah");
+    let of = |pack: &Arc<Model>| {
+        let steady = discharge(&mut Run::new(Arc::clone(pack), Start::at_soc(0.9)), 4.0);
+        (steady.energy_wh, steady.time_s)
+    };
+    let (energy_wh, time_s) = of(&true_one);
+    for (effect, value) in [("current_gain", 1.05), ("current_offset", 0.02)] {
+        let off = true_one.with(effect).unwrap();
+        let values = off.parameters().iter().map(|own| if own.effect == effect { value } else { own.value }).collect::<Vec<_>>();
+        let told = of(&Arc::new(off.with_values(&values)));
+        let apart = [told.0 / energy_wh, told.1 / time_s].map(|share| (share - 1.0).abs());
+        assert!(apart.iter().all(|apart| *apart < 1e-6), "{effect}: {told:?} of {energy_wh} {time_s}");
+    }
+}

@@ -1,7 +1,8 @@
 //! `lab diagnose`: one look at every effect that a model lacks.
 
 use lab::infer::answer::{Discovery, Verdict};
-use lab::infer::discover::{Outcome, Search, Step};
+use lab::infer::discover::Search;
+use lab::infer::look::{Outcome, Step};
 use lab::report::discovery::Reach;
 
 use super::busy::while_telling;

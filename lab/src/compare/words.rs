@@ -48,7 +48,8 @@ fn period(error: &ChannelError) -> Option<String> {
 fn colour(errors: &[ChannelError]) -> Option<String> {
     let known: Vec<bool> = errors.iter().filter_map(|error| Some(error.whiteness.as_ref()?.is_white())).collect();
     // A correlation that never falls below 1/e lasts longer than the log can tell.
-    let lasts = errors.iter().filter_map(|error| Some(error.whiteness.as_ref()?.correlation_time_s.unwrap_or(f64::INFINITY)));
+    let coloured = errors.iter().filter_map(|error| error.whiteness.as_ref()).filter(|whiteness| !whiteness.is_white());
+    let lasts = coloured.map(|whiteness| whiteness.correlation_time_s.unwrap_or(f64::INFINITY));
     let slowest = lasts.fold(0.0, f64::max);
     let slowest = if slowest.is_finite() { format!("{} s", digits(slowest)) } else { "most of the log".to_owned() };
     let white = known.iter().filter(|white| **white).count();

@@ -11,9 +11,9 @@ use std::sync::Arc;
 use energy::EffectSpec;
 
 use super::candidate::{onsets, usual};
-use super::discover::ALIKE;
 use super::evidence::Evidence;
 use super::judge::explained;
+use super::look::ALIKE;
 use super::state::State;
 use super::trial::Trial;
 

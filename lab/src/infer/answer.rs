@@ -8,9 +8,10 @@ use serde::Serialize;
 
 use super::candidate::Untested;
 use super::certainty::range_sigma;
-use super::discover::{Outcome, Search, Step};
+use super::discover::Search;
 use super::evidence::Evidence;
 use super::judge::{Refusal, before_on, leaves_little};
+use super::look::{Outcome, Step};
 use super::noise::Noise;
 use super::state::State;
 use super::trial::Trial;
@@ -252,7 +253,14 @@ fn ranking(step: &Step) -> Vec<Ranked> {
         .map(|score| {
             let place = trial(score.spec.id);
             let refit = place.map(|place| &step.trials[place]);
-            let names = score.spec.parameters.iter().map(|parameter| parameter.name);
+            // Where the logs point the other way, nothing is expected of it.
+            let is_seen = score.statistic > 0.0;
+            let expected = score
+                .spec
+                .parameters
+                .iter()
+                .zip(&score.expected)
+                .map(|(parameter, expected)| (parameter.name, parameter.null.filter(|_| !is_seen).unwrap_or(*expected)));
             let others = step.scores.iter().filter(|other| other.spec.id != score.spec.id);
             let alike = others.map(|other| (other.spec.id, score.confounded(other))).filter(|(_, alike)| *alike > WORTH_NAMING);
             let own = refit.map(own_parameters);
@@ -262,7 +270,7 @@ fn ranking(step: &Step) -> Vec<Ranked> {
                 p_value: chance(score.statistic, score.freedom),
                 epc: match &own {
                     Some(own) => own.iter().map(|&(name, value, _)| (name, value)).collect(),
-                    None => names.zip(score.expected.iter().copied()).collect(),
+                    None => expected.collect(),
                 },
                 sigma: own.iter().flatten().filter_map(|&(name, _, sigma)| Some((name, sigma?))).collect(),
                 uniqueness: score.uniqueness,

@@ -12,10 +12,10 @@ use std::sync::Arc;
 
 use energy::EffectSpec;
 
-use super::discover::{ALIKE, Outcome, Step};
 use super::evidence::Evidence;
 use super::handover::handed_over;
 use super::judge::explained;
+use super::look::{ALIKE, Outcome, Step};
 use super::progress::Told;
 use super::prune::taken;
 use super::sketch::{BETTER, are_taken_for_each_other};

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use energy::{Channel, Facts, System, catalogue};
 
-use super::discover::AS_WELL;
 use super::evidence::Evidence;
+use super::look::AS_WELL;
 use super::state::State;
 use super::trial::{Trial, held_out};
 use crate::floor::EXPLAINED;
@@ -95,20 +95,28 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
     if !all.is_empty() {
         return all;
     }
+    let most = explains_most(base, &trial.state);
     // What only roughly known numbers do for the base, far from where they should be, an effect need not do better.
     let helps = |held: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]| {
         let does_as_well = strong && at_floor(held, before) && at_floor(held, after);
-        falls(held, before, after) || does_as_well || relieves && squares(held, after) <= (1.0 + AS_WELL) * squares(held, before)
+        falls(held, most, before, after) || does_as_well || relieves && squares(held, after) <= (1.0 + AS_WELL) * squares(held, before)
     };
     let trains = |base: &State, state: &State| {
         let (before, after) = (base.rms(), state.rms());
-        falls(evidence, &before, &after) || relieves && squares(evidence, &after) <= (1.0 + AS_WELL) * squares(evidence, &before)
+        falls(evidence, most, &before, &after) || relieves && squares(evidence, &after) <= (1.0 + AS_WELL) * squares(evidence, &before)
     };
     let holds = |before: &[(Channel, f64)], after: &[(Channel, f64)]| holdout.is_none_or(|held| helps(held, before, after));
     // Slow noise that excuses an error keeps the most likely numbers from lowering it, and the least squares are
     // bent by what else is missing: one of them must be better off for the effect.
     // The numbers told must not be worse off for it on logs that no fit has seen.
-    let worse = || holdout.is_some_and(|held| squares(held, &trial.holdout) > (1.0 + AS_WELL) * squares(held, before));
+    let worse = || {
+        holdout.is_some_and(|held| {
+            let rises =
+                |before: &[(Channel, f64)], after: &[(Channel, f64)]| squares(held, after) > (1.0 + AS_WELL) * squares(held, before);
+            let after = &trial.holdout;
+            rises(before, after) && (!others_stay(most, before, after) || rises(&only(most, before), &only(most, after)))
+        })
+    };
     let likely = || {
         let of = |state: &State| holdout.map_or_else(Vec::new, |held| held_out(state, held));
         !worse() && trains(base, &trial.state) && holds(&of(base), &of(&trial.state))
@@ -180,11 +188,34 @@ fn at_floor(evidence: &Evidence, rms: &[(Channel, f64)]) -> bool {
     rms.iter().all(|&(channel, rms)| rms <= EXPLAINED * evidence.floor(channel))
 }
 
-/// Whether the squared error, in floors, falls by a share of what lies beyond the floors.
-pub(super) fn falls(evidence: &Evidence, before: &[(Channel, f64)], after: &[(Channel, f64)]) -> bool {
-    let floor: f64 = before.iter().map(|&(channel, _)| rows(evidence, channel)).sum();
-    let (before, after) = (squares(evidence, before), squares(evidence, after));
-    before - after > (FALL * (before - floor)).max(0.0)
+/// Whether the squared error, in floors, falls by a share of what lies beyond the floors: over all channels, or that of the one that the
+/// effect explains most of where no other is worse off. What else is missing from another channel, however far beyond its floor that is, says
+/// nothing of the effect.
+pub(super) fn falls(evidence: &Evidence, most: Option<Channel>, before: &[(Channel, f64)], after: &[(Channel, f64)]) -> bool {
+    let fall = |before: &[(Channel, f64)], after: &[(Channel, f64)]| {
+        let floor: f64 = before.iter().map(|&(channel, _)| rows(evidence, channel)).sum();
+        let (before, after) = (squares(evidence, before), squares(evidence, after));
+        before - after > (FALL * (before - floor)).max(0.0)
+    };
+    fall(before, after) || others_stay(most, before, after) && fall(&only(most, before), &only(most, after))
+}
+
+fn only(channel: Option<Channel>, all: &[(Channel, f64)]) -> Vec<(Channel, f64)> {
+    all.iter().copied().filter(|(own, _)| Some(*own) == channel).collect()
+}
+
+/// Whether no channel but that one has an RMS that rises by more than hardly anything.
+fn others_stay(most: Option<Channel>, before: &[(Channel, f64)], after: &[(Channel, f64)]) -> bool {
+    let mut others = before.iter().zip(after).filter(|((channel, _), _)| Some(*channel) != most);
+    others.all(|((_, before), (_, after))| *after <= (1.0 + AS_WELL) * before)
+}
+
+/// The channel of which a model explains most that another did not, in floors; none where it explains nothing.
+pub(super) fn explains_most(base: &State, state: &State) -> Option<Channel> {
+    let evidence = &base.frame.evidence;
+    let (before, after) = (base.told().rms(), state.told().rms());
+    let gains = before.iter().zip(&after).map(|(before, after)| (squares(evidence, &[*before]) - squares(evidence, &[*after]), before.0));
+    gains.filter(|(gain, _)| *gain > 0.0).max_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, channel)| channel)
 }
 
 /// Squared error over all rows, in floors.
@@ -257,6 +288,19 @@ fn matters(system: System, channel: Channel) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_else_is_missing_from_another_channel_says_nothing_of_an_effect() {
+        let (volts, degc) = (Channel::VoltageV, Channel::TemperatureDegc);
+        let stays = |most, before: [f64; 2], after: [f64; 2]| {
+            let both = |rms: [f64; 2]| [(volts, rms[0]), (degc, rms[1])];
+            others_stay(most, &both(before), &both(after))
+        };
+        // The temperature is 55 floors off, and by hardly anything more.
+        assert!(stays(Some(volts), [3.4e-3, 2.74], [1.0e-3, 2.76]));
+        assert!(!stays(Some(volts), [3.4e-3, 2.74], [1.0e-3, 2.80]) && !stays(Some(degc), [3.4e-3, 2.74], [3.6e-3, 1.0]));
+        assert!(!stays(None, [3.4e-3, 2.74], [3.6e-3, 2.74]));
+    }
 
     #[test]
     fn what_is_wrong_with_a_form_is_small_beside_what_was_explained_of_the_same_channel() {

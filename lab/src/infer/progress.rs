@@ -2,7 +2,7 @@
 
 use energy::Channel;
 
-use super::discover::Step;
+use super::look::Step;
 use super::state::State;
 
 /// Where a search stands.

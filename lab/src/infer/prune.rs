@@ -7,9 +7,9 @@
 
 use std::sync::Arc;
 
-use super::discover::{Outcome, Step};
 use super::evidence::Evidence;
 use super::judge::threshold;
+use super::look::{Outcome, Step};
 use super::state::State;
 use super::trial::{Trial, as_plain_as_may_be};
 
@@ -18,19 +18,15 @@ use super::trial::{Trial, as_plain_as_may_be};
 pub(super) fn shorter(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option<Vec<Step>> {
     let (newest, earlier) = steps.split_last()?;
     let last = &newest.trials[0].state;
-    let without = |place: usize| {
-        let later = steps[place + 1..].iter();
-        let state = later.clone().try_fold(steps[place].base.clone(), |state, step| state.with(step.trials[0].spec, last, None));
-        state.map(|state| (place, state))
-    };
+    let without = |place: usize| (place, last.without(steps[place].trials[0].spec));
     let cost = |(place, state): &(usize, State)| state.bic() - last.bic() - threshold(steps[*place].scores.len());
-    let needless = (0..earlier.len()).filter_map(without).filter(|one| cost(one) < 0.0);
-    let (place, _) = needless.min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+    let needless = (0..earlier.len()).map(without).filter(|one| cost(one) < 0.0);
+    let (place, left) = needless.min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
     let mut way: Vec<Step> = steps[..place].to_vec();
     let mut base = steps[place].base.clone();
     for (index, step) in steps.iter().enumerate().skip(place + 1) {
         let found = &step.trials[0];
-        let state = base.with(found.spec, last, None)?;
+        let state = if index + 1 == steps.len() { left.clone() } else { base.with(found.spec, &left, None)? };
         let trial = Trial::of(&base, state, found.spec, found.uniqueness, holdout);
         let next = trial.state.clone();
         // The first look at this base is told as it was, with what was taken in the end before all else.

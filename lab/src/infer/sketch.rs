@@ -9,9 +9,9 @@ use std::collections::BTreeSet;
 use energy::EffectSpec;
 
 use super::candidate::{Candidate, Untested, candidates};
-use super::discover::ALIKE;
 use super::handover::handed_over;
 use super::judge::{ABSORBED, explained, threshold};
+use super::look::ALIKE;
 use super::progress::{Progress, Told};
 use super::score::{Score, Scoring};
 use super::state::State;

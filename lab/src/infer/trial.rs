@@ -6,10 +6,10 @@ use energy::{Channel, EffectSpec, Model, Parameter, ParameterSpec};
 
 use super::candidate::{Candidate, is_nothing_by_default, refines, usual};
 use super::descent::{Asked, descend_roughly};
-use super::discover::{ALIKE, TIE};
 use super::evidence::Evidence;
 use super::frame::Frame;
 use super::judge::ABSORBED;
+use super::look::{ALIKE, TIE};
 use super::noise::Noise;
 use super::rough::Rough;
 use super::score::Score;

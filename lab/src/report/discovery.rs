@@ -17,6 +17,7 @@ use crate::infer::other_starts::OtherStart;
 use crate::infer::stated::Roughly;
 use crate::learned::LeftOut;
 
+use super::fitted::WORSE;
 use super::quantity::{digits, quantity, unit_of, with_sigma};
 use super::table::text;
 
@@ -86,11 +87,10 @@ pub struct FileErrors {
 }
 
 impl FileErrors {
-    /// Whether the model found leaves more, by as much as is printed.
+    /// Whether the model found leaves more, by more than a refit does by chance.
     #[must_use]
     pub fn is_worse(&self) -> bool {
-        let told = |rms: f64| quantity(rms, unit_of(self.channel));
-        self.found > self.given && told(self.found) != told(self.given)
+        self.found > WORSE * self.given
     }
 }
 

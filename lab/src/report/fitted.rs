@@ -106,7 +106,7 @@ pub struct FitReport {
 }
 
 /// Growth of RMS beyond which a channel of a log is reported to fit worse than before.
-const WORSE: f64 = 1.02;
+pub(super) const WORSE: f64 = 1.02;
 /// Correlation beyond which two parameters are reported to move together.
 const TOGETHER: f64 = 0.95;
 

@@ -96,6 +96,14 @@ impl Slots {
         Correlation { values: products.into_iter().zip(&pairs).map(value).collect(), pairs }
     }
 
+    /// Whether rows are correlated with the next, however long that comes after, by more than 1/e.
+    pub(super) fn neighbours_agree(&self) -> bool {
+        let rows: Vec<f64> = self.values.iter().copied().filter(|value| value.is_finite()).collect();
+        let products: f64 = rows.windows(2).map(|pair| pair[0] * pair[1]).sum();
+        let squares: f64 = rows.iter().map(|value| value * value).sum();
+        products > (-1.0_f64).exp() * squares
+    }
+
     /// The same slots with those between two rows filled on a straight line, but for pauses: as the residual goes on over time, however
     /// often it is read.
     pub(super) fn filled_between(&self) -> Slots {

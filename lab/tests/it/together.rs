@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use energy::{Channel, Model};
 use lab::infer::answer::Discovery;
-use lab::infer::discover::{Outcome, search};
+use lab::infer::discover::search;
 use lab::infer::evidence::Evidence;
+use lab::infer::look::Outcome;
 use lab::measurement::{LogFacts, read_log};
 use lab::predict::predict;
 use lab::prepare::{Prepared, prepare};

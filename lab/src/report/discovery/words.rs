@@ -143,17 +143,22 @@ fn explained(found: &Discovery) -> String {
         let stated = found.residual.values().all(|left| !left.floor_from_rows);
         return format!("these logs down to {}", if stated { "the noise of their sensors" } else { "their noise from row to row" });
     }
-    let beyond = |rung: &Rung| -> f64 {
-        let over = |(channel, rms): (&&str, &f64)| rung.floor.get(*channel).map_or(0.0, |floor| ((rms / floor).powi(2) - 1.0).max(0.0));
-        rung.train_rms.iter().map(over).sum()
+    let [first, .., last] = &found.ladder[..] else { return "these logs".to_owned() };
+    let beyond = |rung: &Rung, channel: &str| {
+        let of_channel = rung.train_rms.get(channel).zip(rung.floor.get(channel));
+        of_channel.map_or(0.0, |(rms, floor)| ((rms / floor).powi(2) - 1.0).max(0.0))
     };
-    match &found.ladder[..] {
-        [first, .., last] if beyond(first) > 0.0 => {
-            let share = 100.0 * (1.0 - beyond(last) / beyond(first));
-            format!("{share:.0} % of the squared error beyond the noise of the sensors")
-        }
-        _ => "these logs".to_owned(),
-    }
+    // Of another channel something else may be missing.
+    let gains = first.train_rms.keys().map(|channel| (beyond(first, channel) - beyond(last, channel), channel));
+    let most = gains.filter(|(gain, _)| *gain > 0.0).max_by(|(a, _), (b, _)| a.total_cmp(b));
+    most.map_or_else(
+        || "these logs".to_owned(),
+        |(_, channel)| {
+            let share = 100.0 * (1.0 - beyond(last, channel) / beyond(first, channel));
+            let of = if first.train_rms.len() > 1 { format!(" of {channel}") } else { String::new() };
+            format!("{share:.0} % of the squared error{of} beyond the noise of the sensors")
+        },
+    )
 }
 
 /// Names in a sentence.
@@ -210,7 +215,11 @@ pub fn untested(untested: &[Untested]) -> String {
         }
     }
     let line = |(reason, ids): &(&str, Vec<&str>)| {
-        let reason = if ids.len() > 1 { reason.replacen("needs", "need", 1) } else { (*reason).to_owned() };
+        let reason = if ids.len() > 1 {
+            reason.replacen("needs", "need", 1).replacen("is a part of", "are parts of", 1)
+        } else {
+            (*reason).to_owned()
+        };
         format!("{}: {reason}\n", ids.join(", "))
     };
     reasons.iter().map(line).collect()
