@@ -60,7 +60,7 @@ mod tests {
         // A voltage in steps of 1 mV, of which now and then one is off by a step.
         let run = |every: u32| {
             let row = |row: u32| {
-                let off = if row % every == 0 { 1e-3 } else { 0.0 };
+                let off = if row.is_multiple_of(every) { 1e-3 } else { 0.0 };
                 format!("{row},{},{:.3}\n", row / 50 % 2, 4.0 - 1e-3 * f64::from(row / 5) + off)
             };
             let text = (0..500).map(row).fold("time_s,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
