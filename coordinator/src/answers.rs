@@ -12,7 +12,6 @@ pub use self::capacity::capacity;
 pub use self::explain::{Explainer, changes};
 use crate::fleet::Station;
 use crate::forecast;
-use crate::models::from_wire;
 use crate::scheduler::{HANDOVER_S, Plan, Planned};
 use crate::service_run::{How, ServiceRun};
 use crate::trust::Owner;
@@ -150,13 +149,14 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     let active = state.active_pack.as_ref()?;
     let models = basis.models.stations.get(id)?;
     let (owner, gauge) = (Owner::Pack(id.clone(), active.clone()), station.packs.get(active)?);
+    let told_s = gauge.time_to_empty_s.map(|time_s| time_s.value);
     let left_s = match basis.trust.fault(basis.now, &owner) {
-        None => gauge.time_to_empty_s?.value,
-        // Its gauge does not say how it is now.
+        None => told_s?,
         Some(_) if state.pack_power_w <= 0.0 => return None,
+        // Its gauge may not say how it is now.
         Some(_) => {
             let (_, left_wh) = basis.trust.belief(basis.now, &owner, gauge, models.packs.get(active)?.battery().stored_wh());
-            left_wh.value / state.pack_power_w * S_PER_H
+            (left_wh.value / state.pack_power_w * S_PER_H).min(told_s.unwrap_or(f64::INFINITY))
         }
     };
     if left_s > HANDOVER_S {
@@ -166,8 +166,9 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     // that the station draws: at rest even an empty one looks as if it held something.
     let usable_wh = |pack: &PackId| {
         let (gauge, model) = (station.packs.get(pack)?, models.packs.get(pack)?);
+        let soc = basis.believed(id, pack, gauge, model);
         let model = basis.worn(&Owner::Pack(id.clone(), pack.clone()), model, gauge);
-        Some(forecast::usable_wh(&model, from_wire(gauge.soc), gauge.temperature_degc, state.pack_power_w.max(0.0)).value)
+        Some(forecast::usable_wh(&model, soc, gauge.temperature_degc, state.pack_power_w.max(0.0)).value)
     };
     let enough_wh = state.pack_power_w * 2.0 * HANDOVER_S / S_PER_H;
     let others = state.packs.iter().filter(|pack| pack.pack != *active && pack.connected && !pack.depleted);

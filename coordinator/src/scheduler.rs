@@ -53,13 +53,14 @@ pub use crowd::{Fed, crowds, solve_side_by_side};
 pub use effort::{Effort, WHOLE_FLEET_MAX};
 pub use plan::{Plan, Planned, Rejected};
 pub use problem::{Begun, HANDOVER_S, Lasts, PackState, PackView, RobotView, SpareView, StationView, View, WayView};
+pub(crate) use racks::ALIKE_SOC;
 pub use racks::Racks;
 pub use recharging::Recharging;
 pub use refill::{Refill, steps_s};
 pub use solve::{Solved, solve};
 pub use tables::Tables;
 pub use translate::{Grid, Task};
-pub use words::{Account, Accounts};
+pub use words::{Account, Accounts, Grounds};
 pub(crate) use words::{apart, short_of};
 
 #[cfg(test)]

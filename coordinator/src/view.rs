@@ -267,7 +267,7 @@ impl Basis<'_> {
     }
 
     /// State of charge that a pack in its place is believed to have.
-    fn believed(&self, id: &StationId, pack: &PackId, gauge: &Gauge, model: &Model) -> Estimate {
+    pub(crate) fn believed(&self, id: &StationId, pack: &PackId, gauge: &Gauge, model: &Model) -> Estimate {
         self.trust.belief(self.now, &Owner::Pack(id.clone(), pack.clone()), gauge, model.battery().stored_wh()).0
     }
 

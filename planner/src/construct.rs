@@ -27,7 +27,7 @@ pub fn ranked(ways: &Ways<'_>, order: Order) -> Vec<usize> {
     let key = |robot: usize| -> (i64, usize) {
         let choices = ways.of(robot);
         let key = match order {
-            Order::Deadline => problem.endurance(robot),
+            Order::Deadline => problem.last_start(robot),
             Order::Slack => choices.ways.len() as i64,
             Order::Loss => i64::from(choices.ways.first().map_or(0, |way| way.cost)) - i64::from(choices.unserved_cost),
             Order::Need => choices.ways.iter().map(|way| way.energy).min().unwrap_or(0),

@@ -371,6 +371,14 @@ impl Problem {
         self.robots[robot].endurance(self.battery(robot).floor)
     }
 
+    /// The last tick in which a service of a robot can begin anywhere by the cautious estimate: where it has no way, as long as it lasts.
+    #[must_use]
+    pub fn last_start(&self, robot: usize) -> i64 {
+        let (who, floor) = (&self.robots[robot], self.battery(robot).floor);
+        let last = who.travel.iter().map(|travel| who.last_start(travel, floor)).max();
+        last.map_or_else(|| self.endurance(robot), |last| last.max(0))
+    }
+
     /// Whether a robot runs empty before its work or the horizon ends when nobody services it.
     #[must_use]
     pub fn strands(&self, robot: usize) -> bool {

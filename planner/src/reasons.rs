@@ -30,15 +30,15 @@ pub enum Why {
     TooFar {
         /// Ticks to the station.
         away: Tick,
-        /// Ticks after which it may no longer get there.
-        endurance: i64,
+        /// The last tick in which it has enough for the way and until it is served; below zero where it never has.
+        last: i64,
     },
     /// The robot may be empty before the station is where it takes robots in.
     NotThere {
         /// Ticks until it is.
         opens: Tick,
-        /// Ticks until the robot may be empty.
-        endurance: i64,
+        /// The last tick in which it has enough for the way and until it is served; below zero where it never has.
+        last: i64,
     },
     /// It has neither bay nor spare.
     NoPlace,
@@ -158,8 +158,7 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     let (who, battery) = (&problem.robots[robot], problem.battery(robot));
     let (soonest, last) = (problem.soonest(travel), who.last_start(travel, battery.floor));
     if i64::from(soonest) > last {
-        let endurance = last.max(0);
-        return if soonest > travel.ticks { Why::NotThere { opens: soonest, endurance } } else { Why::TooFar { away: soonest, endurance } };
+        return if soonest > travel.ticks { Why::NotThere { opens: soonest, last } } else { Why::TooFar { away: soonest, last } };
     }
     if station.bays == 0 && !problem.exchanges(travel) {
         return if station.spares.is_empty() { Why::NoPlace } else { Why::NoFit };
@@ -198,9 +197,12 @@ fn severity(clash: Clash) -> (u8, i64) {
 impl fmt::Display for Why {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Why::TooFar { away, endurance } => write!(f, "it is {away} ticks away, and the robot may be empty in {endurance}"),
-            Why::NotThere { opens, endurance } => {
-                write!(f, "it takes robots in from tick {opens}, and the robot may be empty in {endurance}")
+            Why::TooFar { last: ..0, .. } | Why::NotThere { last: ..0, .. } => {
+                f.write_str("the way there takes more than the robot may have")
+            }
+            Why::TooFar { away, last } => write!(f, "it is {away} ticks away, and the robot may have enough for {last} only"),
+            Why::NotThere { opens, last } => {
+                write!(f, "it takes robots in from tick {opens}, and the robot may have enough until {last} only")
             }
             Why::Leaves { away } => {
                 write!(

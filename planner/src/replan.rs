@@ -210,7 +210,7 @@ pub fn renew(
 
 /// Who was promised a service comes first, then who runs empty first.
 fn urgency(problem: &Problem, robot: usize) -> (bool, i64, usize) {
-    (!problem.robots[robot].held, problem.endurance(robot), robot)
+    (!problem.robots[robot].held, problem.last_start(robot), robot)
 }
 
 pub(crate) fn commitments(problem: &Problem, sessions: &[Session]) -> Vec<Option<Commitment>> {
@@ -226,7 +226,7 @@ pub(crate) fn commitments(problem: &Problem, sessions: &[Session]) -> Vec<Option
 fn neighbours(problem: &Problem, draft: &Draft<'_, '_>, anew: &[usize], free: &mut [bool]) {
     let mut near: Vec<(i64, usize)> = Vec::new();
     for &robot in anew {
-        let due = problem.endurance(robot);
+        let due = problem.last_start(robot);
         for travel in &problem.robots[robot].travel {
             for &other in &draft.books[travel.station].robots {
                 let other = other as usize;

@@ -317,6 +317,9 @@ impl Core {
         if self.promised.remove(robot) {
             self.event(now, EventKind::PromiseBroken, Some(robot), Some(&run.station), None, format!("{robot}: {why}"));
         }
+        if matches!(run.how, How::Swap { .. }) {
+            self.before.is_settled(robot);
+        }
         self.replan(format!("the service of {robot} failed: {why}"));
         Some(run)
     }

@@ -98,11 +98,15 @@ impl Core {
             // Who was just let out says so a moment later.
             (Charged, Held::Nowhere) if settled => self.adopt_unseen(now, robot, Stage::ChargingItself),
             (Travelling, _) => {
-                // Without a bay it comes for an exchange that was promised, or goes by its own rule, and plans when it is there. Who was just called back
-                // says so a moment later.
-                let Some((station, bay)) = self.says_bay(robot) else { return self.adopt_exchange(now, robot) };
-                if settled || self.refusals.holds(now, robot, &station).is_none() {
-                    self.adopt(now, robot, station, bay, Stage::Travelling);
+                let Some(station) = self.fleet.robots.get(robot).and_then(|belief| belief.state.as_ref()?.station.clone()) else { return };
+                // Who was just called back says so a moment later.
+                if !settled && self.refusals.holds(now, robot, &station).is_some() {
+                    return;
+                }
+                match self.says_bay(robot) {
+                    Some((station, bay)) => self.adopt(now, robot, station, bay, Stage::Travelling),
+                    // Without a bay it comes for an exchange that was promised, or goes by its own rule, and plans when it is there.
+                    None => self.adopt_exchange(now, robot, &station),
                 }
             }
             // The exchange was never begun: back to work, and planned anew.
@@ -163,12 +167,11 @@ impl Core {
     }
 
     /// Carries on an exchange that the coordinator before promised, and for which the robot is on its way.
-    fn adopt_exchange(&mut self, now: Timestamp, robot: &RobotId) {
-        let Some(station) = self.fleet.robots.get(robot).and_then(|belief| belief.state.as_ref()?.station.clone()) else { return };
-        let Some(spare) = self.promised_spare(now, robot, &station) else { return };
-        let Some(swap_s) = self.models.stations.get(&station).map(|models| models.handling.swap_s) else { return };
+    fn adopt_exchange(&mut self, now: Timestamp, robot: &RobotId, station: &StationId) {
+        let Some(spare) = self.promised_spare(now, robot, station) else { return };
+        let Some(swap_s) = self.models.stations.get(station).map(|models| models.handling.swap_s) else { return };
         let promised = format!("for {spare}, as the coordinator before promised");
-        self.carry_on_from(now, robot, &station, (How::Swap { spare }, Stage::Travelling, swap_s), (Some(promised), ""));
+        self.carry_on_from(now, robot, station, (How::Swap { spare }, Stage::Travelling, swap_s), (Some(promised), ""));
     }
 
     /// Carries on a service from a stage; it lasts so many seconds beside the way.

@@ -14,8 +14,16 @@ impl Core {
         let How::Swap { spare: own } = &mut run.how else { return };
         let text = format!("{robot} gets {spare}, since {own} is still charged");
         let late = std::mem::replace(own, spare.clone());
-        let promised = self.plan.planned.iter_mut().filter(|other| other.station == station && other.spare.as_ref() == Some(&spare));
-        promised.for_each(|other| other.spare = Some(late.clone()));
+        // What was promised of either place is now to be had in the other.
+        for other in self.plan.planned.iter_mut().filter(|other| other.station == station) {
+            if let Some(promised) = &mut other.spare {
+                *promised = match () {
+                    () if *promised == spare => late.clone(),
+                    () if *promised == late => spare.clone(),
+                    () => continue,
+                };
+            }
+        }
         self.event(now, EventKind::PhaseChanged, Some(robot), Some(&station), None, text.clone());
         self.replan(text);
         self.refresh_schedule(now);

@@ -86,8 +86,12 @@ impl Lasts {
     /// Probability that it goes on for so many seconds: 1 within the time that it lasts with the confidence that is asked for.
     #[must_use]
     pub fn for_s(&self, time_s: f64) -> f64 {
-        if time_s <= self.surely_s || self.expected_s.sigma <= 0.0 {
+        if time_s <= self.surely_s {
             return 1.0;
+        }
+        // Without a spread nothing lies between the two, but where it draws nothing and may not have enough for the way.
+        if self.expected_s.sigma <= 0.0 {
+            return if self.surely_s.is_finite() { 1.0 } else { 0.0 };
         }
         Normal::standard().cdf((self.expected_s.value - time_s) / self.expected_s.sigma)
     }

@@ -5,7 +5,7 @@ use super::problem::{RobotView, SpareView, StationView, View};
 /// A plan takes all spares of a kind that are handed out next for as full as the emptiest of them. One that holds so much less (of its
 /// charge) than another that is ready no later would make all of them look that empty. It waits for its turn, unless it holds as much as
 /// spares that are charged again.
-const ALIKE_SOC: f64 = 0.1;
+pub(crate) const ALIKE_SOC: f64 = 0.1;
 
 /// The kinds of all stations' spares, as a plan tells them apart.
 #[derive(Debug, Clone)]

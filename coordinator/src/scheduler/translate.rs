@@ -26,6 +26,8 @@ const UNITS_PER_WH: f64 = 1e5;
 const WORTH: f64 = 10.0;
 /// The most of them that a robot's second counts.
 const WEIGHT_MAX: f64 = 1e4;
+/// What the greatest weight of a fleet counts whose weights are not usual ones.
+const GREATEST: f64 = 1e3;
 /// Lengths of a tick, s: the shortest that is fine enough for the fleet.
 const TICKS_S: [u32; 8] = [10, 15, 20, 30, 60, 120, 300, 600];
 /// Ticks times stations that a plan may look at.
@@ -250,11 +252,11 @@ impl Task {
 }
 
 /// Units of cost in a second's worth of usual work: [`WORTH`], unless the weights of a fleet are so large or small that these would not tell
-/// them apart. Then the greatest counts as much as a weight can.
+/// them apart. Then the greatest counts [`GREATEST`].
 fn worth(view: &View) -> f64 {
     let weighed = || view.robots.iter().map(|robot| robot.weight).filter(|weight| *weight > 0.0);
     let is_usual = |weight: f64| (1.0..=WEIGHT_MAX).contains(&(WORTH * weight));
-    if weighed().all(is_usual) { WORTH } else { WEIGHT_MAX / weighed().fold(0.0, f64::max) }
+    if weighed().all(is_usual) { WORTH } else { GREATEST / weighed().fold(0.0, f64::max) }
 }
 
 /// The shortest tick with which the books of all stations stay small.
@@ -318,8 +320,14 @@ impl Places<'_> {
         let drain = per_tick(robot.drain_soc_per_s);
         // At the begin of the grid a little more was stored.
         let energy = ((robot.soc.value.max(0.0) + robot.drain_soc_per_s * ahead_s) * capacity) as i64;
-        let is_in_reach = robot.is_in_reach(&self.view.stations);
-        let last_tick = |lasts: &Lasts| ((lasts.counted_s(is_in_reach) + ahead_s) / tick_s).clamp(-1.0, 1e9).floor() as i64;
+        let whole = |time_s: f64| ((time_s + ahead_s) / tick_s).clamp(-1.0, 1e9).floor() as i64;
+        // In whole ticks, as the planner counts: who has less than a tick to spare is sent by what is expected.
+        let is_in_reach = robot.ways.iter().any(|way| {
+            let station = &self.view.stations[way.station];
+            let serves = !station.bays.is_empty() || self.racks.given(self.view, robot, way.station).is_some();
+            serves && whole(way.lasts.surely_s) >= i64::from(grid.up(way.time_s.max(station.opens_s) + ahead_s))
+        });
+        let last_tick = |lasts: &Lasts| whole(lasts.counted_s(is_in_reach));
         let endures = last_tick(&robot.lasts).max(0);
         // The least drain by which it is empty after that many whole ticks.
         let drain_hi = if endures < 1_000_000_000 { energy / (endures + 1) + 1 } else { 1 };

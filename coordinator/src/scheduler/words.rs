@@ -67,16 +67,17 @@ fn never_charged(task: &Task, robot: usize, station: usize) -> Option<String> {
 fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: usize, why: &Why, confidence: f64) -> String {
     let minutes = |ticks: f64| ticks * f64::from(task.grid.tick_s) / 60.0;
     match *why {
-        Why::TooFar { away, endurance } => {
+        Why::TooFar { last: ..0, .. } | Why::NotThere { last: ..0, .. } => "the way there takes more than the robot may have".to_owned(),
+        Why::TooFar { away, last } => {
             let handled = task.view.stations[station].taken_in_s() / 60.0;
             let taken_in = if handled >= 1.0 { format!(", where it takes {handled:.0} min until it is served") } else { String::new() };
-            let (away, empty) = (minutes(f64::from(away)), minutes(endurance as f64) + handled);
-            format!("it is {away:.0} min away{taken_in}, and the robot may be empty in {empty:.0} min")
+            let (away, last) = (minutes(f64::from(away)), minutes(last as f64) + handled);
+            format!("it is {away:.0} min away{taken_in}, and with that way the robot may be empty in {last:.0} min")
         }
-        Why::NotThere { opens, endurance } => format!(
-            "it is on its way and takes robots in from {}, and the robot may be empty in {:.0} min",
+        Why::NotThere { opens, last } => format!(
+            "it is on its way and takes robots in from {}, and with the way there the robot may be empty in {:.0} min",
             on_clock(task, opens),
-            minutes(endurance as f64) + task.view.stations[station].taken_in_s() / 60.0
+            minutes(last as f64) + task.view.stations[station].taken_in_s() / 60.0
         ),
         Why::Leaves { ref away } => {
             let back = match away.end < task.problem.horizon {

@@ -11,7 +11,7 @@ use crate::fleet::Station;
 use crate::models::{StationModels, from_wire};
 use crate::scheduler::charging::Table;
 use crate::scheduler::translate::HORIZON_MAX_S;
-use crate::scheduler::{Planned, Recharging, SpareView, StationView};
+use crate::scheduler::{ALIKE_SOC, Planned, Recharging, SpareView, StationView};
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::watch::Subject;
 
@@ -96,7 +96,10 @@ impl Basis<'_> {
         if known(own).is_some_and(|spare| spare.ready) {
             return None;
         }
-        let ready_s = self.ready_s(&run.station, own);
+        let ready_s = if known(own).is_some() { self.ready_s(&run.station, own) } else { f64::INFINITY };
+        if ready_s <= self.settings.deadline_s {
+            return None;
+        }
         let is_taken = |id: &SpareId| self.running.values().any(|other| other.station == run.station && other.how.spare() == Some(id));
         let promised = |id: &SpareId| self.planned.iter().find(|other| other.station == run.station && other.spare.as_ref() == Some(id));
         // Who was promised it gets the other one.
@@ -108,6 +111,9 @@ impl Basis<'_> {
         let mut instead = self.ready_spares(&run.station, &run.robot, robot);
         instead.retain(|id| !is_taken(id) && promised(id).is_none_or(|other| can_wait(id, other)));
         let soc = |id: &SpareId| known(id).map_or(0.0, |spare| spare.soc.value);
+        // What holds much less than the one that is waited for waits for its turn.
+        let full_soc = models.spare_ready_soc.unwrap_or(self.settings.charge_to_soc);
+        instead.retain(|id| soc(id) >= full_soc - ALIKE_SOC);
         instead.into_iter().min_by(|a, b| promised(a).is_some().cmp(&promised(b).is_some()).then(soc(b).total_cmp(&soc(a))))
     }
 

@@ -68,7 +68,7 @@ impl Stock {
         };
         let left_wh = self.remaining_wh.value - z * self.remaining_wh.sigma - way.map_or(0.0, on_way);
         match drain_w <= 0.0 {
-            true if left_wh < 0.0 => f64::NEG_INFINITY,
+            true if way.is_some() && left_wh < 0.0 => f64::NEG_INFINITY,
             true => f64::INFINITY,
             false => left_wh / drain_w * S_PER_H,
         }

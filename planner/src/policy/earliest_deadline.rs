@@ -16,6 +16,6 @@ impl Policy for EarliestDeadline {
 
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
-        in_order(ways, budget, |robot| problem.endurance(robot))
+        in_order(ways, budget, |robot| problem.last_start(robot))
     }
 }

@@ -17,9 +17,9 @@ impl Policy for LeastSlack {
     fn plan(&self, ways: &Ways<'_>, _: u64, budget: &mut dyn Budget) -> Plan {
         let problem = ways.problem();
         in_order(ways, budget, |robot| {
-            let who = &problem.robots[robot];
-            let nearest = who.travel.iter().map(|travel| i64::from(problem.soonest(travel))).min().unwrap_or(0);
-            problem.endurance(robot) - nearest
+            let (who, floor) = (&problem.robots[robot], problem.battery(robot).floor);
+            let slack = who.travel.iter().map(|travel| who.last_start(travel, floor).max(0) - i64::from(problem.soonest(travel)));
+            slack.max().unwrap_or_else(|| problem.endurance(robot))
         })
     }
 }

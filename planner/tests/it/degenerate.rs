@@ -67,7 +67,7 @@ fn without_stations_everybody_is_told_why() {
 fn who_is_empty_reaches_nobody() {
     let plan = planned(&problem(vec![robot(100), robot(90), robot(0)], vec![station()]));
     assert_eq!(plan.objective.stranded, 3);
-    assert!(plan.unserved[0].reasons[0].contains("may be empty in 0"), "{:?}", plan.unserved);
+    assert!(plan.unserved[0].reasons[0].contains("takes more than the robot may have"), "{:?}", plan.unserved);
 }
 
 #[test]

@@ -112,6 +112,10 @@ fn who_is_on_its_way_to_an_exchange_that_was_promised_gets_it() {
     assert_eq!((&run.how, run.stage), (&How::Swap { spare: id("spare-1") }, Stage::Travelling));
     let broken = |output| matches!(output, Output::Record(Record::Event(event)) if event.kind == EventKind::PromiseBroken);
     assert!(!std::iter::from_fn(|| core.poll()).any(broken));
+    // What was given up is not taken up again, though the robot still says that it travels.
+    core.fail(at(settled_s + 3.0), &id("r0"), "it is stuck");
+    (1..60).for_each(|n| core.handle(at(settled_s + 3.0 + f64::from(n)), Input::Tick));
+    assert!(!core.running.contains_key(&id::<RobotId>("r0")));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Services that go on, whatever robots, stations and the coordinator have missed of each other.
 
 use super::*;
+use crate::scheduler::{Grounds, Planned};
 
 mod leaving;
 mod refusing;
@@ -201,6 +202,37 @@ fn who_waits_for_a_spare_gets_another_that_is_ready() {
     says(&mut core, due_s - 4.0, "r0", RobotPhase::Waiting);
     core.handle(at(due_s - 3.0), Input::Tick);
     assert_eq!(given(&core), How::Swap { spare: id("spare-1") }, "its time has not come");
+    // Who was promised that one comes before the other is ready; then it comes after that, and is given the other.
+    let planned = |start_s: f64| Planned {
+        robot: id("r2"),
+        station: id("s"),
+        mode: planner::Mode::Swap,
+        bay: None,
+        spare: Some(id("spare-2")),
+        to_soc: 0.98,
+        leave: at(start_s - 60.0),
+        start: at(start_s),
+        end: at(start_s + 60.0),
+        need: energy::Need::default(),
+        packs: Vec::new(),
+        probability: 1.0,
+        covered: 1.0,
+        why: Vec::new().into(),
+        grounds: Grounds::default(),
+    };
+    let promised = |core: &mut Core, start_s: f64| {
+        core.plan.planned = vec![planned(start_s)];
+        let run = core.running[&id::<RobotId>("r0")].clone();
+        let state = RobotState { phase: RobotPhase::Waiting, ..core.fleet.robots[&id::<RobotId>("r0")].state.clone().unwrap() };
+        core.basis(at(due_s + 1.0)).ready_instead(&run, &state)
+    };
+    assert_eq!(promised(&mut core, due_s + 120.0), None);
+    assert_eq!(promised(&mut core, due_s + 9_000.0), Some(id("spare-2")));
+    core.plan.planned.clear();
+    let mut other = begun(How::Swap { spare: id("spare-1") }, Stage::Waiting);
+    other.plan.planned = vec![planned(due_s + 9_000.0)];
+    other.is_given(at(due_s + 1.0), &id("r0"), id("spare-2"));
+    assert_eq!(other.plan.planned[0].spare, Some(id("spare-1")));
     // Another robot has that one.
     let other = ServiceRun { robot: id("r1"), how: How::Swap { spare: id("spare-2") }, ..core.running[&id::<RobotId>("r0")].clone() };
     core.running.insert(id("r1"), other);

@@ -47,3 +47,17 @@ fn what_a_way_takes_beyond_work_is_charged_there_and_must_be_had_before() {
     assert!((last_s(&plain, 0) - last_s(&steep, 0) - 600.0).abs() <= f64::from(steep.grid.tick_s));
     assert_eq!([last_s(&plain, 1), last_s(&steep, 1)], [last_s(&plain, 0); 2]);
 }
+
+#[test]
+fn who_has_less_than_a_tick_to_spare_is_sent_by_what_is_expected() {
+    let planned = |surely_s: f64| {
+        let mut late = robot("r", 0.3, &[(0, 600.0)]);
+        [&mut late.lasts, &mut late.ways[0].lasts].into_iter().for_each(|lasts| (lasts.empty_s, lasts.surely_s) = (surely_s, surely_s));
+        let solved = solved(vec![late], vec![station("s", 1, &[80.0], &[])]);
+        solved.plan.planned.first().map(|planned| planned.probability)
+    };
+    // Planning begins 3 s into a tick of 10 s.
+    for surely_s in [590.0, 600.0, 602.0, 604.0, 606.0] {
+        assert!(planned(surely_s).is_some(), "{surely_s}");
+    }
+}
