@@ -22,24 +22,30 @@ fn told(scenario: &str) -> Vec<(Schedule, Capacity)> {
     rows.iter().map(|(plan, capacity)| (serde_json::from_str(plan).unwrap(), serde_json::from_str(capacity).unwrap())).collect()
 }
 
-/// The packs' probability is found to a hundredth, and the schedule also counts what others that begin later draw meanwhile.
+/// The packs' probability is found to a hundredth.
 const ALIKE: f64 = 0.02;
 
 #[test]
 fn a_service_is_as_sure_in_the_capacity_as_it_is_in_the_schedule() {
     let (mut compared, mut unsure) = (0, 0);
     for (schedule, capacity) in ["tight-pack.toml", "demo.toml", "depot-supply.toml"].iter().flat_map(|scenario| told(scenario)) {
-        let planned = schedule.services.iter().filter(|service| service.status == ServiceStatus::Planned);
-        for (service, sure) in planned.filter_map(|service| Some((service, service.probability?))) {
+        let planned = || schedule.services.iter().filter(|service| service.status == ServiceStatus::Planned);
+        for (service, sure) in planned().filter_map(|service| Some((service, service.probability?))) {
             let station = capacity.stations.iter().find(|station| station.station == service.station).unwrap();
             let promise = station.promises.iter().find(|promise| promise.robot.as_ref() == Some(&service.robot));
             let promise = promise.unwrap_or_else(|| panic!("{}: {service:?} beside {station:?}", capacity.at)).probability;
+            assert!(promise > sure - ALIKE, "{}: {promise} beside {service:?}", capacity.at);
+            // The schedule also counts what others that begin later draw until it ends; the capacity counts one after the other.
+            let begins = |other: &proto::Service| service.start < other.start && other.start < service.end;
+            if planned().any(|other| other.station == service.station && begins(other)) {
+                continue;
+            }
             assert!((promise - sure).abs() < ALIKE, "{}: {promise} beside {service:?}", capacity.at);
             compared += 1;
             unsure += u32::from(sure < 0.9995);
         }
     }
-    assert!(compared > 500 && unsure > 100, "{compared} services, {unsure} of them unsure");
+    assert!(compared > 400 && unsure > 80, "{compared} services, {unsure} of them unsure");
 }
 
 #[test]
