@@ -1,11 +1,14 @@
 //! What the coordinator before this one had promised: a restart, or another that takes over, breaks no word for that alone.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use proto::{Mode, RobotId, Schedule, Service, SpareId, StationId, Timestamp};
+use proto::{Mode, RobotId, Schedule, Service, ServiceStatus, SpareId, StationId, Timestamp};
 
 use super::Core;
-use crate::scheduler::translate::HORIZON_MAX_S;
+use crate::models::from_wire;
+use crate::scheduler::translate::{HORIZON_MAX_S, levels_soc};
+use crate::scheduler::{Grounds, Plan, Planned};
 
 /// The services of its last plan that can still be going on or to come.
 #[derive(Debug, Default)]
@@ -13,6 +16,8 @@ pub(super) struct Before {
     services: BTreeMap<RobotId, Service>,
     /// Robots of which no plan of this coordinator has said yet what became of that.
     open: BTreeSet<RobotId>,
+    /// What had not begun of it, as a plan: the first one moves no more of that than any other plan would.
+    plan: Plan,
 }
 
 impl Before {
@@ -50,6 +55,54 @@ impl Core {
         self.before.services = current.map(|service| (service.robot.clone(), service.clone())).collect();
         self.before.open = self.before.services.keys().cloned().collect();
         self.promised.extend(self.before.open.iter().cloned());
+        let to_come = self.before.services.values().filter(|service| service.status == ServiceStatus::Planned && service.start > now);
+        self.before.plan.planned = to_come.filter_map(|service| self.as_planned(service)).collect();
+    }
+
+    /// The plan that a new one keeps to: until there is a first one, that of the coordinator before.
+    pub(super) fn plan_before(&self) -> &Plan {
+        if self.schedule.plan == 0 { &self.before.plan } else { &self.plan }
+    }
+
+    /// Robots that were promised something and have not said yet how they stand.
+    pub(super) fn silent_promised(&self) -> impl Iterator<Item = &RobotId> {
+        self.before.open.iter().filter(|robot| self.fleet.robots.get(*robot).is_none_or(|one| one.known().is_none()))
+    }
+
+    /// A service as the planner calls it.
+    fn as_planned(&self, service: &Service) -> Option<Planned> {
+        let models = self.models.stations.get(&service.station)?;
+        let (mode, spare, to_soc) = match &service.mode {
+            Mode::Recharge { to_soc } => {
+                let levels = levels_soc(&self.settings);
+                let nearest = (0..levels.len()).min_by(|a, b| (levels[*a] - to_soc).abs().total_cmp(&(levels[*b] - to_soc).abs()))?;
+                (planner::Mode::Charge(nearest as u8), None, *to_soc)
+            }
+            Mode::Swap { spare } => {
+                let is_charged = models.spare_battery.is_some();
+                let mode = if is_charged { planner::Mode::SwapAndRecharge } else { planner::Mode::Swap };
+                (mode, Some(spare.clone()), self.settings.charge_to_soc)
+            }
+        };
+        let need = from_wire(service.pack_energy_wh);
+        let probability = service.probability.unwrap_or(1.0);
+        Some(Planned {
+            robot: service.robot.clone(),
+            station: service.station.clone(),
+            mode,
+            bay: service.bay.clone(),
+            spare,
+            to_soc,
+            leave: service.leave,
+            start: service.start,
+            end: service.end,
+            need: energy::Need { mean_wh: need.value, own_variance: need.sigma.powi(2), ..energy::Need::default() },
+            packs: service.packs.clone(),
+            probability,
+            covered: probability,
+            why: Arc::clone(&service.why),
+            grounds: Grounds::default(),
+        })
     }
 
     /// What had been promised to those whom a plan has looked at is now its word, or that plan breaks it, or nobody needs it any more. Who is being

@@ -38,8 +38,8 @@ impl Core {
         }
     }
 
-    /// A plan is due when something happened or the last whole one is old; the first waits until
-    /// everybody who is configured has spoken, but not for ever.
+    /// A plan is due when something happened or the last whole one is old; the first waits until everybody has spoken who is configured, or was
+    /// promised something by the coordinator before, but not for ever.
     pub(super) fn plan_due(&mut self, now: Timestamp) -> bool {
         if self.planned.is_none() {
             return self.trigger.is_some() && (now >= self.waits_until(now) || self.silent().next().is_none());
@@ -58,11 +58,12 @@ impl Core {
         self.started.unwrap_or(now).plus_s(self.settings.patience_s)
     }
 
-    /// Who is configured and has not said yet how it stands.
+    /// Who is configured, or was promised something, and has not said yet how it stands.
     fn silent(&self) -> impl Iterator<Item = &str> {
         let stations = self.models.stations.keys().filter(|id| self.fleet.stations.get(id).is_none_or(|one| one.known().is_none()));
         let robots = self.models.robots.keys().filter(|id| self.fleet.robots.get(id).is_none_or(|one| one.known().is_none()));
-        stations.map(StationId::as_str).chain(robots.map(RobotId::as_str))
+        let promised = self.silent_promised().filter(|id| !self.models.robots.contains_key(*id));
+        stations.map(StationId::as_str).chain(robots.chain(promised).map(RobotId::as_str))
     }
 
     /// Says in the place of a plan for whom the first one waits.
@@ -99,7 +100,7 @@ impl Core {
     pub(super) fn make_plan(&mut self, now: Timestamp) {
         let trigger = self.trigger.take().unwrap_or_default();
         let view = self.basis(now).view();
-        let needed = Effort::needed(&view, &self.plan, &self.settings);
+        let needed = Effort::needed(&view, self.plan_before(), &self.settings);
         let effort = if self.is_old(now) { Effort::Whole } else { needed };
         if effort == Effort::Whole && Effort::takes_long(&view, &self.settings) {
             self.study(now, view, trigger, needed);
@@ -110,8 +111,8 @@ impl Core {
         }
         self.plans(now);
         let solved = match effort {
-            Effort::Whole => solve_side_by_side(self.views(now, view), &self.settings, &self.plan),
-            Effort::Mend => solve(view, &self.settings, &self.plan, effort),
+            Effort::Whole => solve_side_by_side(self.views(now, view), &self.settings, self.plan_before()),
+            Effort::Mend => solve(view, &self.settings, self.plan_before(), effort),
         };
         self.take_plan(now, solved, trigger, effort);
     }
@@ -136,13 +137,13 @@ impl Core {
         self.tell_in_place_of_a_plan("the first plan is being made".to_owned());
         // The first plan is on its way.
         self.planned.get_or_insert(now);
-        let study = Arc::new(Study::new(self.views(now, view.clone()).collect(), self.settings, self.plan.clone()));
+        let study = Arc::new(Study::new(self.views(now, view.clone()).collect(), self.settings, self.plan_before().clone()));
         self.outputs.push_back(Output::Study(Arc::clone(&study)));
         self.studying = Some((study, trigger.clone()));
         // What happened cannot wait that long.
         if needed == Effort::Mend && trigger != TIME_PASSED {
             self.plans(now);
-            let solved = solve(view, &self.settings, &self.plan, Effort::Mend);
+            let solved = solve(view, &self.settings, self.plan_before(), Effort::Mend);
             self.take_plan(now, solved, trigger, Effort::Mend);
         }
     }
@@ -168,7 +169,7 @@ impl Core {
                 solved = mended;
             }
         }
-        solved.plan.moved = solved.plan.moved_from(&self.plan);
+        solved.plan.moved = solved.plan.moved_from(self.plan_before());
         self.take_plan(now, solved, trigger, Effort::Whole);
         true
     }

@@ -3,6 +3,7 @@
 mod battery;
 mod station;
 
+pub(crate) use battery::levels_soc;
 pub(super) use station::KEEP_CONFIDENCE;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -148,7 +149,7 @@ impl Task {
         });
         let stations: Vec<Station> = stations.collect();
         let before_of = before.iter().map(|planned| (&planned.robot, planned)).collect();
-        let levels_soc = battery::levels_soc(settings);
+        let levels_soc = levels_soc(settings);
         let worth = worth(&view);
         let places = Places { view: &view, racks: &racks, grid, offer, levels_soc: &levels_soc, before: before_of, worth };
         let robots: Vec<Robot> = view.robots.iter().zip(kind_of).map(|(robot, kind)| places.robot(robot, kind, &batteries[kind])).collect();

@@ -51,7 +51,7 @@ fn colour(errors: &[ChannelError]) -> Option<String> {
     let coloured = errors.iter().filter_map(|error| error.whiteness.as_ref()).filter(|whiteness| !whiteness.is_white());
     let lasts = coloured.map(|whiteness| whiteness.correlation_time_s.unwrap_or(f64::INFINITY));
     let slowest = lasts.fold(0.0, f64::max);
-    let slowest = if slowest.is_finite() { format!("{} s", digits(slowest)) } else { "most of the log".to_owned() };
+    let lasting = |known: &str| if slowest.is_finite() { format!("{known} {} s", digits(slowest)) } else { "most of the log".to_owned() };
     let white = known.iter().filter(|white| **white).count();
     Some(match (known.len(), white) {
         (0, _) => return None,
@@ -59,9 +59,9 @@ fn colour(errors: &[ChannelError]) -> Option<String> {
         (all, white) if all == white => {
             "All residuals are white about their means: nothing in their order in time is left to explain.".to_owned()
         }
-        (1, _) => format!("The residual is not white: it keeps its sign for about {slowest}."),
-        (_, 0) => format!("No residual is white: they keep their sign for up to {slowest}."),
-        (all, white) => format!("{} of {all} residuals are not white: they keep their sign for up to {slowest}.", all - white),
+        (1, _) => format!("The residual is not white: it keeps its sign for {}.", lasting("about")),
+        (_, 0) => format!("No residual is white: they keep their sign for {}.", lasting("up to")),
+        (all, white) => format!("{} of {all} residuals are not white: they keep their sign for {}.", all - white, lasting("up to")),
     })
 }
 

@@ -133,3 +133,24 @@ fn who_charges_somewhere_by_itself_is_not_told_to_run_empty() {
     };
     assert_eq!([stuck("elsewhere", true), stuck("s", true), stuck("s", false)], [vec![false], vec![false], vec![true]]);
 }
+
+#[test]
+fn what_was_planned_before_is_moved_for_no_little_gain() {
+    let starts = |promised: Option<f64>| {
+        let mut core = core();
+        let service = |start_s: f64| Service { leave: at(start_s - 60.0), start: at(start_s), ..service("r0", 0.98, start_s + 3000.0) };
+        let services = promised.map(service).into_iter().collect();
+        core.handle(at(0.0), Input::Before(Arc::new(Schedule { services, ..core.schedule().clone() })));
+        station_joins(&mut core, 1.0);
+        core.handle(at(2.0), Input::Tick);
+        // Nobody is configured, and yet the first plan waits for whom it was promised.
+        assert_eq!(core.schedule().plan == 0, promised.is_some());
+        joins(&mut core, 3.0, 0);
+        core.handle(at(4.0), Input::Tick);
+        core.schedule().services.iter().map(|service| service.start.seconds_since(at(0.0))).collect::<Vec<f64>>()
+    };
+    let wanted_s = starts(None)[0];
+    // By default moving a promise takes two minutes that are saved, of work and of lateness.
+    assert_eq!(starts(Some(wanted_s + 40.0)), [wanted_s + 40.0]);
+    assert_eq!(starts(Some(wanted_s + 600.0)), [wanted_s]);
+}

@@ -16,7 +16,7 @@ use crate::scheduler::racks::Racks;
 const LOWER_LEVELS: u32 = 3;
 
 /// Levels at which a charge may end, ascending; the last is the usual one.
-pub(super) fn levels_soc(settings: &Settings) -> Vec<f64> {
+pub(crate) fn levels_soc(settings: &Settings) -> Vec<f64> {
     let (least, full) = (settings.charge_at_least_soc, settings.charge_to_soc);
     let lower = (0..LOWER_LEVELS).map(|level| least + (full - least) * f64::from(level) / f64::from(LOWER_LEVELS));
     lower.filter(|&soc| soc < full).chain([full]).collect()
