@@ -2,12 +2,13 @@
 //! sysfs-class-power). Files hold uV, uA, uAh, uWh, tenths of a degree Celsius and percent; which of
 //! them there are depends on the driver.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use energy::document::hint;
 use serde::{Deserialize, Serialize};
-use tracing::info;
+use tracing::{info, warn};
 
 use crate::report::{Device, Report, Supply};
 
@@ -63,7 +64,7 @@ impl Config {
         let folder = self.root.join(name);
         let (found, missing): (Vec<&str>, Vec<&str>) = READ.iter().partition(|file| folder.join(file).exists());
         info!("power_supply {name} shows {}; not there: {}", found.join(", "), missing.join(", "));
-        Ok(Box::new(Battery { name: name.to_owned(), folder, root: self.root.clone() }))
+        Ok(Box::new(Battery { name: name.to_owned(), folder, root: self.root.clone(), unread: BTreeSet::new() }))
     }
 }
 
@@ -72,6 +73,8 @@ struct Battery {
     name: String,
     folder: PathBuf,
     root: PathBuf,
+    /// What cannot be read, and was said to be so.
+    unread: BTreeSet<String>,
 }
 
 impl Device for Battery {
@@ -84,22 +87,18 @@ impl Device for Battery {
         if self.number("present")? == Some(0.0) {
             bail!("no battery is present");
         }
-        let status = text(&self.folder.join("status"))?.unwrap_or_default();
+        let status = text(&self.folder.join("status"));
+        let status = self.or_none(status).unwrap_or_default();
         // Drivers that cannot measure the voltage of a pack of many cells say 0.
         let voltage_v = self.number("voltage_now")?.map(|uv| uv / 1e6).filter(|v| *v > 0.0);
         let by_current = self.number("current_now")?.map(|ua| ua / 1e6);
         let by_power = self.number("power_now")?.zip(voltage_v).map(|(uw, volts)| uw / 1e6 / volts);
         let current_a = by_current.or(by_power).map(|shown_a| drawn(shown_a, &status));
-        let share = |now: &str, full: &str| -> anyhow::Result<Option<f64>> {
-            Ok(self.number(now)?.zip(self.number(full)?).filter(|(_, full)| *full > 0.0).map(|(now, full)| now / full))
-        };
-        let soc = match (share("charge_now", "charge_full")?, self.number("capacity")?) {
-            (Some(share), _) => Some(share),
-            (None, Some(percent)) => Some(percent / 100.0),
-            (None, None) => share("energy_now", "energy_full")?,
-        };
-        let temperature_degc = self.number("temp")?.map(|tenths| tenths / 10.0);
-        let supply = self.supply(&status)?;
+        let soc = self.share("charge_now", "charge_full");
+        let soc = soc.or_else(|| self.number_or_none("capacity").map(|percent| percent / 100.0));
+        let soc = soc.or_else(|| self.share("energy_now", "energy_full"));
+        let temperature_degc = self.number_or_none("temp").map(|tenths| tenths / 10.0);
+        let supply = self.supply(&status);
         let soc = soc.map(|soc| soc.clamp(0.0, 1.0));
         Ok(vec![Report { at_s: None, voltage_v, current_a, temperature_degc, soc, soc_sigma: None, supply }])
     }
@@ -114,24 +113,48 @@ impl Battery {
         Ok(Some(number))
     }
 
+    /// What a gauge can do without; nothing where it cannot be read, which is said once.
+    fn or_none<T>(&mut self, read: anyhow::Result<Option<T>>) -> Option<T> {
+        read.unwrap_or_else(|error| {
+            let what = format!("{error:#}");
+            if self.unread.insert(what.clone()) {
+                warn!("power_supply {}: {what}; going on without", self.name);
+            }
+            None
+        })
+    }
+
+    fn number_or_none(&mut self, file: &str) -> Option<f64> {
+        let read = self.number(file);
+        self.or_none(read)
+    }
+
+    fn share(&mut self, now: &str, full: &str) -> Option<f64> {
+        let (now, full) = self.number_or_none(now).zip(self.number_or_none(full))?;
+        (full > 0.0).then(|| now / full)
+    }
+
     /// By the battery's own status, and by chargers that the kernel shows beside it.
-    fn supply(&self, status: &str) -> anyhow::Result<Supply> {
+    fn supply(&mut self, status: &str) -> Supply {
         let mut chargers = Vec::new();
-        for name in supplies(&self.root)? {
+        let all = supplies(&self.root).map(Some);
+        for name in self.or_none(all).unwrap_or_default() {
             let folder = self.root.join(name);
-            if text(&folder.join("type"))?.is_some_and(|kind| kind != "Battery") {
-                chargers.extend(text(&folder.join("online"))?);
+            let kind = text(&folder.join("type"));
+            if self.or_none(kind).is_some_and(|kind| kind != "Battery") {
+                let online = text(&folder.join("online"));
+                chargers.extend(self.or_none(online));
             }
         }
         let online = chargers.iter().any(|online| online != "0");
-        Ok(match status {
+        match status {
             "Charging" | "Not charging" => Supply::Connected,
             _ if online => Supply::Connected,
             "Discharging" => Supply::Absent,
             // A full battery stays full for a while after it was unplugged.
             "Full" if !chargers.is_empty() => Supply::Absent,
             _ => Supply::Unknown,
-        })
+        }
     }
 }
 
@@ -161,12 +184,13 @@ fn is_battery(folder: &Path) -> bool {
 
 /// What a file says; none where there is none, or where the driver has no data now.
 fn text(path: &Path) -> anyhow::Result<Option<String>> {
+    const EAGAIN: i32 = 11;
     const ENODATA: i32 = 61;
     const ENODEV: i32 = 19;
     match std::fs::read_to_string(path) {
         Ok(text) => Ok(Some(text.trim().to_owned())),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) if matches!(error.raw_os_error(), Some(ENODATA | ENODEV)) => Ok(None),
+        Err(error) if matches!(error.raw_os_error(), Some(EAGAIN | ENODATA | ENODEV)) => Ok(None),
         Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
     }
 }
@@ -204,6 +228,24 @@ mod tests {
         ("BAT0", "capacity", "97"),
         ("BAT0", "temp", "201"),
     ];
+
+    #[test]
+    fn what_cannot_be_read_and_is_not_needed_is_left_out() {
+        let files = [("BAT0", "type", "Battery"), ("BAT0", "voltage_now", "11400000"), ("BAT0", "current_now", "500000")];
+        let root = tree(&[&files[..], &[("BAT0", "status", "Discharging"), ("USB", "type", "USB")]].concat());
+        // A folder in the place of a file is as unreadable as a driver that fails.
+        for unreadable in ["BAT0/temp", "BAT0/capacity", "USB/online"] {
+            std::fs::create_dir(root.path().join(unreadable)).unwrap();
+        }
+        let mut battery = config(&root, None).open().unwrap();
+        let report = battery.read(1.0).unwrap()[0];
+        assert_eq!((report.voltage_v, report.current_a, report.supply), (Some(11.4), Some(0.5), Supply::Absent));
+        assert_eq!((report.temperature_degc, report.soc), (None, None));
+        // Without a voltage there is no gauge.
+        std::fs::remove_file(root.path().join("BAT0/voltage_now")).unwrap();
+        std::fs::create_dir(root.path().join("BAT0/voltage_now")).unwrap();
+        assert!(battery.read(1.0).unwrap_err().to_string().contains("voltage_now"));
+    }
 
     #[test]
     fn units_of_the_kernel_become_ours() {
@@ -288,8 +330,8 @@ mod tests {
     fn a_battery_that_is_taken_out_or_shows_no_number_is_told() {
         let root = tree(&BQ27441);
         let mut battery = config(&root, None).open().unwrap();
-        std::fs::write(root.path().join("BAT0/temp"), "warm").unwrap();
-        assert!(battery.read(1.0).unwrap_err().to_string().contains("temp: `warm` is not a number"));
+        std::fs::write(root.path().join("BAT0/voltage_now"), "high").unwrap();
+        assert!(battery.read(1.0).unwrap_err().to_string().contains("voltage_now: `high` is not a number"));
         std::fs::write(root.path().join("BAT0/present"), "0\n").unwrap();
         assert_eq!(battery.read(1.0).unwrap_err().to_string(), "no battery is present");
         std::fs::remove_dir_all(root.path().join("BAT0")).unwrap();

@@ -260,7 +260,11 @@ impl Reader {
     /// Charge that has flowed since the report before, as far as it can be told now.
     fn count(&mut self, report: &Report, since_s: f64, counted: &mut Counted) {
         let flowed = match (report.current_a, report.soc) {
-            (Some(current_a), _) => Some((current_a * since_s, since_s)),
+            (Some(current_a), soc) => {
+                // A later report without a current counts from here: what flowed until now is counted.
+                self.anchor = soc.map(|soc| Anchor { soc, waited_s: 0.0 });
+                Some((current_a * since_s, since_s))
+            }
             (None, Some(soc)) => self.by_charge(soc, since_s),
             (None, None) => None,
         };

@@ -41,7 +41,7 @@ impl std::fmt::Display for LogFormat {
 /// reports itself.
 pub fn to_stderr(own: &str, format: LogFormat) {
     let filter = EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| EnvFilter::new(format!("warn,zenoh=error,zenoh_transport=error,node=info,{own}=info")));
+        .unwrap_or_else(|_| EnvFilter::new(format!("warn,zenoh=error,zenoh_transport=error,node=info,device=info,{own}=info")));
     let lines = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     let _ = match format {
         LogFormat::Text => lines.with_ansi(std::io::stderr().is_terminal()).with_target(false).try_init(),

@@ -10,11 +10,19 @@ pub struct Silence {
 }
 
 impl Silence {
-    /// A coordinator appeared or spoke (true), or was lost (false).
+    /// A coordinator appeared (true), or was lost (false).
     pub fn tell(&mut self, now: Timestamp, heard: bool) {
         if heard {
             *self = Self { heard, since: None };
         } else if std::mem::take(&mut self.heard) || self.since.is_none() {
+            self.since = Some(now);
+        }
+    }
+
+    /// A coordinator has asked for something: it was there now. That it is lost may have been told before its last word comes, so
+    /// that this says nothing of what follows.
+    pub fn speaks(&mut self, now: Timestamp) {
+        if !self.heard {
             self.since = Some(now);
         }
     }
@@ -48,5 +56,12 @@ mod tests {
         assert_eq!(silence.lasts_s(at(260)), 60.0);
         assert_eq!(silence.lasts_s(at(50)), 0.0);
         assert_eq!(silence.lasts_s(at(70)), 20.0);
+        // Its last word comes after its loss was told: nobody tells that again.
+        silence.speaks(at(75));
+        assert_eq!(silence.lasts_s(at(75)), 0.0);
+        assert_eq!(silence.lasts_s(at(135)), 60.0);
+        silence.tell(at(136), true);
+        silence.speaks(at(140));
+        assert_eq!(silence.lasts_s(at(300)), 0.0);
     }
 }

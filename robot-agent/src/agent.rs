@@ -152,7 +152,7 @@ impl Agent {
             }
             Input::Coordinator(heard) => self.silence.tell(now, heard),
             Input::Command(command) => {
-                self.silence.tell(now, true);
+                self.silence.speaks(now);
                 let mut ledger = std::mem::take(&mut self.ledger);
                 let reply = ledger.answer(now, &command, |action| self.act(action));
                 self.ledger = ledger;
@@ -244,6 +244,7 @@ impl Agent {
     fn observed(&mut self, observation: &Observation) {
         use RobotPhase::{Charged, Charging, Docked, Stranded, Swapping, Travelling, Waiting, Working};
         let put_in = self.put_in(observation);
+        let is_another = put_in.is_some() && self.is_another(observation);
         // What flowed while one pack took the place of the other flowed out of neither.
         let of_both = put_in.is_some() && observation.exchanged.is_none();
         if let Some(sample) = observation.sample.filter(|_| !of_both) {
@@ -255,7 +256,7 @@ impl Agent {
         }
         if let Some(soc) = put_in {
             self.gauge.exchange(soc);
-            if self.phase == Swapping {
+            if self.phase == Swapping && is_another {
                 self.resume();
             }
         }
@@ -273,7 +274,7 @@ impl Agent {
                 self.phase = Waiting;
             }
             (Working | Travelling | Waiting, Place::InBay) => self.phase = Docked,
-            (Docked | Charging | Charged, Place::AtStation) => self.resume(),
+            (Docked | Charging | Charged, Place::AtStation | Place::Underway | Place::Mission) => self.resume(),
             (Charging, Place::InBay) if observation.powered => {
                 let (target, soc, facts) = (self.target_soc.unwrap_or(1.0), self.gauge.soc().value, self.gauge.model().battery());
                 let ended = observation.sample.is_some_and(|sample| self.charge.sees(&sample, facts, self.profile.charge_cutoff_a));

@@ -104,7 +104,7 @@ async fn run(args: RunArgs) -> anyhow::Result<()> {
     let (config, path) = configured(args)?;
     node::begin_with_one_thread(&config.network)?;
     let (mut agent, mut source) = config.build(path.as_deref())?;
-    let memory = node::MemoryFile::new(config.memory.as_deref(), path.as_deref());
+    let memory = node::MemoryFile::new(config.id.as_str(), config.memory.as_deref(), path.as_deref());
     if let Some(kept) = memory.read::<robot_agent::Memory>()? {
         kept.place().into_iter().for_each(|place| source.stand(place));
         agent.restore(kept);

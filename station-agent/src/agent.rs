@@ -195,7 +195,7 @@ impl Agent {
             Input::Robot(robot, state) => self.robot_said(now, robot, &state),
             Input::Coordinator(heard) => self.silence.tell(now, heard),
             Input::Command(command) => {
-                self.silence.tell(now, true);
+                self.silence.speaks(now);
                 let mut ledger = std::mem::take(&mut self.ledger);
                 let reply = ledger.answer(now, &command, |action| self.act(action));
                 self.ledger = ledger;

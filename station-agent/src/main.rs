@@ -82,7 +82,7 @@ async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<Pa
     }
     node::begin_with_one_thread(&config.network)?;
     let (mut agent, source) = config.build(Some(&path))?;
-    let memory = node::MemoryFile::new(config.memory.as_deref(), Some(&path));
+    let memory = node::MemoryFile::new(config.id.as_str(), config.memory.as_deref(), Some(&path));
     if let Some(kept) = memory.read()? {
         agent.restore(kept);
     }

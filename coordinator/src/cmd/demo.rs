@@ -74,7 +74,7 @@ pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
             let config = robot_agent::Config::read(&args.config)?;
             let (agent, source) = config.build(Some(&args.config))?;
             tokio::select! {
-                ran = robot_agent::run(&config, agent, source, node::MemoryFile::new(None, None), None) => ran?,
+                ran = robot_agent::run(&config, agent, source, node::MemoryFile::new(config.id.as_str(), None, None), None) => ran?,
                 () = parent_ended() => {}
             }
         }
@@ -82,7 +82,7 @@ pub async fn agent(args: &AgentArgs) -> anyhow::Result<ExitCode> {
             let config = station_agent::Config::read(&args.config)?;
             let (agent, source) = config.build_simulated(Some(&args.config))?;
             tokio::select! {
-                ran = station_agent::run(&config, agent, Box::new(source), node::MemoryFile::new(None, None), None) => ran?,
+                ran = station_agent::run(&config, agent, Box::new(source), node::MemoryFile::new(config.id.as_str(), None, None), None) => ran?,
                 () = parent_ended() => {}
             }
         }

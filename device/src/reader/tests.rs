@@ -30,6 +30,18 @@ fn a_reading_a_second_is_a_sample_a_second_and_the_first_is_where_the_gauge_begi
 }
 
 #[test]
+fn a_report_without_a_current_counts_what_has_flowed_since_the_one_before() {
+    // An hour in the middle is counted by the current: then one report lacks it, and one has it again.
+    let soc = |second: usize| 0.8 - 2.0 * second as f64 / 3600.0 / 1.32;
+    let without = |second: usize| Report { current_a: None, ..report(0.0, soc(second)) };
+    let says = (0..602).map(move |second| vec![if second == 600 { without(600) } else { report(2.0, soc(second)) }]);
+    let mut reader = read_from(says.collect::<Vec<_>>());
+    reader.advance(1.0);
+    let (charge_as, time_s) = counted(&mut reader, 601);
+    assert!((charge_as - 2.0 * 601.0).abs() < 1e-6 && time_s == 601.0, "{charge_as} As in {time_s} s");
+}
+
+#[test]
 fn messages_that_come_late_and_together_are_counted_by_their_own_clock() {
     let at = |at_s: f64, current_a: f64| Report { at_s: Some(at_s), ..report(current_a, 0.6) };
     let late: Vec<Report> = vec![at(110.0, 1.0), at(120.0, 3.0), at(130.0, 3.0)];

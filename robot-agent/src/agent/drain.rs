@@ -1,9 +1,12 @@
 //! What a robot draws at work, where no model of its loads says it: the mean of what was measured.
 
+use std::collections::VecDeque;
+
 use energy::Model;
 use energy::gauge::Sample;
 use energy::units::S_PER_H;
 use proto::Estimate;
+use statrs::statistics::Statistics as _;
 
 use super::Agent;
 
@@ -23,14 +26,18 @@ pub fn unmeasured_w(battery: &Model) -> Estimate {
     Estimate::new(usual_w, usual_w)
 }
 
+/// Blocks that are remembered: eight hours of work, a shift. What was drawn before that says little of what comes. A guess.
+const BLOCKS_MAX: usize = 480;
+/// Fewest batches of blocks whose scatter says something.
+const BATCHES: usize = 4;
+
 /// Means of blocks of work.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Drain {
     energy_ws: f64,
     time_s: f64,
-    blocks: f64,
-    mean_w: f64,
-    squares_w2: f64,
+    /// Mean power of each block, W, oldest first.
+    blocks_w: VecDeque<f64>,
 }
 
 impl Drain {
@@ -39,35 +46,49 @@ impl Drain {
         self.time_s += sample.dt_s;
         // A robot at work draws something: nothing drawn says that the device has not told it yet.
         if self.time_s >= BLOCK_S && self.energy_ws != 0.0 {
-            let block_w = self.energy_ws / self.time_s;
-            self.blocks += 1.0;
-            let off_w = block_w - self.mean_w;
-            self.mean_w += off_w / self.blocks;
-            self.squares_w2 += off_w * (block_w - self.mean_w);
+            if self.blocks_w.len() == BLOCKS_MAX {
+                self.blocks_w.pop_front();
+            }
+            self.blocks_w.push_back(self.energy_ws / self.time_s);
             (self.energy_ws, self.time_s) = (0.0, 0.0);
         }
     }
 
     /// The mean with its standard deviation: from two blocks on what they say, before that the only
     /// value that there is, and no better known than before it was measured.
-    fn estimate(&self, unmeasured: Estimate) -> Option<Estimate> {
-        if self.blocks >= 2.0 {
-            return Some(Estimate::new(self.mean_w, (self.squares_w2 / (self.blocks - 1.0) / self.blocks).sqrt()));
+    fn estimate(&mut self, unmeasured: Estimate) -> Option<Estimate> {
+        let blocks_w = &*self.blocks_w.make_contiguous();
+        if blocks_w.len() >= 2 {
+            return Some(Estimate::new(blocks_w.mean(), sigma_of_mean(blocks_w)));
         }
-        let seen_w = if self.blocks > 0.0 { self.mean_w } else { self.energy_ws / self.time_s };
+        let seen_w = blocks_w.first().copied().unwrap_or(self.energy_ws / self.time_s);
         seen_w.is_finite().then(|| Estimate::new(seen_w, seen_w.abs().max(unmeasured.sigma)))
+    }
+}
+
+/// Deviation of the mean of numbers of which neighbours may be alike, such as minutes of one task: the largest that batches of one, two,
+/// four, ... of them give (Flyvbjerg and Petersen, Error estimates on averages of correlated data, 1989).
+fn sigma_of_mean(numbers: &[f64]) -> f64 {
+    let mut batches = numbers.to_vec();
+    let mut sigma: f64 = 0.0;
+    loop {
+        sigma = sigma.max(batches.as_slice().std_dev() / (batches.len() as f64).sqrt());
+        if batches.len() < 2 * BATCHES {
+            return sigma;
+        }
+        batches = batches.chunks_exact(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
     }
 }
 
 impl Agent {
     /// Learns from a sample at work. What is told changes only when it was wrong by more than its
-    /// deviation, or is known twice as well: who watches the drain shall not have to begin anew with
+    /// deviation, or is known twice as well or half as well: who watches the drain shall not have to begin anew with
     /// every message.
     pub(super) fn learn_drain(&mut self, sample: &Sample) {
         self.drain.update(sample);
         let Some(new) = self.drain.estimate(unmeasured_w(self.gauge.model())) else { return };
         let told = self.profile.drain_w;
-        let worth = (new.value - told.value).abs() > told.sigma || new.sigma < 0.5 * told.sigma;
+        let worth = (new.value - told.value).abs() > told.sigma || new.sigma < 0.5 * told.sigma || new.sigma > 2.0 * told.sigma;
         if !worth {
             return;
         }
@@ -105,6 +126,12 @@ mod tests {
     #[test]
     fn the_deviation_is_that_of_a_mean_and_large_while_little_was_seen() {
         assert_eq!(after(&[4.0]), Estimate::new(4.0, 10.0));
+        // Two tasks, an hour each, are two numbers and not 120: by batches of 16 minutes, the first two of seven of the one and so on.
+        let two = after(&[[50.0; 60], [150.0; 60]].concat());
+        assert!((two.value - 100.0).abs() < 1e-9 && (15.0..30.0).contains(&two.sigma), "{two:?}");
+        // What was long ago is forgotten.
+        let later = after(&[[50.0; 480], [150.0; 480]].concat());
+        assert_eq!((later.value, later.sigma), (150.0, 0.0));
         // By hand: mean of 3, 5, 4, 4 with a standard deviation of sqrt(2/3), over sqrt(4).
         let four = after(&[3.0, 5.0, 4.0, 4.0]);
         assert!((four.value - 4.0).abs() < 1e-12 && (four.sigma - (2.0_f64 / 3.0).sqrt() / 2.0).abs() < 1e-12, "{four:?}");

@@ -19,12 +19,21 @@ impl Agent {
     /// is none; nor is a pack that is no fuller than the one before, of which nobody can tell.
     #[must_use]
     pub fn put_in(&self, seen: &Observation) -> Option<Estimate> {
-        let risen = || {
-            let (was, is) = self.said_soc.zip(seen.said_soc)?;
-            let doubt_soc = RISE_SIGMAS * was.sigma.hypot(is.sigma);
-            (self.phase == RobotPhase::Swapping && is.value - was.value > doubt_soc.max(RISE_SOC)).then_some(is)
-        };
+        let risen = || seen.said_soc.filter(|is| self.phase == RobotPhase::Swapping && self.has_risen(*is).unwrap_or(false));
         seen.exchanged.or_else(risen)
+    }
+
+    /// Whether what a gauge begins anew with is another pack. Gauges begin anew when their agent is restarted, or heard nothing for a
+    /// while, too: while the old pack is in, or half out. Where nothing is known of the charge before, it is taken for another.
+    pub(super) fn is_another(&self, seen: &Observation) -> bool {
+        let says = seen.said_soc.or(seen.exchanged);
+        says.and_then(|is| self.has_risen(is)).unwrap_or(true)
+    }
+
+    /// Whether this is more charge than there was before the exchange, beyond what either may be off by; none where nothing is known of it.
+    fn has_risen(&self, is: Estimate) -> Option<bool> {
+        let was = self.said_soc?;
+        Some(is.value - was.value > (RISE_SIGMAS * was.sigma.hypot(is.sigma)).max(RISE_SOC))
     }
 
     /// Takes in what the device says of the charge, until an exchange is on.

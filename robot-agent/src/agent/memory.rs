@@ -16,6 +16,9 @@ pub struct Memory {
     bay: Option<BayId>,
     target_soc: Option<f64>,
     last_command: Option<CommandId>,
+    /// What the device said last of the charge before an exchange.
+    #[serde(default)]
+    said_soc: Option<proto::Estimate>,
 }
 
 /// What is compared to see whether a new memory is due.
@@ -37,9 +40,10 @@ impl Memory {
 impl Agent {
     /// Goes on from what was kept. To be called before the first input.
     pub fn restore(&mut self, memory: Memory) {
-        let Memory { ledger, phase, station, bay, target_soc, last_command } = memory;
+        let Memory { ledger, phase, station, bay, target_soc, last_command, said_soc } = memory;
         self.ledger = ledger;
         (self.phase, self.station, self.bay, self.target_soc, self.last_command) = (phase, station, bay, target_soc, last_command);
+        self.said_soc = said_soc.map(|soc| energy::Estimate::new(soc.value, soc.sigma));
         self.restored = true;
         self.kept = Some(self.sketch());
     }
@@ -62,6 +66,7 @@ impl Agent {
             bay: self.bay.clone(),
             target_soc: self.target_soc,
             last_command: self.last_command.clone(),
+            said_soc: self.said_soc.map(|soc| proto::Estimate::new(soc.value, soc.sigma)),
         };
         self.outputs.retain(|output| !matches!(output, Output::Keep(_)));
         self.outputs.push_front(Output::Keep(Box::new(memory)));

@@ -344,3 +344,39 @@ fn who_is_restarted_during_an_exchange_waits_for_its_pack() {
     let acts = after.observe(|observation| observation.exchanged = Some(energy::Estimate::new(0.97, 0.01)));
     assert_eq!((acts, after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
 }
+
+#[test]
+fn a_gauge_that_begins_anew_with_the_old_pack_is_no_other_pack() {
+    let says = |bench: &mut Bench, soc: f64| {
+        bench.observe(|observation| {
+            let soc = energy::Estimate::new(soc, 0.05);
+            (observation.exchanged, observation.said_soc) = (Some(soc), Some(soc));
+        })
+    };
+    let mut before = bench();
+    before.arrive();
+    before.observe(|observation| observation.said_soc = Some(energy::Estimate::new(0.2, 0.05)));
+    let command = before.command(swap());
+    let memory = kept(&mut before, Input::Command(command));
+    let mut after = bench();
+    after.place = memory.place().unwrap();
+    after.agent.restore(memory);
+    // The agent was restarted while the old pack was still in; then the network was away for a minute.
+    for _ in 0..2 {
+        assert_eq!((says(&mut after, 0.21), after.agent.phase), (vec![], RobotPhase::Swapping));
+        assert!((after.agent.soc().value - 0.21).abs() < 1e-3, "the gauge goes on from what the device says");
+    }
+    assert_eq!((says(&mut after, 0.97), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
+}
+
+#[test]
+fn who_drives_out_to_its_work_when_its_charge_ends_is_at_work() {
+    for place in [Place::Mission, Place::Underway, Place::AtStation] {
+        let mut bench = bench();
+        bench.enter_bay();
+        assert_eq!(bench.ask(RobotAction::ChargeTo { soc: 0.9 }).0, Outcome::Accepted);
+        assert_eq!(bench.ask(RobotAction::Undock).0, Outcome::Accepted);
+        bench.place = place;
+        assert_eq!((bench.observe(|_| ()), bench.agent.phase), (vec![Act::Resume], RobotPhase::Working), "{place:?}");
+    }
+}

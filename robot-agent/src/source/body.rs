@@ -53,6 +53,12 @@ impl Body {
     }
 }
 
+/// Time for which something must feed the robot, or no more, before that tells where it is, s: longer than brakes give current back. A guess.
+const FELT_S: f64 = 10.0;
+/// Time without being fed after which a robot whose charge was not ended is elsewhere, s: longer than a hot pack cools or a station is
+/// dark. A guess.
+const LEFT_S: f64 = 3600.0;
+
 /// The program that makes the robot act. It is started anew for every act with the act as its last
 /// arguments: `travel_to STATION [BAY]`, `charge`, `stop_charging` or `resume`. It ends when that is
 /// done, with exit status 0; the last line that it prints may say where the robot is then:
@@ -63,6 +69,12 @@ pub struct Hands {
     program: Program,
     place: Place,
     powered: bool,
+    /// Whether something feeds it, by the last report that tells, and for how long that has been said, s.
+    felt: (Supply, f64),
+    /// Whether something has fed it where it is.
+    was_fed: bool,
+    /// Whether its charge is over: what feeds it no more has been left.
+    is_over: bool,
     trouble: Option<String>,
     /// What was asked last, until it is done.
     asked: Vec<String>,
@@ -78,12 +90,15 @@ impl Hands {
     pub fn new(drive: Vec<String>) -> Self {
         let program = Program::new(KEY, drive);
         program.look_for();
-        Self { program, place: Place::Mission, powered: false, trouble: None, asked: Vec::new(), again_in_s: None, failures: 0 }
+        let (place, felt) = (Place::Mission, (Supply::Unknown, 0.0));
+        let (powered, was_fed, is_over) = (false, false, false);
+        Self { program, place, powered, felt, was_fed, is_over, trouble: None, asked: Vec::new(), again_in_s: None, failures: 0 }
     }
 
     /// Takes in where the robot stood when its agent was stopped; a bay feeds it until something else is felt.
     pub fn stand(&mut self, place: Place) {
-        (self.place, self.powered) = (place, place == Place::InBay);
+        let is_fed = place == Place::InBay;
+        (self.place, self.powered, self.was_fed) = (place, is_fed, is_fed);
     }
 
     /// Begins an act.
@@ -104,8 +119,24 @@ impl Hands {
             Act::Resume if !self.powered => self.place = Place::Mission,
             _ => {}
         }
+        self.is_over = matches!(act, Act::StopCharging | Act::Resume);
+        if self.is_over {
+            // That nothing fed it before says nothing of where it is after.
+            self.felt.1 = 0.0;
+        }
         (self.trouble, self.asked, self.failures) = (None, arguments, 0);
-        self.start();
+        self.program.stop();
+        self.again_in_s = Some(0.0);
+        self.start_when_due(0.0);
+    }
+
+    /// Starts what was asked last when it is time to. Two programs would steer one robot: not before another one has ended.
+    fn start_when_due(&mut self, dt_s: f64) {
+        match &mut self.again_in_s {
+            Some(left_s) if *left_s <= dt_s && !self.program.is_ending() => self.start(),
+            Some(left_s) => *left_s = (*left_s - dt_s).max(0.0),
+            None => {}
+        }
     }
 
     fn start(&mut self) {
@@ -117,22 +148,36 @@ impl Hands {
 
     /// Takes in whether something feeds the robot.
     pub fn feel(&mut self, supply: Supply) {
-        match (supply, self.place) {
-            (Supply::Connected, _) => (self.powered, self.place) = (true, Place::InBay),
-            (Supply::Absent, Place::InBay) if self.powered => (self.powered, self.place) = (false, Place::AtStation),
-            (Supply::Absent, _) => self.powered = false,
-            (Supply::Unknown, _) => {}
+        if supply != Supply::Unknown && supply != self.felt.0 {
+            self.felt = (supply, 0.0);
+        }
+    }
+
+    /// What feeds it for some time is a bay. Where that ends, it has left the bay if its charge was over; otherwise the bay may be dark, or
+    /// a hot or cold battery takes nothing for a while.
+    fn locate(&mut self, dt_s: f64) {
+        let (supply, for_s) = self.felt;
+        self.felt.1 = for_s + dt_s;
+        let drives = self.program.is_set() && self.place == Place::Underway;
+        match supply {
+            _ if self.felt.1 < FELT_S => {}
+            Supply::Connected if !drives => (self.powered, self.was_fed, self.place) = (true, true, Place::InBay),
+            Supply::Connected | Supply::Unknown => {}
+            Supply::Absent => {
+                self.powered = false;
+                let for_long = self.felt.1 >= LEFT_S;
+                if self.place == Place::InBay && self.was_fed && (self.is_over || for_long) {
+                    (self.place, self.was_fed) = (Place::AtStation, false);
+                }
+            }
         }
     }
 
     /// Where the robot is after another `dt_s` seconds.
     pub fn place(&mut self, dt_s: f64) -> Place {
         self.watch();
-        match &mut self.again_in_s {
-            Some(left_s) if *left_s <= dt_s => self.start(),
-            Some(left_s) => *left_s -= dt_s,
-            None => {}
-        }
+        self.start_when_due(dt_s);
+        self.locate(dt_s);
         self.place
     }
 

@@ -46,6 +46,8 @@ fn default_version() -> String {
 const RESEND_LOOKS: u32 = 5;
 /// Times that an instant action is sent before somebody is told that the vehicle does not answer.
 const SENDS: u32 = 4;
+/// Looks after which it is sent again from then on: vehicles out of the network's reach come back.
+const RESEND_LATER_LOOKS: u32 = 30;
 
 impl Config {
     /// The vehicle whose topics begin so: `mqtt://HOST:PORT/INTERFACE/vN/MANUFACTURER/SERIAL`.
@@ -142,6 +144,15 @@ struct Pending {
     failed: Option<String>,
 }
 
+impl Pending {
+    /// What somebody should know of it.
+    fn trouble(&self) -> Option<String> {
+        let unanswered = || format!("the vehicle does not answer {}, which was sent {} times", self.action.action_type, self.sends);
+        let is_unanswered = self.sends > SENDS || self.sends == SENDS && self.looks >= RESEND_LOOKS;
+        self.failed.clone().or_else(|| is_unanswered.then(unanswered))
+    }
+}
+
 impl Device for Vehicle {
     fn name(&self) -> String {
         format!("vda5050 {}/{}", self.config.manufacturer, self.config.serial_number)
@@ -163,7 +174,7 @@ impl Device for Vehicle {
             }
         }
         self.any |= !reports.is_empty();
-        self.press()?;
+        self.press();
         match wrong {
             Some(error) if reports.is_empty() => Err(error),
             None if reports.is_empty() && !self.any => Err(anyhow!("{}", self.broker.status())),
@@ -184,7 +195,7 @@ impl Device for Vehicle {
     }
 
     fn trouble(&self) -> Option<String> {
-        self.pending.as_ref().and_then(|pending| pending.failed.clone())
+        self.pending.as_ref().and_then(Pending::trouble)
     }
 }
 
@@ -209,19 +220,12 @@ impl Vehicle {
     }
 
     /// Sends again what nobody has answered.
-    fn press(&mut self) -> anyhow::Result<()> {
-        let Some(pending) = self.pending.as_mut().filter(|pending| pending.failed.is_none()) else { return Ok(()) };
+    fn press(&mut self) {
+        let Some(pending) = self.pending.as_mut().filter(|pending| pending.failed.is_none()) else { return };
         pending.looks += 1;
-        if pending.looks < RESEND_LOOKS {
-            return Ok(());
+        if pending.looks >= if pending.sends < SENDS { RESEND_LOOKS } else { RESEND_LATER_LOOKS } {
+            self.send();
         }
-        if pending.sends >= SENDS {
-            let action_type = &pending.action.action_type;
-            pending.failed = Some(format!("the vehicle does not answer {action_type}, which was sent {SENDS} times"));
-            return Ok(());
-        }
-        self.send();
-        Ok(())
     }
 
     /// Sees in a state message what became of the pending action.
@@ -238,7 +242,7 @@ impl Vehicle {
                 }
             }
             // It is at it: nothing to send again.
-            _ => pending.looks = 0,
+            _ => (pending.looks, pending.sends) = (0, 1),
         }
     }
 }

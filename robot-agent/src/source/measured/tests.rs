@@ -16,15 +16,48 @@ fn report(current_a: f64, soc: f64) -> Report {
     Report { voltage_v: Some(11.5), current_a: Some(current_a), soc: Some(soc), ..Report::default() }
 }
 
+/// Where it is, and whether it is fed, after so many seconds of each current.
+fn felt(source: &mut Measured, seconds: usize) -> (Place, bool) {
+    let seen = (0..seconds).map(|_| source.advance(1.0).unwrap()).last().unwrap();
+    (seen.place, seen.powered)
+}
+
+fn seconds(currents: &[(f64, usize)]) -> Vec<Vec<Report>> {
+    currents.iter().flat_map(|&(current_a, seconds)| std::iter::repeat_n(vec![report(current_a, 0.5)], seconds)).collect()
+}
+
 #[test]
-fn a_charging_current_is_a_bay_and_a_load_has_left_it() {
-    let mut source = measured([-1.0, -1.0, 0.0, 1.0, 1.0].map(|current_a| vec![report(current_a, 0.5)]));
-    let mut places = (0..5).map(|_| source.advance(1.0).unwrap()).map(|seen| (seen.place, seen.powered));
-    assert_eq!(places.next(), Some((Place::InBay, true)));
-    assert_eq!(places.next(), Some((Place::InBay, true)));
+fn a_charging_current_that_lasts_is_a_bay_and_a_load_after_the_charge_has_left_it() {
+    // Brakes give current back for some seconds; a hot battery takes none for ten minutes.
+    let mut source = measured(seconds(&[(1.0, 5), (-2.0, 9), (1.0, 5), (-1.0, 20), (0.0, 20), (1.0, 600), (-1.0, 20), (1.0, 20)]));
+    assert_eq!(felt(&mut source, 19), (Place::Mission, false));
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
     // No current either way: as it was.
-    assert_eq!(places.next(), Some((Place::InBay, true)));
-    assert_eq!(places.next(), Some((Place::AtStation, false)));
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
+    source.act(&Act::Charge);
+    assert_eq!(felt(&mut source, 600), (Place::InBay, false));
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
+    source.act(&Act::StopCharging);
+    assert_eq!(felt(&mut source, 9), (Place::InBay, true));
+    assert_eq!(felt(&mut source, 11), (Place::AtStation, false));
+}
+
+#[test]
+fn who_is_not_fed_for_an_hour_has_left_its_bay() {
+    let mut source = measured(seconds(&[(-1.0, 20), (1.0, 3700)]));
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
+    source.act(&Act::Charge);
+    assert_eq!(felt(&mut source, 3590), (Place::InBay, false));
+    assert_eq!(felt(&mut source, 100), (Place::AtStation, false));
+}
+
+#[test]
+fn what_is_given_back_by_brakes_on_the_way_is_no_bay() {
+    let folder = tempfile::tempdir().unwrap();
+    let drive = driver(folder.path(), "sleep 100");
+    let mut source = Measured::new(Script::new(seconds(&[(-2.0, 60)])), explorer(), Body { drive, ..Body::default() });
+    source.act(&Act::TravelTo { station: StationId::new("mds-1").unwrap(), bay: None });
+    assert_eq!(felt(&mut source, 60), (Place::Underway, false));
 }
 
 /// A program that notes its arguments, and prints where the robot is.
