@@ -33,6 +33,7 @@ mod clocks;
 pub mod cmd;
 pub mod config;
 pub mod core;
+mod counted;
 pub mod fleet;
 pub mod forecast;
 mod intake;

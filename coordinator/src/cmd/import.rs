@@ -8,6 +8,7 @@ use clap::Subcommand;
 use node::files::{read_text, write_text};
 
 use super::Format;
+use crate::counted::counted;
 use crate::rmf::{Fleet, Graph, Import, Wishes, import};
 
 /// Makes a scenario of another program's description of a fleet.
@@ -77,7 +78,7 @@ fn write(folder: &Path, imported: &Import) -> anyhow::Result<()> {
 }
 
 fn show(fleet: &Fleet, imported: &Import, folder: &Path, scenario: &Path) {
-    say!("fleet {}, {} robots: {}", fleet.name, fleet.robots.len(), scenario.display());
+    say!("fleet {}, {}: {}", fleet.name, counted(fleet.robots.len(), "robot"), scenario.display());
     for (name, _) in &imported.files[1..] {
         say!("  model {}", folder.join(name).display());
     }

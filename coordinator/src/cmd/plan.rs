@@ -8,6 +8,7 @@ use comfy_table::{Cell, CellAlignment};
 use planner::{Budget, Capacity, Instance, Mode, Moves, NoPlan, Plan};
 
 use super::{Format, say_text, table, text};
+use crate::counted::counted;
 
 /// Plans an instance (`mds-inst-1`) and proves how far the plan may be from the best.
 #[derive(clap::Args)]
@@ -77,10 +78,11 @@ fn show(instance: &Instance, plan: &Plan, capacity: &Capacity) {
     levels.set_header(["level", "plan", "bound", "gap"]);
     let names = ["robots stranded", "missed work", "energy, mWh", "packs drawn from"];
     for (level, name) in names.into_iter().enumerate() {
-        let gap = if plan.objective.all()[level] == plan.bound.all()[level] {
-            "proven best".to_owned()
-        } else {
-            format!("{:.2} %", plan.gaps()[level] * 100.0)
+        let gap = match (plan.objective.all()[level], plan.bound.all()[level]) {
+            (value, bound) if value == bound => "proven best".to_owned(),
+            // There is no share of nothing.
+            (value, 0) => format!("{value} above"),
+            _ => format!("{:.2} %", plan.gaps()[level] * 100.0),
         };
         levels.add_row([
             Cell::new(name),
@@ -117,8 +119,8 @@ fn show(instance: &Instance, plan: &Plan, capacity: &Capacity) {
         say!("robot {} unserved{stranded}: {}", instance.robot_ids[one.robot], one.reasons.join("; "));
     }
     say!(
-        "the packs hold energy for {} robots wholly from one pack each (at most {}), {} if packs share (at most {})",
-        capacity.atomic.len(),
+        "the packs hold energy for {} wholly from one pack each (at most {}), {} if packs share (at most {})",
+        counted(capacity.atomic.len(), "robot"),
         capacity.atomic_bound,
         capacity.split,
         capacity.split_bound

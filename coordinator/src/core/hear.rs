@@ -67,13 +67,14 @@ impl Core {
         match before {
             None => self.heard_robot(now, id),
             Some(before) if before != phase => {
-                let why = state.note.filter(|_| phase == RobotPhase::Stranded).map_or_else(String::new, |note| format!(": {note}"));
-                self.event(now, EventKind::PhaseChanged, Some(id), None, None, format!("{id}: {before} -> {phase}{why}"));
-                if phase == RobotPhase::Stranded {
-                    self.replan(format!("{id} is stranded"));
-                }
+                self.event(now, EventKind::PhaseChanged, Some(id), None, None, format!("{id}: {before} -> {phase}"));
             }
             Some(_) => {}
+        }
+        if phase == RobotPhase::Stranded && before != Some(phase) {
+            let why = state.note.map_or_else(String::new, |note| format!(": {note}"));
+            self.event(now, EventKind::RobotStranded, Some(id), None, None, format!("{id} ran empty and cannot go on{why}"));
+            self.replan(format!("{id} is stranded"));
         }
         true
     }

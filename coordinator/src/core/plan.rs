@@ -11,6 +11,7 @@ use proto::{EventKind, RobotId, Schedule, StationId, Timestamp};
 use super::study::Study;
 use super::{Core, Output};
 use crate::answers;
+use crate::counted::counted;
 use crate::scheduler::{Effort, Plan, Solved, View, WHOLE_FLEET_MAX, crowds, solve, solve_side_by_side};
 use crate::store::Record;
 use crate::view::Basis;
@@ -192,10 +193,16 @@ impl Core {
         }
         self.settle_promises(&schedule);
         self.gave_up_waiting = false;
-        let said = |schedule: &Schedule| (schedule.services.len(), schedule.unserved.len());
+        let empty = |schedule: &Schedule| schedule.unserved.iter().filter(|unserved| unserved.runs_empty).count();
+        let said = |schedule: &Schedule| (schedule.services.len(), schedule.unserved.len(), empty(schedule));
         if said(&schedule) != said(&self.schedule) || self.schedule.plan == 0 {
-            let text =
-                format!("plan {number}: {} services, {} unserved ({})", schedule.services.len(), schedule.unserved.len(), schedule.trigger);
+            let (services, unserved, empty) = said(&schedule);
+            let of_these = match empty {
+                0 => String::new(),
+                1 => ", 1 of whom runs empty".to_owned(),
+                _ => format!(", {empty} of whom run empty"),
+            };
+            let text = format!("plan {number}: {}, {unserved} unserved{of_these} ({})", counted(services, "service"), schedule.trigger);
             self.event(now, EventKind::PlanMade, None, None, None, text);
         }
         self.note_changes(&schedule, effort);

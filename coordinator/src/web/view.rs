@@ -172,9 +172,9 @@ fn headline(core: &Core) -> String {
 fn event_line(event: &proto::Event) -> EventLine {
     use EventKind as K;
     let tone = match event.kind {
-        K::ServiceDone | K::ModelTrusted => Tone::Good,
-        K::CommandRejected | K::CommandUnanswered | K::InputRefused | K::ModelDoubted | K::PackDepleted => Tone::Warn,
-        K::Lost | K::ServiceFailed | K::StationDark | K::PromiseBroken => Tone::Bad,
+        K::ServiceDone | K::ModelTrusted | K::GaugeTrusted => Tone::Good,
+        K::CommandRejected | K::CommandUnanswered | K::InputRefused | K::ModelDoubted | K::GaugeDoubted | K::PackDepleted => Tone::Warn,
+        K::Lost | K::RobotStranded | K::ServiceFailed | K::StationDark | K::PromiseBroken => Tone::Bad,
         K::ServiceStarted | K::PlanMade | K::PackSelected => Tone::Active,
         _ => Tone::Quiet,
     };

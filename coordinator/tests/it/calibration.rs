@@ -189,10 +189,9 @@ mission.inputs = {{ speed_mps = 0.1 }}
     };
     let dry = |robot: &proto::RobotId| {
         let its = |event: &&proto::Event| event.robot.as_ref() == Some(robot);
-        let mut events = outcome.events.iter().filter(its).filter(|event| {
-            event.kind == EventKind::ServiceDone || (event.kind == EventKind::PhaseChanged && event.text.contains("-> stranded"))
-        });
-        events.next().is_some_and(|event| event.kind == EventKind::PhaseChanged)
+        let mut events =
+            outcome.events.iter().filter(its).filter(|event| matches!(event.kind, EventKind::ServiceDone | EventKind::RobotStranded));
+        events.next().is_some_and(|event| event.kind == EventKind::RobotStranded)
     };
     let told = &outcome.measured.first_capacity.as_ref().expect("counted").stations[0].promises;
     let last = first.services.len().checked_sub(1).and_then(|last| told.get(last));

@@ -17,6 +17,8 @@ pub enum EventKind {
     Lost,
     /// A robot does something else now.
     PhaseChanged,
+    /// A robot ran empty, and cannot go on by itself.
+    RobotStranded,
     /// A new plan is in force.
     PlanMade,
     /// A command went out.
@@ -59,12 +61,13 @@ impl EventKind {
     #[must_use]
     pub fn is_warning(self) -> bool {
         use EventKind::{
-            CommandRejected, CommandUnanswered, GaugeDoubted, InputRefused, Lost, ModelDoubted, PackDepleted, PromiseBroken, ServiceFailed,
-            StationDark,
+            CommandRejected, CommandUnanswered, GaugeDoubted, InputRefused, Lost, ModelDoubted, PackDepleted, PromiseBroken, RobotStranded,
+            ServiceFailed, StationDark,
         };
         matches!(
             self,
-            Lost | CommandRejected
+            Lost | RobotStranded
+                | CommandRejected
                 | CommandUnanswered
                 | ServiceFailed
                 | PackDepleted

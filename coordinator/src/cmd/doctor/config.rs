@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::Finding;
 use crate::config::Config;
+use crate::counted::counted;
 
 pub(super) fn unreadable(path: &Path, error: &anyhow::Error) -> Finding {
     let advice = if path.exists() {
@@ -20,9 +21,10 @@ pub(super) fn check(config: &Config, path: &Path) -> Vec<Finding> {
         Ok((settings, models)) => {
             let packs: usize = models.stations.values().map(|station| station.packs.len()).sum();
             let found = format!(
-                "{} robots, {} stations, {packs} packs; policy {} at {:.0} %",
-                models.robots.len(),
-                models.stations.len(),
+                "{}, {}, {}; policy {} at {:.0} %",
+                counted(models.robots.len(), "robot"),
+                counted(models.stations.len(), "station"),
+                counted(packs, "pack"),
                 settings.policy.name(),
                 100.0 * settings.confidence
             );

@@ -10,6 +10,7 @@ use tokio::net::{TcpListener, TcpStream};
 use super::super::presence::Present;
 use super::{Finding, fleet};
 use crate::config::Config;
+use crate::counted::counted;
 
 /// Longest wait for a connection.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -100,7 +101,7 @@ async fn agents(config: &Config, link: &Link) -> Vec<Finding> {
     let present = Present::look(link).await;
     let (absent, strange) = (present.absent(config), present.strange(config));
     let strange: Vec<&str> = strange.iter().map(|id| id.as_str()).collect();
-    let found = format!("{} robots and {} stations are there", present.robots.len(), present.stations.len());
+    let found = format!("there: {} and {}", counted(present.robots.len(), "robot"), counted(present.stations.len(), "station"));
     let mut findings = Vec::new();
     if !absent.is_empty() {
         let advice = format!("configured, but not there: {}; start their agents, or see what they log", absent.join(", "));
@@ -139,7 +140,7 @@ async fn clocks(link: &Link) -> Option<Finding> {
     .await;
     let off = |id: &RobotId, skew_s: f64| format!("{id} is {:.1} s {}", skew_s.abs(), if skew_s > 0.0 { "behind" } else { "ahead" });
     let off: Vec<String> = behind_s.iter().filter(|(_, skew_s)| skew_s.abs() > SKEW_S).map(|(id, skew_s)| off(id, *skew_s)).collect();
-    let found = format!("{} robots heard within {} s", behind_s.len(), LISTEN.as_secs());
+    let found = format!("{} heard within {} s", counted(behind_s.len(), "robot"), LISTEN.as_secs());
     Some(match off.is_empty() {
         true => Finding::ok("agents' clocks", found),
         false => Finding::note("agents' clocks", found, format!("beside this machine's: {}; synchronise them by NTP", off.join(", "))),

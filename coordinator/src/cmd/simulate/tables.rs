@@ -4,6 +4,7 @@ use comfy_table::{Cell, CellAlignment};
 
 use super::Finished;
 use crate::cmd::{say_text, table, text};
+use crate::counted::counted;
 use crate::scenario::Scenario;
 
 /// Prints what happened in each run, and all beside each other.
@@ -82,7 +83,7 @@ fn print_capacity(run: &Finished) {
     for pack in &capacity.packs {
         let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
         say!(
-            "    promise  {} of {} holds {:.1} ± {:.1} Wh usable, a service takes {:.1} ± {:.1} Wh ({}): {} robots at {:.0} %",
+            "    promise  {} of {} holds {:.1} ± {:.1} Wh usable, a service takes {:.1} ± {:.1} Wh ({}): {} at {:.0} %",
             pack.pack,
             pack.station,
             pack.usable_wh.value,
@@ -90,17 +91,17 @@ fn print_capacity(run: &Finished) {
             pack.service_wh.value,
             pack.service_wh.sigma,
             causes.join(", "),
-            pack.robots_promised,
+            counted(pack.robots_promised as usize, "robot"),
             pack.confidence * 100.0
         );
     }
     for station in capacity.stations.iter().filter(|station| capacity.packs_at(&station.station).count() > 1) {
         say!(
-            "    promise  {} with all its packs holds {:.1} ± {:.1} Wh usable: {} robots at {:.0} %",
+            "    promise  {} with all its packs holds {:.1} ± {:.1} Wh usable: {} at {:.0} %",
             station.station,
             station.usable_wh.value,
             station.usable_wh.sigma,
-            station.robots_promised,
+            counted(station.robots_promised as usize, "robot"),
             capacity.confidence * 100.0
         );
     }

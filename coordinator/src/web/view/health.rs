@@ -113,6 +113,8 @@ struct Discovery {
     #[serde(default)]
     equivalent: Vec<String>,
     #[serde(default)]
+    equivalent_sets: Vec<Vec<String>>,
+    #[serde(default)]
     ladder: Vec<Rung>,
 }
 
@@ -137,7 +139,12 @@ impl Ladder {
         let verdict = match found.verdict.as_str() {
             "complete" if found.selected.is_empty() => "complete: nothing is missing".to_owned(),
             "complete" => format!("complete with {}", found.selected.join(", ")),
-            "ambiguous" => format!("cannot tell between {}", found.equivalent.join(", ")),
+            "ambiguous" => {
+                // Older reports have all of them in one list.
+                let sets = if found.equivalent_sets.is_empty() { vec![found.equivalent] } else { found.equivalent_sets };
+                let sets: Vec<String> = sets.iter().map(|set| set.join(", ")).collect();
+                format!("cannot tell between {}", sets.join("; nor between "))
+            }
             "missing" => format!("missing: {}", found.selected.join(", ")),
             other => other.to_owned(),
         };
