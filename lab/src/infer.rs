@@ -44,6 +44,7 @@
 //!   discover   one after the other until the model is complete, or nothing explains what is left
 //!     |          prune   effects that a later one made needless
 //!     |          exchange   effects that stood in for another one
+//!     |          undecided  what the logs cannot tell from what was found, at the end
 //!     |          progress   what is told while it goes on
 //!     |
 //!   answer       all of that in numbers and names, for the terminal, JSON and the report
@@ -91,5 +92,6 @@ pub mod stated;
 mod steady;
 mod told;
 pub mod trial;
+mod undecided;
 mod uneven;
 mod walk;

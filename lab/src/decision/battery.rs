@@ -1,8 +1,8 @@
 //! What a coordinator asks of a battery: how much it delivers, and for how long.
 
-use energy::forecast::discharge;
+use energy::forecast::remaining_from;
 use energy::units::S_PER_H;
-use energy::{Channel, Estimate, Pack, Start, propagate};
+use energy::{Channel, Estimate, Start};
 
 use super::{Figure, Seen, input, integral};
 use crate::predict::predict;
@@ -16,7 +16,7 @@ pub(super) fn figures(seen: Seen<'_>) -> Vec<Figure> {
     let (Some(load_w), Some(last)) = (mean_discharge_w(seen.logs), seen.logs.last()) else { return Vec::new() };
     let at = format!("at {}", quantity(load_w, "W"));
     let usual = usual(seen.logs);
-    let full = usable_wh(seen, usual, Estimate::exact(1.0), load_w);
+    let full = remaining_from(seen.model, Estimate::exact(1.0), usual, load_w);
     let from_full = format!("{at} and {:.0} degC", usual.temperature_degc);
     let mut all = vec![
         Figure { name: "usable_energy_wh", what: format!("usable energy from full {from_full}"), estimate: full },
@@ -25,7 +25,7 @@ pub(super) fn figures(seen: Seen<'_>) -> Vec<Figure> {
     let soc = predict(seen.model, last, &seen.model.values()).soc.last().copied();
     if let Some(soc) = soc.filter(|soc| *soc > LEFT_SOC) {
         let sigma = last.soc_initial_sigma.unwrap_or(seen.model.uncertainty.soc_initial_sigma);
-        let left = usable_wh(seen, last.start, Estimate::new(soc, sigma), load_w);
+        let left = remaining_from(seen.model, Estimate::new(soc, sigma), last.start, load_w);
         let what = format!("run time left after {} (charge {:.0} %) {at}", last.name, soc * 100.0);
         all.push(Figure { name: "run_time_left_s", what, estimate: time_s(left, load_w) });
     }
@@ -58,17 +58,4 @@ fn mean_discharge_w(logs: &[Prepared]) -> Option<f64> {
     };
     let (sum, time_s) = logs.iter().filter_map(of).fold((0.0, 0.0), |(a, b), (x, y)| (a + x, b + y));
     (time_s > 0.0 && sum > 0.0).then(|| sum / time_s)
-}
-
-/// Energy that the battery delivers from this charge, as old and as warm as `from` has it.
-fn usable_wh(seen: Seen<'_>, from: Start, soc: Estimate, load_w: f64) -> Estimate {
-    let model = seen.model;
-    let mut inputs = vec![soc, Estimate::new(1.0, model.uncertainty.capacity_relative_sigma)];
-    inputs.extend(model.estimates());
-    propagate(&inputs, |x| {
-        let start = Start { soc: x[0].clamp(0.0, 1.0), ..from };
-        let parameters = x[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
-        let mut pack = Pack::with_parameters(model.clone(), parameters, start);
-        x[1] * discharge(&mut pack, load_w / x[1]).energy_wh
-    })
 }

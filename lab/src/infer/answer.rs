@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use energy::{Channel, EffectSpec, Model, Parameter};
+use energy::{Channel, Model, Parameter, catalogue};
 use serde::Serialize;
 
 use super::candidate::Untested;
@@ -47,6 +47,8 @@ pub struct Discovery {
     pub selected: Vec<&'static str>,
     /// With a verdict of `ambiguous`: all effects between which the logs cannot tell.
     pub equivalent: Vec<&'static str>,
+    /// The same by what is missing: of each set it is one, and the logs cannot tell which.
+    pub equivalent_sets: Vec<Vec<&'static str>>,
     /// Every absent effect, most promising first, as seen from the model that was given.
     pub ranking: Vec<Ranked>,
     /// How the error falls, effect by effect.
@@ -157,7 +159,8 @@ impl Discovery {
         let found: Vec<&Step> = search.steps.iter().filter(|step| matches!(step.outcome, Outcome::Missing(_))).collect();
         let (first, last) = (&search.steps[0], search.last.told());
         let selected: Vec<&'static str> = found.iter().map(|step| step.trials[0].spec.id).collect();
-        let (equivalent, experiment) = equivalents(&found);
+        let equivalent_sets = equivalents(&found);
+        let (equivalent, experiment) = (all_of(&equivalent_sets), experiments(&equivalent_sets));
         let complete = leaves_little(last) || within(last) && beyond(last) < MOSTLY * beyond(first.base.told());
         let verdict = match () {
             () if !complete => Verdict::Unknown,
@@ -171,6 +174,7 @@ impl Discovery {
             verdict,
             selected,
             equivalent,
+            equivalent_sets,
             ranking: ranking(first),
             ladder: ladder(search),
             parameters: parameters(&first.base.frame.model, last),
@@ -213,33 +217,45 @@ fn by_channel(numbers: &[(Channel, f64)]) -> ByChannel {
     numbers.iter().map(|&(channel, number)| (channel.name(), number)).collect()
 }
 
-/// All effects between which the logs cannot tell, and what would tell them apart.
-fn equivalents(found: &[&Step]) -> (Vec<&'static str>, String) {
-    let (mut all, mut experiments) = (Vec::new(), Vec::new());
-    for step in found {
-        let Outcome::Missing(others) = &step.outcome else { continue };
-        let best = step.trials[0].spec;
-        for &place in others {
-            let other = step.trials[place].spec;
-            for id in [best.id, other.id] {
-                if !all.contains(&id) {
-                    all.push(id);
-                }
-            }
-            let words = experiment(best, other);
-            if !experiments.contains(&words) {
-                experiments.push(words);
+/// The effects between which the logs cannot tell, the one that was taken first in each set.
+fn equivalents(found: &[&Step]) -> Vec<Vec<&'static str>> {
+    let set = |step: &&Step| match &step.outcome {
+        Outcome::Missing(others) if !others.is_empty() => Some([&[step.trials[0].spec.id], &others[..]].concat()),
+        _ => None,
+    };
+    found.iter().filter_map(set).collect()
+}
+
+/// All effects of these sets, each once.
+fn all_of(sets: &[Vec<&'static str>]) -> Vec<&'static str> {
+    let mut all = Vec::new();
+    sets.iter().flatten().for_each(|id| {
+        if !all.contains(id) {
+            all.push(*id)
+        }
+    });
+    all
+}
+
+/// What would tell the first of each set from the others.
+fn experiments(sets: &[Vec<&'static str>]) -> String {
+    let mut all = Vec::new();
+    for (best, others) in sets.iter().filter_map(|set| set.split_first()) {
+        for words in others.iter().map(|other| experiment(best, other)) {
+            if !all.contains(&words) {
+                all.push(words);
             }
         }
     }
-    (all, experiments.join("; "))
+    all.join("; ")
 }
 
-fn experiment(a: &EffectSpec, b: &EffectSpec) -> String {
-    let says = |one: &EffectSpec, other: &EffectSpec| one.confused_with.iter().find(|(id, _)| *id == other.id).map(|(_, what)| *what);
-    match says(a, b).or_else(|| says(b, a)) {
-        Some(what) => format!("to tell {} from {}: {what}", a.id, b.id),
-        None => format!("to tell {} from {}: a log in which one changes while the other does not", a.id, b.id),
+fn experiment(one: &str, other: &str) -> String {
+    let spec = |id: &str| catalogue().iter().map(|effect| effect.spec()).find(|spec| spec.id == id);
+    let says = |a: &str, b: &str| spec(a)?.confused_with.iter().find(|(id, _)| *id == b).map(|(_, what)| *what);
+    match says(one, other).or_else(|| says(other, one)) {
+        Some(what) => format!("to tell {one} from {other}: {what}"),
+        None => format!("to tell {one} from {other}: a log in which one changes while the other does not"),
     }
 }
 

@@ -13,6 +13,7 @@ use super::progress::{Progress, Told, silent};
 use super::prune::{plainer, shorter};
 use super::state::State;
 use super::trial::Trial;
+use super::undecided::undecided;
 
 /// The whole search.
 #[derive(Debug, Clone)]
@@ -67,6 +68,7 @@ fn climb(base: State, holdout: Option<&Arc<Evidence>>, told: Told<'_>) -> Search
             (steps, state) = reviewed(way, &begun, holdout, told);
         } else {
             let last = step.base.clone();
+            let mut steps = undecided(steps, &last, &begun, holdout);
             steps.push(step);
             return Search { steps, last };
         }

@@ -15,7 +15,7 @@ use energy::EffectSpec;
 use super::evidence::Evidence;
 use super::handover::handed_over;
 use super::judge::explained;
-use super::look::{ALIKE, Outcome, Step};
+use super::look::{Outcome, Step};
 use super::progress::Told;
 use super::prune::taken;
 use super::sketch::{BETTER, are_taken_for_each_other};
@@ -23,7 +23,7 @@ use super::state::State;
 use super::trial::Trial;
 
 /// The way to the last state with another effect in the place of an earlier one, where that does better; none where nothing
-/// does. What was there before stays in the set where the logs hardly tell.
+/// does.
 pub(super) fn exchanged(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Option<Vec<Step>> {
     let (newest, earlier) = steps.split_last()?;
     let last = &newest.trials[0].state;
@@ -34,17 +34,10 @@ pub(super) fn exchanged(steps: &[Step], holdout: Option<&Arc<Evidence>>) -> Opti
     let others = (0..earlier.len()).filter_map(|place| Some((place, in_place_of(&steps[place], &coarse)?)));
     let (place, (effect, state)) = others.min_by(|(_, (_, a)), (_, (_, b))| a.bic().total_cmp(&b.bic()))?;
     let state = state.on(Arc::clone(&last.frame.evidence));
-    let gain = last.bic() - state.bic();
-    if gain < BETTER {
+    if last.bic() - state.bic() < BETTER {
         return None;
     }
-    let mut way = along(steps, place, effect, &state, holdout)?;
-    let before = steps[place].trials[0].spec.id;
-    let known = way[place].trials.iter().position(|trial| trial.spec.id == before);
-    if let Some(known) = known.filter(|_| gain < ALIKE) {
-        way[place].outcome = Outcome::Missing(vec![known]);
-    }
-    Some(way)
+    along(steps, place, effect, &state, holdout)
 }
 
 /// The way with another effect in the place of the last but one, of fewer numbers, that is taken for it, and what then comes next, where

@@ -42,8 +42,8 @@ pub struct Step {
 pub enum Outcome {
     /// The model explains the logs.
     Complete,
-    /// The first trial is missing; the logs cannot tell it from those of these places.
-    Missing(Vec<usize>),
+    /// The effect of the first trial is missing; the logs cannot tell it from these.
+    Missing(Vec<&'static str>),
     /// The model does not explain the logs and no effect does.
     Unknown,
 }
@@ -96,7 +96,10 @@ impl Step {
     #[must_use]
     pub fn passes_over(&self, place: usize) -> bool {
         let Outcome::Missing(alike) = &self.outcome else { return false };
-        place > 0 && !alike.contains(&place) && self.refusals[place].is_empty() && self.trials[place].delta_bic >= self.trials[0].delta_bic
+        place > 0
+            && !alike.contains(&self.trials[place].spec.id)
+            && self.refusals[place].is_empty()
+            && self.trials[place].delta_bic >= self.trials[0].delta_bic
     }
 
     /// The base refitted from where an effect ended that is next to nothing and yet explains what the base does not, where
@@ -227,7 +230,7 @@ fn concluded(base: &State, mut judged: Vec<(Trial, Vec<Refusal>)>) -> (Vec<Trial
     let outcome = match accepted {
         0 if explained(base) => Outcome::Complete,
         0 => Outcome::Unknown,
-        _ => Outcome::Missing(alternatives(&trials, &refusals)),
+        _ => Outcome::Missing(alternatives(&trials, &refusals).into_iter().map(|place| trials[place].spec.id).collect()),
     };
     (trials, refusals, outcome)
 }
@@ -261,7 +264,7 @@ fn only_once(judged: &mut Vec<(Trial, Vec<Refusal>)>) {
 
 /// Places of the trials that the logs cannot tell from the first: accepted ones, and what predicts the same, does as well and is
 /// refused for nothing but that it is smaller than a decision would notice.
-fn alternatives(trials: &[Trial], refusals: &[Vec<Refusal>]) -> Vec<usize> {
+pub(super) fn alternatives(trials: &[Trial], refusals: &[Vec<Refusal>]) -> Vec<usize> {
     let first = &trials[0];
     let alike = |&place: &usize| {
         let other = &trials[place];

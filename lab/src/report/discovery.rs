@@ -23,7 +23,7 @@ use super::table::text;
 
 pub use holdout::{Unexplained, held_out};
 pub use tables::{decisions, fall, floor_name, why_not};
-pub use words::{effects, headline, left, other_numbers, other_starts, refusal, untested, within_stated};
+pub use words::{alike, effects, headline, left, other_numbers, other_starts, refusal, untested, within_stated};
 
 /// How far a search went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -129,7 +129,7 @@ impl DiscoveryReport {
         parts.extend(section("What is left", left(found) + &self.floors() + &self.beside(), true));
         parts.extend(section("Not to be tested with these logs", untested(&found.untested), !found.untested.is_empty()));
         if !found.equivalent.is_empty() {
-            parts.push(format!("These logs cannot tell apart: {}.\n", effects(&found.equivalent)));
+            parts.push(alike(found));
         }
         if !found.experiment.is_empty() {
             parts.push(format!("Next measurement: {}.\n", found.experiment));

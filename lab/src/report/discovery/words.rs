@@ -81,10 +81,8 @@ pub fn headline(found: &Discovery, reach: Reach) -> String {
         (Verdict::Ambiguous, ..) => {
             let others = told(found);
             let others = if others.is_empty() { String::new() } else { format!("missing: {}, and ", effects(&others)) };
-            format!(
-                "{others}cannot tell between {{{}}}: the logs show that one of them is missing, and not which.",
-                found.equivalent.join(", ")
-            )
+            let (sets, them) = (sets(found, ", nor between "), if found.equivalent_sets.len() > 1 { "each of these" } else { "them" });
+            format!("{others}cannot tell between {sets}: the logs show that one of {them} is missing, and not which.")
         }
         (Verdict::Unknown, _, is_first) => {
             let begin = match is_first {
@@ -126,9 +124,21 @@ fn told(found: &Discovery) -> Vec<&'static str> {
 
 /// All that was found, with what the logs cannot tell as one of several.
 fn named(found: &Discovery) -> String {
-    let open = format!("one of {{{}}}", found.equivalent.join(", "));
+    let open = format!("one of {}", sets(found, ", one of "));
     let open = (!found.equivalent.is_empty()).then_some(open.as_str());
     effects(&told(found).into_iter().chain(open).collect::<Vec<_>>())
+}
+
+/// What the logs cannot tell apart, set by set.
+fn sets(found: &Discovery, between: &str) -> String {
+    let sets: Vec<String> = found.equivalent_sets.iter().map(|set| format!("{{{}}}", set.join(", "))).collect();
+    sets.join(between)
+}
+
+/// What the logs cannot tell apart, a line for each set.
+#[must_use]
+pub fn alike(found: &Discovery) -> String {
+    found.equivalent_sets.iter().map(|set| format!("These logs cannot tell apart: {}.\n", effects(set))).collect()
 }
 
 /// What to do when no effect explains what is left.
