@@ -20,17 +20,18 @@ pub fn circumstances(station: &StationModels, at_once: usize) -> Circumstances {
 }
 
 /// Recharges a robot from `soc` to `target_soc`: what the station's packs give, beyond what the
-/// station takes anyway. A `protected` charge rests while the battery is too hot or too cold.
+/// station takes anyway. The battery and its surroundings there are so warm, °C, at the beginning; a `protected` charge rests while the
+/// battery is too hot or too cold.
 #[must_use]
 pub fn recharge(
     station: &StationModels,
     at_once: usize,
     battery: &Arc<Model>,
-    (temperature_degc, protected): (f64, bool),
+    ([temperature_degc, ambient_degc], protected): ([f64; 2], bool),
     soc: Estimate,
     target_soc: f64,
 ) -> Recharge {
-    let around = Circumstances { temperature_degc, protected, ..circumstances(station, at_once) };
+    let around = Circumstances { temperature_degc, ambient_degc, protected, ..circumstances(station, at_once) };
     service::service_energy(&station.load, station.handling, battery, soc, target_soc, &around)
 }
 
@@ -54,7 +55,7 @@ const UNTIL_IT_ENDS_SOC: f64 = 1.1;
 #[must_use]
 pub fn spare_again(station: &StationModels, battery: &Arc<Model>, at_once: usize, temperature_degc: f64, soc: f64) -> Option<(f64, f64)> {
     station.spare_battery.as_ref()?;
-    let around = Circumstances { temperature_degc, ..circumstances(station, at_once) };
+    let around = Circumstances { temperature_degc, ambient_degc: temperature_degc, ..circumstances(station, at_once) };
     let to_soc = station.spare_ready_soc.unwrap_or(UNTIL_IT_ENDS_SOC);
     let recharge = service::pack_energy(&station.load, battery, Estimate::exact(soc), to_soc, &around);
     let given_wh = if station.recharge_w <= 0.0 { recharge.need.mean_wh } else { 0.0 };

@@ -168,7 +168,7 @@ impl Basis<'_> {
         view
     }
 
-    /// What charging a battery takes at a station, in its robot, where it is that warm, and where that left it.
+    /// What charging a battery takes at a station, in its robot, where it comes that warm, and where that left it.
     #[must_use]
     pub fn table(&self, id: &StationId, models: &StationModels, battery: &Arc<Model>, temperature_degc: f64) -> Arc<Table> {
         self.table_beside(self.side_by_side(id), id, models, battery, temperature_degc)
@@ -183,14 +183,29 @@ impl Basis<'_> {
         battery: &Arc<Model>,
         temperature_degc: f64,
     ) -> Arc<Table> {
-        let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
-        let left_degc = models.spare_battery.as_ref().map_or(temperature_degc, |_| self.left_degc(id, battery));
+        self.table_at(at_once, id, models, battery, [temperature_degc, self.left_degc(id, battery)])
+    }
+
+    /// The same where it is that warm at the station.
+    fn table_at(
+        &self,
+        at_once: usize,
+        id: &StationId,
+        models: &StationModels,
+        battery: &Arc<Model>,
+        [temperature_degc, left_degc]: [f64; 2],
+    ) -> Arc<Table> {
         // Without a bay only what was left is charged.
         let state = self.fleet.stations.get(id).and_then(|station| station.state.as_ref());
         let in_robot_degc = if state.is_some_and(|state| state.bays.is_empty()) { left_degc } else { temperature_degc };
         // Where what the converters give is limited, any spare may be charged beside all others.
         let alone = state.filter(|_| models.converter_w_max.is_finite()).map_or(1, |state| state.spares.len().max(1));
-        self.tables.of(models, [at_once, alone], battery, [in_robot_degc, left_degc], levels)
+        self.tables.of(models, [at_once, alone], battery, [in_robot_degc, left_degc], self.levels())
+    }
+
+    /// States of charge at which a service is wanted and done.
+    fn levels(&self) -> [f64; 2] {
+        [self.settings.serve_below_soc, self.settings.charge_to_soc]
     }
 
     /// The temperature at which a battery is charged that a robot left at a station, °C; as of a promise that was given where one waits for that.
@@ -276,8 +291,7 @@ impl Basis<'_> {
     fn working_draw(&self, models: &StationModels, bays: usize) -> Draw {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
         let Some(battery) = self.reference_battery() else { return Draw::steady(overhead_w) };
-        let levels = [self.settings.serve_below_soc, self.settings.charge_to_soc];
-        let table = self.tables.of(models, [bays, 1], battery, [energy::units::REFERENCE_DEGC; 2], levels);
+        let table = self.tables.of(models, [bays, 1], battery, [energy::units::REFERENCE_DEGC; 2], self.levels());
         let service = table.at(self.settings.serve_below_soc);
         let each_w = service.need_wh / (service.charge_s / S_PER_H).max(1e-6);
         let taper = table.taper(each_w);
@@ -290,7 +304,7 @@ impl Basis<'_> {
     /// What charging takes at a station where it is neither hot nor cold, for a battery like those of its robots.
     #[must_use]
     pub fn reference(&self, id: &StationId, models: &StationModels) -> Option<Arc<Table>> {
-        Some(self.table(id, models, self.reference_battery()?, energy::units::REFERENCE_DEGC))
+        Some(self.table_at(self.side_by_side(id), id, models, self.reference_battery()?, [energy::units::REFERENCE_DEGC; 2]))
     }
 
     /// How warm it is at a station, °C.

@@ -4,6 +4,9 @@
 //! of discharge (Kottas, section 3.1), so it is never a division.
 
 pub mod ending;
+mod remaining;
+
+pub use remaining::{remaining_from, remaining_wh};
 
 use std::sync::Arc;
 
@@ -120,7 +123,7 @@ pub fn charge(run: &mut impl Battery, target_soc: f64) -> Charge {
 
 /// [`charge`] with at most `power_w_max` into the battery, W: several share what charges
 /// them, and a charge for which nothing is left never ends. A `protected` one rests while the pack is too hot or too cold to be charged, as long as that helps; its surroundings
-/// keep the temperature that it began with. Says of each stretch how long it was (s) and what went into the battery (A, W; nothing
+/// keep their temperature. Says of each stretch how long it was (s) and what went into the battery (A, W; nothing
 /// while it rests).
 pub fn charge_within(
     run: &mut impl Battery,
@@ -189,13 +192,6 @@ pub(crate) fn pack_at(model: &Arc<Model>, inputs: &[f64], temperature_degc: f64)
     let start = Start { temperature_degc, ..Start::at_soc(inputs[0].clamp(0.0, 1.0)) };
     let parameters = inputs[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
     Pack::with_parameters(Arc::clone(model), parameters, start)
-}
-
-/// Energy that a pack still delivers at `power_w`, Wh, with its deviation from those of state of
-/// charge, parameters and capacity.
-#[must_use]
-pub fn remaining_wh(model: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_w: f64) -> Estimate {
-    propagate(&uncertain(model, soc), |x| x[1] * discharge(&mut pack_at(model, x, temperature_degc), power_w / x[1]).energy_wh)
 }
 
 /// Evaluates `f` at a robot's or station's parameters and carries their deviations, and those of the

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   coulomb.rs       counts charge, corrected at rest          |  counter.rs, ledger.rs  a charge count and its errors
-//!   impedance.rs     and learns resistance and capacity        |  follow.rs, rest.rs, equilibrium.rs, ocv_error.rs, power.rs, cycles.rs
+//!   impedance.rs     and learns resistance and capacity        |  follow.rs, rest.rs, equilibrium.rs, power.rs, cycles.rs
 //!   sigma_point.rs   a filter over all that the model is       |  prediction.rs  energy and times from what is believed
 //!                    unsure of                                 |
 //! ```
@@ -18,10 +18,9 @@ mod follow;
 mod impedance;
 mod kind;
 mod ledger;
-mod ocv_error;
 mod power;
 mod prediction;
-mod resistance;
+pub(crate) mod resistance;
 mod rest;
 mod sigma_point;
 
@@ -101,8 +100,8 @@ pub trait Gauge: Send {
     fn reading(&mut self) -> Reading;
 }
 
-/// State of charge of a rested pack from its voltage, with the deviation that the OCV table and
-/// the voltage sensor leave.
+/// State of charge of a rested pack from its voltage, with the deviation that the OCV table, the voltage sensor and,
+/// where a cell rests higher after a charge than after a discharge, not knowing which it was leave.
 #[must_use]
 pub fn soc_at_rest(model: &Arc<Model>, voltage_v: f64) -> Estimate {
     let (facts, curve) = (model.battery(), equilibrium::curve(model));
@@ -110,5 +109,8 @@ pub fn soc_at_rest(model: &Arc<Model>, voltage_v: f64) -> Estimate {
     let sensor = model.sensor(Channel::VoltageV);
     let sensor_v = sensor.floor().hypot(sensor.offset_sigma) / f64::from(facts.series);
     let slope = curve.slope_v(soc).max(1e-3);
-    Estimate::new(soc, (model.uncertainty.ocv_sigma_v.hypot(sensor_v) / slope).clamp(1e-4, 0.5))
+    let apart_v = follow::branch_v(model, soc);
+    let [charged, discharged] = [-apart_v, apart_v].map(|below_v| curve.soc(voltage_v / f64::from(facts.series) + below_v));
+    let branch = 0.5 * (discharged - charged);
+    Estimate::new(soc, (model.uncertainty.ocv_sigma_v.hypot(sensor_v) / slope).hypot(branch).clamp(1e-4, 0.5))
 }

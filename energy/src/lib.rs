@@ -36,6 +36,7 @@ pub mod load;
 pub mod model;
 mod need;
 pub mod ocv;
+mod ocv_error;
 pub mod pack;
 mod params;
 pub mod power;

@@ -41,14 +41,22 @@ pub struct Circumstances {
     pub converter_w_max: f64,
     /// Temperature of the robot's battery at the start, °C.
     pub temperature_degc: f64,
+    /// Temperature around it at the station, °C: what it warms up or cools down to while its protection lets it take nothing.
+    pub ambient_degc: f64,
     /// Whether the charge rests while the battery's protection finds it too hot or too cold.
     pub protected: bool,
 }
 
 impl Circumstances {
     /// One robot alone, at a pack voltage of 0 (not known), without a limit.
-    pub const ALONE: Circumstances =
-        Circumstances { pack_v: 0.0, at_once: 1.0, converter_w_max: f64::INFINITY, temperature_degc: REFERENCE_DEGC, protected: true };
+    pub const ALONE: Circumstances = Circumstances {
+        pack_v: 0.0,
+        at_once: 1.0,
+        converter_w_max: f64::INFINITY,
+        temperature_degc: REFERENCE_DEGC,
+        ambient_degc: REFERENCE_DEGC,
+        protected: true,
+    };
 }
 
 /// What one recharge takes.
@@ -180,11 +188,13 @@ fn recharge(
 ) -> Recharge {
     let mut load = Run::new(Arc::clone(station), Start::at_soc(0.0));
     let docked = if handling.is_some() { 1.0 } else { 0.0 };
-    let bay_w_max = charge_w_max(&mut load, docked, around) / around.at_once.max(1.0);
+    let battery_v = battery.battery().stored_wh() / battery.battery().capacity_ah;
+    let bay_w_max = charge_w_max(&mut load, docked, battery_v, around) / around.at_once.max(1.0);
     let [load_h, unload_h] = handling.map_or([0.0; 2], |handling| [handling.load_s / S_PER_H, handling.unload_s / S_PER_H]);
     let stay = |values: &[f64]| {
         let mut stretches = Vec::new();
         let mut run = forecast::pack_at(battery, values, around.temperature_degc);
+        run.channels_mut()[Channel::AmbientDegc] = around.ambient_degc;
         // With the same current, and behind the same converters, a larger battery takes longer.
         let stretch = |dt_s: f64, current_a: f64, power_w: f64| {
             stretches.push(Stretch { hours: values[1] * dt_s / S_PER_H, charge_w: power_w, current_a });
@@ -277,15 +287,17 @@ pub fn converter_output_w(load: &mut Run<f64>, situation: &Situation) -> f64 {
     situation.charge_w + shares.iter().filter(|(id, _)| behind(id)).map(|(_, share_w)| share_w).sum::<f64>()
 }
 
-/// Most power into all batteries that charge at once, W, where so many robots hang on the bays for each of them, when the converters
-/// give at most what the circumstances say; infinite without a limit, 0 when the robots' own loads take it all.
-fn charge_w_max(load: &mut Run<f64>, docked: f64, around: &Circumstances) -> f64 {
+/// Most power into all batteries of this voltage (V) that charge at once, W, where so many robots hang on the bays for each of them, when the
+/// converters give at most what the circumstances say; infinite without a limit, 0 when the robots' own loads take it all.
+fn charge_w_max(load: &mut Run<f64>, docked: f64, battery_v: f64, around: &Circumstances) -> f64 {
     if around.converter_w_max.is_infinite() {
         return f64::INFINITY;
     }
     let charging = around.at_once.max(1.0);
     let nothing = Situation { docked: docked * charging, charging, pack_v: around.pack_v, ..Situation::default() };
-    charge_w_within(load, around.converter_w_max, |charge_w| Situation { charge_w, ..nothing })
+    // What contacts lose of it goes by the square of each one's current.
+    let squared_a2 = |charge_w: f64| charging * (charge_w / charging / battery_v).powi(2);
+    charge_w_within(load, around.converter_w_max, |charge_w| Situation { charge_w, squared_a2: squared_a2(charge_w), ..nothing })
 }
 
 /// The greatest charge power (W) at which the converters give at most `limit_w` in the situation

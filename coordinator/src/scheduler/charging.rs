@@ -1,8 +1,9 @@
 //! What charging takes and how long it lasts, from the energy models: the CC-CV charge of a robot's
 //! battery behind a station's converters, tabulated over the state of charge.
 //!
-//! A table is made once for a kind of battery at a kind of station, a number of robots side by side and a
-//! temperature ([`super::tables`]); plans look it up. A battery that gets too hot rests until it has cooled down, as its protection wants it; one that
+//! A table is made once for a kind of battery at a kind of station, a number of robots side by side, its
+//! temperature and that of the station ([`super::tables`]); plans look it up. A battery that is too hot rests until it has cooled down, one that comes
+//! too cold until it has warmed up, as its protection wants it; one that
 //! stays too hot or too cold is charged as far as it goes.
 
 use std::collections::BTreeMap;
@@ -67,11 +68,12 @@ impl Table {
         station: &StationModels,
         [at_once, alone]: [usize; 2],
         battery: &Arc<Model>,
-        [temperature_degc, alone_degc]: [f64; 2],
+        [temperature_degc, station_degc]: [f64; 2],
         [from_soc, to_soc]: [f64; 2],
     ) -> Self {
         let forecast = |soc: f64, protected: bool| {
-            forecast::recharge(station, at_once, battery, (temperature_degc, protected), Estimate::exact(soc), to_soc)
+            let degc = [temperature_degc, station_degc];
+            forecast::recharge(station, at_once, battery, (degc, protected), Estimate::exact(soc), to_soc)
         };
         let recharge = |soc: f64| {
             let recharge = forecast(soc, true);
@@ -80,7 +82,7 @@ impl Table {
         let point = |share: f64| {
             let soc = to_soc * share;
             let recharge = recharge(soc);
-            let (bare_wh, bare_s) = forecast::spare_again(station, battery, alone, alone_degc, soc).unwrap_or((0.0, recharge.charge_s));
+            let (bare_wh, bare_s) = forecast::spare_again(station, battery, alone, station_degc, soc).unwrap_or((0.0, recharge.charge_s));
             let (need_wh, own_variance) = (recharge.need.mean_wh, recharge.need.own_variance);
             Point {
                 soc,

@@ -13,7 +13,7 @@ use super::worn::Worn;
 use crate::forecast::{self, Draw};
 use crate::models::{Alike, StationModels};
 
-/// Station, battery, robots and packs alone side by side, temperature of a robot's battery and of one that is charged alone.
+/// Station, battery, robots and packs alone side by side, temperature of a robot's battery and of the station.
 type Kind = (Alike, usize, [usize; 2], [i32; 2]);
 /// Station, kind of pack, packs side by side, temperature, hundredths of charge.
 type Beside = (Alike, usize, usize, i32, i32);
@@ -41,8 +41,8 @@ pub struct Tables {
 
 impl Tables {
     /// The table of a battery at a station, made when it is first asked for; `at_once` is how many robots, and how many packs that robots left, are
-    /// charged side by side, `degc` is how warm it is in its robot, and how warm where a robot
-    /// left it, and `levels` at which charge a service is wanted and done.
+    /// charged side by side, `degc` is how warm it is when its robot comes, and how warm it is at the station, where a robot
+    /// may have left it, and `levels` at which charge a service is wanted and done.
     #[must_use]
     pub fn of(&self, station: &StationModels, at_once: [usize; 2], battery: &Arc<Model>, degc: [f64; 2], levels: [f64; 2]) -> Arc<Table> {
         let degc = degc.map(|degc| step_degc(battery, degc));
@@ -82,7 +82,7 @@ impl Tables {
     #[must_use]
     pub fn fed(&self, station: &StationModels, most: usize, battery: &Arc<Model>, [from_soc, to_soc]: [f64; 2]) -> Fed {
         let charge_s = |at_once: usize| {
-            let circumstances = (energy::units::REFERENCE_DEGC, true);
+            let circumstances = ([energy::units::REFERENCE_DEGC; 2], true);
             forecast::recharge(station, at_once, battery, circumstances, Estimate::exact(from_soc), to_soc).charge_s
         };
         let mut known = self.fed.lock().unwrap_or_else(PoisonError::into_inner);

@@ -61,8 +61,10 @@ impl<S: Real> HBridge<S> {
     /// (`I_rms² = I² + di²/12`). The duty ends at 1: then the motor does not get its voltage.
     #[must_use]
     pub fn supply(&self, voltage_v: S, current_a: S, battery_v: S, inductance_h: S, resistance_ohm: S) -> Supply<S> {
-        let wanted = (voltage_v + self.on_ohm * current_a * 2.0) / battery_v;
-        let duty = if wanted.re() > 1.0 {
+        // While it is connected the motor gets what the two switches leave of the battery's voltage, and nothing while the diode conducts.
+        let left_v = battery_v - self.on_ohm * current_a * 2.0;
+        let wanted = voltage_v / left_v;
+        let duty = if left_v.re() <= 0.0 || wanted.re() > 1.0 {
             S::from(1.0)
         } else if wanted.re() < 0.0 {
             S::from(0.0)
@@ -118,8 +120,12 @@ mod tests {
         let bridge = HBridge { on_ohm: 0.0, pwm_hz: 1e9 };
         let supply = bridge.supply(6.0_f64, 0.2, 12.0, 310e-6, 13.7);
         assert!((supply.supply_a - 0.1).abs() < 1e-6 && (supply.duty - 0.5).abs() < 1e-12);
-        // With 0.5 ohm per switch: 2 x 0.5 x 0.04 A² x 0.5167 = 20.7 mW, by hand.
+        // With 0.5 ohm per switch: duty 6 / (12 - 0.2) and 2 x 0.5 x 0.04 A² x 0.5085 = 20.3 mW, by hand. The battery gives what the motor has
+        // while it is connected: 0.5085 x 0.2 A.
         let lossy = HBridge { on_ohm: 0.5, pwm_hz: 1e9 }.supply(6.0_f64, 0.2, 12.0, 310e-6, 13.7);
-        assert!((lossy.conduction_w - 0.04 * (6.2 / 12.0)).abs() < 1e-6, "{}", lossy.conduction_w);
+        assert!((lossy.conduction_w - 0.04 * (6.0 / 11.8)).abs() < 1e-6, "{}", lossy.conduction_w);
+        assert!((lossy.supply_a - lossy.duty * 0.2).abs() < 1e-6, "{lossy:?}");
+        // What the switches leave nothing of is on all the time.
+        assert_eq!(HBridge { on_ohm: 50.0, pwm_hz: 1e9 }.supply(6.0_f64, 0.2, 12.0, 310e-6, 13.7).duty, 1.0);
     }
 }

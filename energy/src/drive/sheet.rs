@@ -91,6 +91,10 @@ impl DriveSheet {
             ("acceleration", "mass_kg", self.motors / 2.0 * wheels.equivalent_mass_kg(0.0) * lost),
             ("motor_copper", "copper_w_per_n2", motor.resistance_ohm * square),
         ];
+        if motor.viscous_nm_s_per_rad > 0.0 {
+            let viscous = self.motors * motor.viscous_nm_s_per_rad * lever * lever * lost;
+            follows.push(("viscous_friction", "viscous_n_s_per_m", viscous));
+        }
         if let Some(bridge) = self.bridge {
             follows.push(("h_bridge", "conduction_v_per_n", 2.0 * bridge.on_ohm * square * motor.back_emf_v_s_per_rad * lever));
             follows.push(("h_bridge", "switching_w", 0.0));

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::counter::Counter;
+use super::follow::go_on_like;
 use super::ledger::{CAPACITY, Ledger, SOC, Seen};
 use super::prediction::{Believed, CurrentErrors};
 use super::{Gauge, Reading, Sample};
@@ -31,14 +32,21 @@ impl CoulombCounter {
 struct Pack<'a> {
     model: &'a Arc<Model>,
     ledger: &'a Ledger,
+    followed: &'a Run<f64>,
     temperature_degc: f64,
+    cycles: f64,
 }
 
 impl Pack<'_> {
-    fn run(&self, inputs: &[f64]) -> Run<f64> {
-        let start = Start { temperature_degc: self.temperature_degc, ..Start::at_soc(inputs[0].clamp(0.0, 1.0)) };
+    fn run(&self, inputs: &[f64], rested: bool) -> Run<f64> {
+        let (temperature_degc, cycle_count) = (self.temperature_degc, self.cycles);
+        let start = Start { temperature_degc, cycle_count, ..Start::at_soc(inputs[0].clamp(0.0, 1.0)) };
         let parameters = inputs[2..].iter().zip(self.model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
-        Run::with_parameters(Arc::clone(self.model), parameters, start)
+        let mut run = Run::with_parameters(Arc::clone(self.model), parameters, start);
+        if !rested {
+            go_on_like(&mut run, self.followed);
+        }
+        run
     }
 }
 
@@ -61,14 +69,14 @@ impl Believed for Pack<'_> {
         (x, p)
     }
 
-    fn discharge_wh(&self, inputs: &[f64], power_w: f64) -> f64 {
+    fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64 {
         // A pack of more capacity delivers the same power as that much of a pack more.
         let capacity = 1.0 + inputs[1];
-        capacity * forecast::discharge(&mut self.run(inputs), power_w / capacity).energy_wh
+        capacity * forecast::discharge(&mut self.run(inputs, rested), power_w / capacity).energy_wh
     }
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {
-        (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs), 1.0).time_s
+        (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs, false), 1.0).time_s
     }
 
     fn current_errors(&self) -> CurrentErrors {
@@ -91,7 +99,7 @@ impl Gauge for CoulombCounter {
         if let Some(rested) = self.0.rested(sample) {
             let seen = Seen {
                 cell_v: rested.cell_v,
-                noise_v2: rested.noise_v2,
+                noise_v2: rested.noise_v2 + followed.branch_v.powi(2),
                 below_v: followed.shift_v + followed.drop_v,
                 load: None,
                 teaches_capacity: false,
@@ -110,8 +118,10 @@ impl Gauge for CoulombCounter {
     }
 
     fn reading(&mut self) -> Reading {
-        let (soc, Counter { model, ledger, watch, .. }) = (self.0.soc(), &mut self.0);
-        let pack = Pack { model, ledger, temperature_degc: watch.temperature_degc };
+        let (soc, followed) = (self.0.soc(), self.0.run().clone());
+        let Counter { model, ledger, watch, .. } = &mut self.0;
+        let (temperature_degc, cycles) = (watch.temperature_degc, watch.cycles.full());
+        let pack = Pack { model, ledger, followed: &followed, temperature_degc, cycles };
         watch.reading(model, &pack, soc, Estimate::new(1.0, ledger.state(CAPACITY).sigma))
     }
 }

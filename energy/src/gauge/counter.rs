@@ -5,13 +5,16 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::follow::{Followed, Follower, leak_per_s};
+use super::follow::{Followed, Follower, branch_v, leak_per_s};
 use super::ledger::{CAPACITY, Ledger, SOC};
 use super::prediction::Watch;
 use super::rest::{RestDetector, Rested};
 use super::{Sample, equilibrium};
 use crate::units::S_PER_H;
-use crate::{Channel, Estimate, Model, OcvTable};
+use crate::{Channel, Estimate, Model, OcvTable, Run};
+
+/// Difference of voltages below which it matters no more how a pack came to its charge, V: less than gauges resolve.
+const BRANCH_V: f64 = 1e-4;
 
 /// See the module's text.
 #[derive(Debug, Clone)]
@@ -22,6 +25,10 @@ pub(crate) struct Counter {
     /// The curve that a rest is read by.
     pub(crate) ocv: OcvTable,
     follower: Follower,
+    /// The same pack had it been discharged before, while it matters whether it was.
+    discharged: Option<Follower>,
+    /// Whether a rest was read while it did: the same branch read twice is no second reading.
+    read_open: bool,
     rest: RestDetector,
 }
 
@@ -31,8 +38,10 @@ impl Counter {
     pub(crate) fn new(model: Arc<Model>, soc: Estimate, temperature_degc: f64, resistance: Option<&DMatrix<f64>>) -> Self {
         Self {
             ledger: Ledger::new(&model, soc, leak_per_s(&model, temperature_degc).sigma, resistance),
-            follower: Follower::new(&model, soc.value, temperature_degc),
+            follower: Follower::new(&model, soc.value, temperature_degc, 0.0),
+            discharged: (branch_v(&model, 0.5) > BRANCH_V).then(|| Follower::new(&model, soc.value, temperature_degc, 1.0)),
             watch: Watch::new(temperature_degc),
+            read_open: false,
             rest: RestDetector::default(),
             ocv: equilibrium::curve(&model),
             model,
@@ -61,6 +70,13 @@ impl Counter {
         let scaled_a = current_a / capacity;
         let mut followed = self.follower.step(sample, scaled_a, self.ledger.state(SOC).value, self.watch.cycles.full());
         self.ledger.count(sample.dt_s, followed.moved, shown_a, followed.capacity_ah);
+        if let Some(discharged) = &mut self.discharged {
+            let other = discharged.step(sample, scaled_a, self.ledger.state(SOC).value, self.watch.cycles.full());
+            followed.branch_v = (other.drop_v - followed.drop_v).abs();
+            if followed.branch_v < BRANCH_V {
+                self.discharged = None;
+            }
+        }
         // The run has the current per capacity of the model, its resistances have the pack's own.
         followed.drop_v *= capacity;
         followed.cell_a *= capacity;
@@ -70,8 +86,15 @@ impl Counter {
         (followed, drawn)
     }
 
+    /// The run that follows the pack.
+    pub(crate) fn run(&self) -> &Run<f64> {
+        self.follower.run()
+    }
+
     /// Whether the pack has come to rest with this sample.
     pub(crate) fn rested(&mut self, sample: &Sample) -> Option<Rested> {
-        self.rest.update(self.model.battery(), &self.model.sensor(Channel::VoltageV), sample)
+        let rested = self.rest.update(self.model.battery(), &self.model.sensor(Channel::VoltageV), sample)?;
+        let is_open = self.discharged.is_some();
+        (!(is_open && std::mem::replace(&mut self.read_open, is_open))).then_some(rested)
     }
 }

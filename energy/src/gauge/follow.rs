@@ -30,6 +30,8 @@ pub(crate) struct Followed {
     pub(crate) shift_v: f64,
     /// How far the voltage of a cell lies below its open-circuit voltage, V.
     pub(crate) drop_v: f64,
+    /// By how much that may differ for what the pack went through before the gauge began, V.
+    pub(crate) branch_v: f64,
     /// Current through one cell, A.
     pub(crate) cell_a: f64,
     /// Capacity, Ah.
@@ -37,9 +39,14 @@ pub(crate) struct Followed {
 }
 
 impl Follower {
-    /// A pack that has rested.
-    pub(crate) fn new(model: &Arc<Model>, soc: f64, temperature_degc: f64) -> Self {
-        Self { run: Run::new(Arc::clone(model), Start { temperature_degc, ..Start::at_soc(soc) }) }
+    /// A pack that has rested, and came to its charge like this (see [`Start::history`]).
+    pub(crate) fn new(model: &Arc<Model>, soc: f64, temperature_degc: f64, history: f64) -> Self {
+        Self { run: Run::new(Arc::clone(model), Start { temperature_degc, history, ..Start::at_soc(soc) }) }
+    }
+
+    /// The run.
+    pub(crate) fn run(&self) -> &Run<f64> {
+        &self.run
     }
 
     /// Follows a sample from a state of charge, with this current per capacity of the model.
@@ -73,9 +80,26 @@ pub(crate) fn follow(run: &mut Run<f64>, sample: &Sample, current_a: f64, soc: f
         ocv_v: run.channels[Channel::OcvV],
         shift_v: 0.0,
         drop_v: run.channels[Channel::OcvV] - run.channels[Channel::VoltageV] / f64::from(facts.series),
+        branch_v: 0.0,
         cell_a: run.channels[Channel::CellCurrentA],
         capacity_ah: run.channels[Channel::CapacityAh],
     }
+}
+
+/// A run begun anew goes on in the state in which another has come to be, but for its charge.
+pub(crate) fn go_on_like(run: &mut Run<f64>, other: &Run<f64>) {
+    run.states_mut()[1..].copy_from_slice(&other.states()[1..]);
+    run.channels[Channel::AmbientDegc] = other.channels[Channel::AmbientDegc];
+}
+
+/// How far the voltage of a rested cell at this charge may lie from the middle, for how it came there, V.
+pub(crate) fn branch_v(model: &Arc<Model>, soc: f64) -> f64 {
+    let [discharged_v, charged_v] = [1.0, -1.0].map(|history| {
+        let mut run = Run::new(Arc::clone(model), Start { history, ..Start::at_soc(soc) });
+        run.step(1e-3);
+        run.channels[Channel::VoltageV] / f64::from(model.battery().series)
+    });
+    0.5 * (charged_v - discharged_v).abs()
 }
 
 /// What half a pack loses per second without a current, by the model, with the deviation that its
@@ -110,7 +134,7 @@ mod tests {
 
     #[test]
     fn the_drop_is_the_resistance_times_the_current_of_a_cell() {
-        let mut follower = Follower::new(&model(), 0.4, 25.0);
+        let mut follower = Follower::new(&model(), 0.4, 25.0, 0.0);
         let sample = Sample { dt_s: 1e-3, current_a: 7.6, voltage_v: 11.0, temperature_degc: 25.0 };
         let followed = follower.step(&sample, 7.6, 0.4, 0.0);
         // 0.0766 ohm at 40 % (the model's file), 1.9 A through each of four strings.
@@ -119,7 +143,7 @@ mod tests {
 
     #[test]
     fn the_surroundings_are_made_out_from_the_packs_temperature() {
-        let mut follower = Follower::new(&model(), 0.5, 25.0);
+        let mut follower = Follower::new(&model(), 0.5, 25.0, 0.0);
         let sample = Sample { dt_s: 10.0, current_a: 0.0, voltage_v: 11.4, temperature_degc: 5.0 };
         (0..2000).for_each(|_| {
             follower.step(&sample, 0.0, 0.5, 0.0);

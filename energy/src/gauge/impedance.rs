@@ -21,7 +21,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::counter::Counter;
-use super::follow::Followed;
+use super::follow::{Followed, go_on_like};
 use super::ledger::{CAPACITY, Ledger, RESISTANCE, SOC, SURPRISE, Seen};
 use super::prediction::{Believed, CurrentErrors};
 use super::resistance::{self, GRID, Prior};
@@ -157,12 +157,12 @@ impl ImpedanceTrack {
         self.quiet_s >= SLEEP_AFTER_S
     }
 
-    fn learn_at_rest(&mut self, sample: &Sample, below_v: f64) {
+    fn learn_at_rest(&mut self, sample: &Sample, followed: &Followed) {
         let Some(rested) = self.counter.rested(sample) else { return };
         let soc = self.counter.ledger.state(SOC).value;
         let teaches_capacity = self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC);
-        let (cell_v, noise_v2) = (rested.cell_v, rested.noise_v2);
-        let seen = Seen { cell_v, noise_v2, below_v, load: None, teaches_capacity };
+        let (cell_v, noise_v2) = (rested.cell_v, rested.noise_v2 + followed.branch_v.powi(2));
+        let seen = Seen { cell_v, noise_v2, below_v: followed.shift_v + followed.drop_v, load: None, teaches_capacity };
         self.counter.ledger.see(&self.counter.ocv, &seen);
         if teaches_capacity || self.anchor.is_none() {
             self.anchor = Some(self.counter.ledger.state(SOC).value);
@@ -201,7 +201,10 @@ impl ImpedanceTrack {
         let shares = resistance::shares(soc);
         let seen = Seen {
             cell_v: seen_v,
-            noise_v2: floor_v * floor_v / self.load.samples + MODEL_V * MODEL_V + (MODEL_SHARE * followed.drop_v).powi(2),
+            noise_v2: floor_v * floor_v / self.load.samples
+                + MODEL_V * MODEL_V
+                + (MODEL_SHARE * followed.drop_v).powi(2)
+                + followed.branch_v.powi(2),
             below_v: followed.shift_v + followed.drop_v,
             load: Some((self.load.cell_a * self.factor.1, &shares)),
             teaches_capacity: self.anchor.is_some_and(|anchor| (soc - anchor).abs() >= TEACHING_SOC),
@@ -221,6 +224,7 @@ impl ImpedanceTrack {
 struct Pack<'a> {
     model: &'a Arc<Model>,
     ledger: &'a Ledger,
+    followed: &'a Run<f64>,
     temperature_degc: f64,
     cycles: f64,
     factor: f64,
@@ -232,10 +236,14 @@ fn state_of(input: usize) -> usize {
 }
 
 impl Pack<'_> {
-    fn run(&self, inputs: &[f64]) -> Run<f64> {
+    fn run(&self, inputs: &[f64], rested: bool) -> Run<f64> {
         let soc = inputs[0].clamp(0.0, 1.0);
         let start = Start { temperature_degc: self.temperature_degc, cycle_count: self.cycles, ..Start::at_soc(soc) };
-        Run::new(Arc::clone(self.model), start)
+        let mut run = Run::new(Arc::clone(self.model), start);
+        if !rested {
+            go_on_like(&mut run, self.followed);
+        }
+        run
     }
 }
 
@@ -246,16 +254,16 @@ impl Believed for Pack<'_> {
         (x, DMatrix::from_fn(n, n, |one, other| self.ledger.covariance(state_of(one), state_of(other))))
     }
 
-    fn discharge_wh(&self, inputs: &[f64], power_w: f64) -> f64 {
+    fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64 {
         let facts = self.model.battery();
         let of_pack = self.factor * f64::from(facts.series) / f64::from(facts.parallel);
         let capacity = 1.0 + inputs[1];
         let more_ohm = |soc: f64| of_pack * resistance::at(&inputs[2..], soc);
-        capacity * forecast::discharge_behind(&mut self.run(inputs), power_w / capacity, more_ohm).energy_wh
+        capacity * forecast::discharge_behind(&mut self.run(inputs, rested), power_w / capacity, more_ohm).energy_wh
     }
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {
-        (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs), 1.0).time_s
+        (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs, false), 1.0).time_s
     }
 
     fn current_errors(&self) -> CurrentErrors {
@@ -279,7 +287,7 @@ impl Gauge for ImpedanceTrack {
         }
         let asleep = self.asleep(sample);
         let followed = self.count(sample, asleep);
-        self.learn_at_rest(sample, followed.shift_v + followed.drop_v);
+        self.learn_at_rest(sample, &followed);
         self.learn_under_load(sample, &followed);
     }
 
@@ -293,9 +301,10 @@ impl Gauge for ImpedanceTrack {
     }
 
     fn reading(&mut self) -> Reading {
-        let (soc, Counter { model, ledger, watch, .. }) = (self.counter.soc(), &mut self.counter);
+        let (soc, followed) = (self.counter.soc(), self.counter.run().clone());
+        let Counter { model, ledger, watch, .. } = &mut self.counter;
         let (temperature_degc, cycles) = (watch.temperature_degc, watch.cycles.full());
-        let pack = Pack { model, ledger, temperature_degc, cycles, factor: self.factor.1 };
+        let pack = Pack { model, ledger, followed: &followed, temperature_degc, cycles, factor: self.factor.1 };
         let learned = ledger.state(CAPACITY);
         let mut reading = watch.reading(model, &pack, soc, Estimate::new(1.0 + learned.value, learned.sigma));
         if let Some(cell_v) = self.load.cell_v() {

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! o and g: offset (A) and gain of the current sensor; q: relative error of the capacity; l:
-//! error of the self-discharge (1/s); e: error of the OCV table (V, see [`super::ocv_error`]); v: offset of the
+//! error of the self-discharge (1/s); e: error of the OCV table (V, see [`crate::ocv_error`]); v: offset of the
 //! voltage sensor (V per cell); r: resistance beyond the model's (ohm per cell). None of them is
 //! noise: each is the same error all the time, so all of them are states with a covariance. That
 //! is why reading the same OCV again teaches nothing, and why a capacity that was too large makes
@@ -20,8 +20,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::ocv_error;
 use super::prediction::CurrentErrors;
+use crate::ocv_error;
 use crate::units::S_PER_H;
 use crate::{Channel, Estimate, Model, OcvTable, Sensor};
 

@@ -55,10 +55,10 @@ pub(crate) trait Believed {
     /// The uncertain inputs of a prediction with their covariance; state of charge comes first.
     fn inputs(&self) -> (DVector<f64>, DMatrix<f64>);
 
-    /// Energy to the end of discharge at that power and those inputs, Wh.
-    fn discharge_wh(&self, inputs: &[f64], power_w: f64) -> f64;
+    /// Energy to the end of discharge at that power and those inputs, Wh: of the pack as its load has left it, or of one that has rested.
+    fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64;
 
-    /// Time to full on the pack's own charger at those inputs, s.
+    /// Time to full on the pack's own charger at those inputs, s, of the pack as it is.
     fn charge_s(&self, inputs: &[f64]) -> f64;
 
     /// What the current sensor is wrong by, as far as it is known by now.
@@ -179,14 +179,14 @@ impl Watch {
         // Near rest, noise is most of the power: there only a change that matters to the forecast
         // counts, which takes no power below this for one.
         let idle_w = CURRENT_SHARE * facts.stored_wh();
-        let remaining = line(&mut self.predictor.remaining, &x, &p, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w));
+        let remaining = line(&mut self.predictor.remaining, &x, &p, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w, false));
         let remaining_wh = remaining.estimate(&x, &p);
         let remaining_slopes = remaining.slopes.clone();
         let mut at_full = (x.clone(), p.clone());
         at_full.0[0] = 1.0;
         at_full.1.row_mut(0).fill(0.0);
         at_full.1.column_mut(0).fill(0.0);
-        let full = line(&mut self.predictor.full, &at_full.0, &at_full.1, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w));
+        let full = line(&mut self.predictor.full, &at_full.0, &at_full.1, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w, true));
         let full_wh = full.estimate(&at_full.0, &at_full.1);
         let time_to_full_s =
             (power_w < -idle_w).then(|| line(&mut self.predictor.to_full, &x, &p, 0.0, idle_w, |x| believed.charge_s(x)).estimate(&x, &p));

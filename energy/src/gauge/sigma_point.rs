@@ -31,10 +31,10 @@ use nalgebra::{DMatrix, DVector};
 use self::layout::{Layout, start_sigma};
 use self::pack::Pack;
 use super::follow::follow;
-use super::ocv_error::{self, KNOTS};
 use super::prediction::Watch;
 use super::resistance::{Prior, temperature_factor};
 use super::{Gauge, Reading, Sample};
+use crate::ocv_error::{self, KNOTS};
 use crate::units::{S_PER_DAY, S_PER_H};
 use crate::{Channel, Estimate, Model, Run, Sensor, Start};
 

@@ -295,6 +295,9 @@ pub(super) fn default_parameter(effect: &'static str, spec: &'static ParameterSp
     }
 }
 
+/// Share of the least usual value of a number that must not be nothing that is taken for nothing.
+const NEXT_TO_NOTHING: f64 = 1e-6;
+
 fn parameter(
     document: &Document<'_>,
     effect: &'static str,
@@ -308,6 +311,8 @@ fn parameter(
         .try_into()
         .map_err(|error: toml::de::Error| fail(format!("{}; write {{ value = .., source = \"..\" }}", error.message())))?;
     let (min, max) = (raw.min.unwrap_or(spec.min), raw.max.unwrap_or(spec.max));
+    // Where the catalogue's range ends above nothing, equations divide by the number: nothing at all is never meant.
+    let min = if spec.min > 0.0 { min.max(NEXT_TO_NOTHING * spec.min) } else { min };
     if !(min.is_finite() && max.is_finite() && min < max) {
         return Err(fail(format!("min = {min} must lie below max = {max}")));
     }

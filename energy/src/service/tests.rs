@@ -130,6 +130,26 @@ fn a_shared_limit_lengthens_the_charge_and_the_own_load_runs_on() {
 }
 
 #[test]
+fn who_comes_too_hot_or_too_cold_is_charged_where_it_is_neither() {
+    let station = model("mds-station");
+    let at = |temperature_degc: f64, ambient_degc: f64| {
+        let around = Circumstances { temperature_degc, ambient_degc, ..Circumstances::ALONE };
+        service(&station, Estimate::exact(0.1), &around)
+    };
+    let mild = at(25.0, 25.0);
+    // From the yard into the hall, and from hard work: each rests until it may be charged.
+    for (temperature_degc, ambient_degc) in [(-2.0, 20.0), (46.0, 30.0)] {
+        let waits = at(temperature_degc, ambient_degc);
+        assert!(waits.stopped.is_none() && waits.charge_s > mild.charge_s + 120.0, "{waits:?}");
+        assert!(waits.charge_s < mild.charge_s + 3600.0, "{waits:?}");
+    }
+    // Where it is as hot or as cold, that never ends.
+    for degc in [-2.0, 46.0] {
+        assert!(at(degc, degc).stopped.is_some());
+    }
+}
+
+#[test]
 fn packs_alone_share_a_limit_without_any_robots_load() {
     // Two behind chargers of 88 % share 30 W: 13.2 W each, until the voltage is full.
     let two = Circumstances { pack_v: 11.4, at_once: 2.0, converter_w_max: 30.0, ..Circumstances::ALONE };

@@ -178,5 +178,8 @@ fn bad_models_are_refused_with_place_and_near_match() {
     assert!(refused(("series = 3", "serie = 3")).contains("did you mean `series`?"));
     let text = refused(("conductance_w_per_k = { value = 0.029", "conductance_w_per_k = { value = inf"));
     assert!(text.contains("must be between 0.001 and 5") && text.starts_with("pack.toml:"), "{text}");
+    // What equations divide by is never nothing, whatever range a file states.
+    let text = refused(("conductance_w_per_k = { value = 0.029", "conductance_w_per_k = { min = 0.0, value = 0.0"));
+    assert!(text.contains("value = 0 must be between 0.00000") && text.contains("and 5"), "{text}");
     assert!(built_in_names().count() >= 5);
 }

@@ -59,11 +59,11 @@ impl Physics for HBridge {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+    fn step<S: Real>(&self, facts: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         if traction::wheels_turn(channels) {
             channels.add(Channel::PowerW, own.parameters[1]);
         }
-        let (force_n, battery_v) = (channels[Channel::TractionN], channels[Channel::VoltageV]);
+        let (force_n, battery_v) = (channels[Channel::TractionN], facts.supply_v(channels));
         if battery_v.re() > 0.0 {
             let conduction_w = own.parameters[0] * force_n * force_n * channels[Channel::SpeedMps].abs() / battery_v;
             channels.add(Channel::PowerW, conduction_w);

@@ -46,9 +46,9 @@ impl Physics for NoLoadCurrent {
     }
 
     #[inline]
-    fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
+    fn step<S: Real>(&self, facts: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         if traction::wheels_turn(channels) {
-            channels.add(Channel::PowerW, own.parameters[0] * channels[Channel::VoltageV]);
+            channels.add(Channel::PowerW, own.parameters[0] * facts.supply_v(channels));
         }
     }
 }

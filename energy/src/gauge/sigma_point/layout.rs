@@ -1,6 +1,6 @@
 //! Where each part of the filter's state lies, and what is known of it at the start.
 
-use crate::gauge::ocv_error::KNOTS;
+use crate::ocv_error::KNOTS;
 use crate::{Channel, Model};
 
 /// Where each part of the state begins.
@@ -54,6 +54,8 @@ pub(super) fn start_sigma(name: &str, model: &Model) -> f64 {
             sensor.floor().hypot(sensor.offset_sigma).max(0.1)
         }
         Some("v") => 2e-3,
+        // Most packs come from one of its branches, whose places are 1 and -1.
+        _ if name == "hysteresis" => 1.0,
         _ => 1e-2,
     }
 }

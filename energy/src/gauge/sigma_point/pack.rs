@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::SigmaPoint;
+use crate::gauge::follow::go_on_like;
 use crate::gauge::prediction::{Believed, CurrentErrors};
 use crate::{Run, Start, forecast};
 
@@ -21,7 +22,7 @@ impl Pack<'_> {
         [0, layout.capacity, layout.resistance].into_iter().chain(layout.first_parameter..layout.capacity).collect()
     }
 
-    fn run(&self, inputs: &[f64]) -> Run<f64> {
+    fn run(&self, inputs: &[f64], rested: bool) -> Run<f64> {
         let gauge = self.gauge;
         let soc = inputs[0].clamp(0.0, 1.0);
         let (temperature_degc, cycle_count) = (self.temperature_degc, self.cycles);
@@ -30,7 +31,12 @@ impl Pack<'_> {
             let limits = &gauge.model.parameters()[parameter];
             values[parameter] = value.clamp(limits.min, limits.max);
         }
-        Run::with_parameters(Arc::clone(&gauge.model), values, Start { temperature_degc, cycle_count, ..Start::at_soc(soc) })
+        let start = Start { temperature_degc, cycle_count, ..Start::at_soc(soc) };
+        let mut run = Run::with_parameters(Arc::clone(&gauge.model), values, start);
+        if !rested {
+            go_on_like(&mut run, &gauge.points[0].run);
+        }
+        run
     }
 }
 
@@ -42,17 +48,17 @@ impl Believed for Pack<'_> {
         (x, DMatrix::from_fn(places.len(), places.len(), |one, other| gauge.p[(places[one], places[other])]))
     }
 
-    fn discharge_wh(&self, inputs: &[f64], power_w: f64) -> f64 {
+    fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64 {
         let facts = self.gauge.model.battery();
         let of_pack = inputs[2] * self.gauge.warmth.1 * f64::from(facts.series) / f64::from(facts.parallel);
         let capacity = 1.0 + inputs[1];
         let length = self.gauge.resistance_length();
         let more_ohm = |soc: f64| of_pack * (-(inputs[0] - soc).abs() / length).exp();
-        capacity * forecast::discharge_behind(&mut self.run(inputs), power_w / capacity, more_ohm).energy_wh
+        capacity * forecast::discharge_behind(&mut self.run(inputs, rested), power_w / capacity, more_ohm).energy_wh
     }
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {
-        (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs), 1.0).time_s
+        (1.0 + inputs[1]) * forecast::charge(&mut self.run(inputs, false), 1.0).time_s
     }
 
     fn current_errors(&self) -> CurrentErrors {

@@ -10,7 +10,7 @@ use nalgebra::DVector;
 
 use super::{Gathered, MODEL_V, Point, REACH, SigmaPoint};
 use crate::Channel;
-use crate::gauge::ocv_error::{self, SPACING};
+use crate::ocv_error::{self, SPACING};
 
 /// Most windows that are taken to be wrong in the same way: an hour (guess: a rest or a drive, 0.3
 /// to 3 hours).
