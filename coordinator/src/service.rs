@@ -166,7 +166,9 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     drop(alive);
     let _ = service.link.session.close().await;
     if deposed {
-        return Err(StoreError::Deposed { path: shown(&place) }.into());
+        let path = shown(&place);
+        let is_replaced = service.leading.is_replaced();
+        return Err(if is_replaced { StoreError::Deposed { path } } else { StoreError::Lapsed { path } }.into());
     }
     ensure!(kept, "the store {} cannot be written: what waited for it is not kept", shown(&place).display());
     service.leading.end().await;

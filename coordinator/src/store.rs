@@ -122,10 +122,21 @@ impl Store {
         let writer = pool.connect_with(options).await.map_err(failed)?;
         place::MIGRATOR.run(&writer).await.map_err(|error| StoreError::migration(path, error))?;
         let holder = server::holder();
-        let mut told = false;
-        while !server::lease(&writer, path, &holder).await? {
-            if !std::mem::replace(&mut told, true) {
-                tracing::info!("standing by: another coordinator leads with store {}", shown(path).display());
+        let (mut told, mut warned) = (false, false);
+        loop {
+            match server::lease(&writer, path, &holder).await {
+                Ok(true) => break,
+                Ok(false) if !std::mem::replace(&mut told, true) => {
+                    tracing::info!("standing by: another coordinator leads with store {}", shown(path).display());
+                }
+                Ok(false) => warned = false,
+                // Who waits for the server to say that it may lead also waits for the server.
+                Err(error) if error.is_of_the_moment() => {
+                    if !std::mem::replace(&mut warned, true) {
+                        tracing::warn!("{error} Asking again until it does.");
+                    }
+                }
+                Err(error) => return Err(error),
             }
             tokio::time::sleep(RENEWAL / 2).await;
         }
@@ -271,5 +282,5 @@ async fn count_start(writer: &AnyPool, path: &Path) -> Result<u64, StoreError> {
         .map_err(|source| StoreError::database(path, "counting this start", source))?;
     epoch
         .and_then(|epoch| u64::try_from(epoch).ok())
-        .ok_or_else(|| StoreError::Damaged { path: path.to_owned(), detail: "table `meta` has no valid `epoch`".to_owned() })
+        .ok_or_else(|| StoreError::Damaged { path: shown(path), detail: "table `meta` has no valid `epoch`".to_owned() })
 }

@@ -15,6 +15,7 @@
 mod battery;
 mod cusum;
 mod filter;
+mod pace;
 mod power;
 mod station;
 mod words;
@@ -168,7 +169,11 @@ impl Watch {
         // What driving takes is not its load's, and how fast packs on the shelf are charged is not told.
         let drives = state.arrives.is_some();
         let shelf = models.spare_battery.is_some() && models.recharge_w <= 0.0 && state.spares.iter().any(|spare| !spare.ready);
-        let robot = |robot: &RobotId| fleet.robots.get(robot).and_then(|robot| robot.known()).map(|(gauge, state)| (gauge, state.phase));
+        let holds_s = |robot: &RobotId| self.robots.get(robot).map_or(station::STALE_S, |watch| watch.silent_s(station::STALE_S));
+        let robot = |id: &RobotId| {
+            let (gauge, state) = fleet.robots.get(id).and_then(|robot| robot.known())?;
+            Some((gauge, state.phase, holds_s(id)))
+        };
         let robots_gain = |robot: &RobotId| gain_of(self.batteries.get(robot).map(BatteryWatch::model));
         let situation = station::situation(state, gauge.voltage_v, gauge.at, robot, robots_gain)
             .filter(|_| settled && state.powered && !drives && !shelf);

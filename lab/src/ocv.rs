@@ -2,6 +2,8 @@
 //! charge, and what its current costs at once.
 //!
 //! ```text
+//!   parts      logs between their gaps
+//!     |
 //!   counted    a log as charge drawn and voltage of one cell
 //!     |   level    what current flows, behind the noise of its readings
 //!     |
@@ -28,6 +30,7 @@ mod counted;
 mod course;
 mod level;
 mod noise;
+mod parts;
 mod passage;
 mod shown;
 mod solve;
@@ -114,7 +117,7 @@ pub enum OcvError {
          --soc-initial 1 if one begins full, 0 if one begins empty, or give --capacity-ah{because}"
     )]
     NoCapacity {
-        /// What ammeters have to do with it; empty where nothing shows that.
+        /// What logs and ammeters have to do with it; empty where nothing shows that.
         because: String,
     },
     /// Nothing says how full a log begins.
@@ -218,6 +221,8 @@ pub struct FirstModel {
     pub used: Vec<Used>,
     /// Logs that begin elsewhere than is stated.
     pub doubted: Vec<Doubted>,
+    /// Parts of logs after gaps that were left out: nothing says how full they are anywhere.
+    pub unplaced: Vec<String>,
     /// Of logs whose ammeter may be so far off that no rest shows, that in words.
     pub ammeters: Vec<String>,
 }
@@ -228,9 +233,15 @@ pub struct FirstModel {
 /// Names the fact or the log, and what would help.
 pub fn first_model(sheet: &Sheet, logs: &[Log]) -> Result<FirstModel, OcvError> {
     sheet.check()?;
-    let counted: Vec<Counted<'_>> = logs.iter().map(|log| Counted::of(log, sheet)).collect::<Result<_, _>>()?;
+    let parts = parts::parts(logs);
+    let counted: Vec<Counted<'_>> = parts.iter().map(|part| Counted::of(&part.log, sheet)).collect::<Result<_, _>>()?;
     let nominal_ah = passage::nominal_ah(sheet, &counted);
-    let counted: Vec<Counted<'_>> = counted.into_iter().map(|log| log.told(nominal_ah)).collect();
+    let counted = parts.iter().zip(counted).map(|(part, log)| (part.is_later, log.told(nominal_ah)));
+    // What nothing says of how full it is after a gap, says nothing.
+    let is_placed = |(is_later, log): &(bool, Counted<'_>)| !is_later || !anchor::anchors(log, sheet, nominal_ah).0.is_empty();
+    let (placed, others): (Vec<_>, Vec<_>) = counted.partition(is_placed);
+    let counted: Vec<Counted<'_>> = placed.into_iter().map(|(_, log)| log).collect();
+    let unplaced = others.into_iter().map(|(_, log)| log.log.name.clone()).collect();
     let known = passage::known(sheet, &counted, nominal_ah)?;
     let noise = noise::noise(&counted, sheet);
     let step_ohm = step::resistance(&counted, &known, noise.per_cell(sheet));
@@ -266,6 +277,7 @@ pub fn first_model(sheet: &Sheet, logs: &[Log]) -> Result<FirstModel, OcvError> 
         used,
         doubted: known.doubted,
         ammeters: counted.iter().filter_map(Counted::never_rests).collect(),
+        unplaced,
     })
 }
 

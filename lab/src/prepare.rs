@@ -156,7 +156,7 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
     let targets = predicted.iter().filter_map(|&channel| {
         let held = if model.system == System::Battery { late::instants } else { late::intervals };
         let observed = when_true(model, log, channel, log.channels.get(&channel)?, held).into_owned();
-        let used: Vec<bool> = (0..log.rows()).map(|row| row > 0 && observed[row].is_finite() && known[row]).collect();
+        let used: Vec<bool> = (0..log.rows()).map(|row| row > 0 && observed[row].is_finite() && known[row] && log.compares(row)).collect();
         used.contains(&true).then(|| Target { channel, observed, used, floor: model.sensor(channel).floor() })
     });
     let targets = targets.collect();

@@ -9,7 +9,7 @@ use super::Format;
 use crate::config::Config;
 use crate::core::{Core, Numbering};
 use crate::replay::{Inputs, Replay};
-use crate::store::{Reader, Store};
+use crate::store::{Reader, Store, shown};
 
 /// Tells a core what the coordinators of a store were told, and checks that it decides the same.
 #[derive(clap::Args)]
@@ -49,7 +49,7 @@ const LINES: usize = 10_000;
 pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let reader = Store::open_read_only(&args.store).await?;
     let starts = reader.starts().await?;
-    anyhow::ensure!(!starts.is_empty(), "store {}: no start of a coordinator is in it", reader.path().display());
+    anyhow::ensure!(!starts.is_empty(), "store {}: no start of a coordinator is in it", shown(reader.path()).display());
     let config = Config::read(&args.config)?;
     let mut told = Vec::new();
     for (index, start) in starts.iter().enumerate().filter(|(_, start)| args.epoch.is_none_or(|epoch| start.epoch == epoch)) {
@@ -64,7 +64,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         !told.is_empty(),
         "--epoch {}: store {} holds the starts {} to {}",
         args.epoch.unwrap_or_default(),
-        reader.path().display(),
+        shown(reader.path()).display(),
         starts[0].epoch,
         starts[starts.len() - 1].epoch
     );

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::Context as _;
 
@@ -37,7 +38,10 @@ pub struct Args {
     no_web: bool,
 }
 
-/// Runs the command.
+/// Time between two looks for a store's server that was there before.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// Runs the command. Exit status 1 says that the store's server does not answer.
 ///
 /// # Errors
 /// When configuration, models, store or network cannot be had.
@@ -60,12 +64,31 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     config.web.enabled &= !args.no_web;
     node::begin_with_one_thread(&config.network)?;
     let mut stop = std::pin::pin!(node::told_to_stop());
+    // Who has led goes on to stand by, also while the store's server is away.
+    let (mut has_led, mut warned) = (false, false);
     loop {
-        match service::run(&config, Some(&args.config), &mut stop).await {
-            Err(error) if matches!(error.downcast_ref(), Some(StoreError::Deposed { .. })) => {
+        let ended = service::run(&config, Some(&args.config), &mut stop).await;
+        let store = ended.as_ref().err().and_then(|error| error.downcast_ref::<StoreError>());
+        match store {
+            Some(error @ (StoreError::Deposed { .. } | StoreError::Lapsed { .. })) => {
                 tracing::warn!("{error}: this one stands by");
+                (has_led, warned) = (true, false);
             }
-            ended => return ended.map(|()| ExitCode::SUCCESS),
+            Some(error) if has_led && error.is_of_the_moment() => {
+                if !std::mem::replace(&mut warned, true) {
+                    tracing::warn!("{error} Asking again until it does.");
+                }
+                tokio::select! {
+                    () = tokio::time::sleep(AGAIN) => {}
+                    () = &mut stop => return Ok(ExitCode::SUCCESS),
+                }
+            }
+            // That the server does not answer yet is nothing that somebody has to mend in the configuration.
+            Some(error) if error.is_of_the_moment() => {
+                eprintln!("coordinator: {error}");
+                return Ok(ExitCode::FAILURE);
+            }
+            _ => return ended.map(|()| ExitCode::SUCCESS),
         }
     }
 }

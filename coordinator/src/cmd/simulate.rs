@@ -74,11 +74,15 @@ struct Finished {
 pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     let text = node::files::read_text(&args.scenario)?;
     let mut scenario = Scenario::parse(&args.scenario, &text)?;
-    for model in &args.model {
-        believe(&mut scenario, model)?;
-    }
     let seed = args.seed.unwrap_or(scenario.seed);
-    let runs = by_policy(&scenario, chosen(&scenario, args.run.as_deref())?, &args.policy)?;
+    let mut runs = by_policy(&scenario, chosen(&scenario, args.run.as_deref())?, &args.policy)?;
+    for model in &args.model {
+        believe(&mut scenario, &mut runs, model)?;
+    }
+    // A simulation may take hours: what it is to be written to is there before.
+    for folder in args.out.iter().chain(&args.telemetry) {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    }
     if let Some(store) = &args.store {
         ensure!(runs.len() == 1, "--store: a store is of one run, and this makes {}: choose one by --run or --policy", runs.len());
         ensure!(!store.exists(), "--store {}: it is there already; name a new file, or remove that one", store.display());
@@ -99,11 +103,11 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         let verdicts = scenario.verdicts(&run, &outcome.measured.metrics);
         finished.push(Finished { run, outcome, past, verdicts });
     }
-    files::write(args, &scenario, seed, &finished)?;
     match args.format {
         Format::Table => tables::print(&scenario, seed, &finished, &args.policy),
         Format::Json => say!("{}", serde_json::to_string_pretty(&as_json(&scenario, seed, &finished))?),
     }
+    files::write(args, &scenario, seed, &finished)?;
     if let (Some(stage), Some(last)) = (stage, finished.last_mut()) {
         stage.stay(&mut last.outcome, &last.past, &title(&scenario, &last.run));
     }
@@ -142,12 +146,21 @@ fn by_policy(scenario: &Scenario, runs: Vec<RunEntry>, policies: &[String]) -> a
     Ok(runs.iter().flat_map(|run| policies.iter().map(|policy| with(run, policy)).collect::<Vec<_>>()).collect())
 }
 
-/// Puts a model in place of the believed one of its name, or of the only one of its system.
-fn believe(scenario: &mut Scenario, model: &str) -> anyhow::Result<()> {
+/// Puts a model in place of the believed one of its name, or of the only one of its system; also of one that a run believes in instead.
+fn believe(scenario: &mut Scenario, runs: &mut [RunEntry], model: &str) -> anyhow::Result<()> {
     let given = node::files::model(model, None)?;
+    let path =
+        if energy::built_in(model).is_some() { model.to_owned() } else { std::path::absolute(model)?.to_string_lossy().into_owned() };
+    let beside = scenario.folder.join("scenario.toml");
+    let mut is_a_runs = false;
+    for other in runs.iter_mut().flat_map(|run| run.believed.replace.values_mut()) {
+        if node::files::model(other, Some(&beside))?.name == given.name {
+            other.clone_from(&path);
+            is_a_runs = true;
+        }
+    }
     let mut of_system = Vec::new();
     for name in scenario.model_names() {
-        let beside = scenario.folder.join("scenario.toml");
         let known = node::files::model(name, Some(&beside))?;
         if known.name == given.name {
             of_system = vec![name.to_owned()];
@@ -156,6 +169,9 @@ fn believe(scenario: &mut Scenario, model: &str) -> anyhow::Result<()> {
         if known.system == given.system {
             of_system.push(name.to_owned());
         }
+    }
+    if is_a_runs && !of_system.iter().any(|name| node::files::model(name, Some(&beside)).is_ok_and(|known| known.name == given.name)) {
+        return Ok(());
     }
     let [replaced] = &of_system[..] else {
         let system = given.system.name();
@@ -168,8 +184,10 @@ fn believe(scenario: &mut Scenario, model: &str) -> anyhow::Result<()> {
             ),
         }
     };
-    let path =
-        if energy::built_in(model).is_some() { model.to_owned() } else { std::path::absolute(model)?.to_string_lossy().into_owned() };
+    // What a run believes in instead comes after what all believe in.
+    for run in runs.iter_mut().filter(|run| run.believed.replace.contains_key(replaced)) {
+        run.believed.replace.insert(replaced.clone(), path.clone());
+    }
     scenario.believed.replace.insert(replaced.clone(), path);
     Ok(())
 }

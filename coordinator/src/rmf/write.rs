@@ -179,7 +179,7 @@ fn assumed(fleet: &Fleet, graph: Option<&Graph>, wishes: Wishes) -> Vec<String> 
 /// than those that the effects were made for.
 fn parameter(name: &str, value: f64, key: &str, wishes: Wishes) -> String {
     let (most, sigma) = ((2.0 * value).max(1.0), wishes.sigma * value);
-    format!("{name} = {{ value = {value:?}, sigma = {sigma:.4}, min = 0.0, max = {most:?}, source = \"Open-RMF, {key}\" }}\n")
+    format!("{name} = {{ value = {value:?}, sigma = {sigma:?}, min = 0.0, max = {most:?}, source = \"Open-RMF, {key}\" }}\n")
 }
 
 fn battery(fleet: &Fleet, stem: &str) -> String {

@@ -49,6 +49,11 @@ impl Leading {
         right.is_replaced || right.until.is_some_and(|until| monotonic() >= until)
     }
 
+    /// Whether another leads for sure.
+    pub(super) fn is_replaced(&self) -> bool {
+        lock(&self.right).is_replaced
+    }
+
     /// Takes in that the core is at work.
     pub(super) fn is_at_work(&self) {
         lock(&self.right).seen = monotonic();

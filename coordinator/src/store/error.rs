@@ -56,6 +56,12 @@ pub enum StoreError {
         /// The store.
         path: PathBuf,
     },
+    /// The lease has run out before it could be renewed; nobody knows whether another has taken over.
+    #[error("store {}: the lease could not be renewed in time", path.display())]
+    Lapsed {
+        /// The store.
+        path: PathBuf,
+    },
     /// Some other file, which was left as it is.
     #[error("{} is not a coordinator's store: {detail}; it was left untouched, choose another path", path.display())]
     NotAStore {
@@ -187,6 +193,12 @@ impl StoreError {
         matches!(self, StoreError::Refused { .. } | StoreError::Conflict { .. })
     }
 
+    /// Whether it is over when the server answers again: nothing in a configuration is to blame.
+    #[must_use]
+    pub fn is_of_the_moment(&self) -> bool {
+        matches!(self, StoreError::Unreachable { .. })
+    }
+
     /// What a database error met while `doing` something means to the user.
     pub(super) fn database(path: &Path, doing: &'static str, source: sqlx::Error) -> Self {
         let path = super::shown(path);
@@ -195,6 +207,9 @@ impl StoreError {
                 sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) => Self::Damaged { path, detail: format!("{doing}: {source}") },
                 sqlx::Error::Io(source) if super::server::is_address(&path) => {
                     Self::Unreachable { path, detail: format!("{doing}: {source}") }
+                }
+                sqlx::Error::PoolTimedOut if super::server::is_address(&path) => {
+                    Self::Unreachable { path, detail: format!("{doing}: it does not answer in time") }
                 }
                 sqlx::Error::PoolTimedOut => Self::Database { path, detail: format!("{doing}: it does not answer in time") },
                 source => Self::Database { path, detail: format!("{doing}: {source}") },
@@ -205,6 +220,8 @@ impl StoreError {
         match error.code().filter(|code| code.len() == 5).as_deref() {
             Some("53100" | "53200") => return Self::Full { path, detail },
             Some("28000" | "28P01" | "3D000" | "42501") => return Self::Denied { path, detail },
+            // It stops, starts, or has lost the connection.
+            Some(code) if code.starts_with("08") || code.starts_with("57P0") => return Self::Unreachable { path, detail },
             Some(_) if super::server::is_address(&path) => return Self::Database { path, detail },
             _ => {}
         }
@@ -228,7 +245,7 @@ impl StoreError {
             MigrateError::Execute(source) | MigrateError::ExecuteMigration(source, _) => {
                 Self::database(path, "bringing its tables up to date", source)
             }
-            other => Self::Damaged { path: path.to_owned(), detail: other.to_string() },
+            other => Self::Damaged { path: super::shown(path), detail: other.to_string() },
         }
     }
 }

@@ -8,7 +8,7 @@ use sqlx::AnyPool;
 use sqlx::any::{AnyPoolOptions, AnyRow};
 use sqlx::{Row, query, query_as, query_scalar};
 
-use super::{Heard, Record, StoreError, What, inputs, place, server};
+use super::{Heard, Record, StoreError, What, inputs, place, server, shown};
 use crate::core::Numbering;
 
 /// A store open for reading. It sees every batch as soon as that is appended, whole.
@@ -218,7 +218,7 @@ impl Reader {
     }
 
     fn damaged(&self, detail: String) -> StoreError {
-        StoreError::Damaged { path: self.path.clone(), detail }
+        StoreError::Damaged { path: shown(&self.path), detail }
     }
 
     fn failed(&self, doing: &'static str) -> impl Fn(sqlx::Error) -> StoreError {

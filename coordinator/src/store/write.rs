@@ -9,7 +9,7 @@ use proto::{
 use sqlx::{AnyConnection, query, query_scalar};
 
 use super::rows::{Value, insert};
-use super::{Heard, Record, StoreError, inputs};
+use super::{Heard, Record, StoreError, inputs, shown};
 
 /// The columns of both gauge tables after those that name the battery.
 macro_rules! gauge_columns {
@@ -116,7 +116,7 @@ impl<'a> Batch<'a> {
         for decision in &self.decisions {
             let kept = decision.write(connection).await.map_err(|source| StoreError::database(path, "writing decisions", source))?;
             if kept == Kept::OtherUnderThisName {
-                return Err(StoreError::Conflict { path: path.to_owned(), record: decision.name() });
+                return Err(StoreError::Conflict { path: shown(path), record: decision.name() });
             }
         }
         Ok(())

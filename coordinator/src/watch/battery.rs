@@ -24,10 +24,11 @@ use energy::{Channel, Estimate, Model, Run, Start, propagate};
 use proto::{Gauge, Timestamp};
 
 use super::filter::Filter;
+use super::pace::Pace;
 
 /// Length of a block, s: long enough that sensors' noise averages out, short beside a charge.
 const BLOCK_S: f64 = 60.0;
-/// Without a message for this long nobody knows what current flowed, s.
+/// Without a message for this long nobody knows what current flowed, s; later of a gauge that speaks seldom.
 const GAP_S: f64 = 10.0;
 /// Longest interval over which a message's current counts as the mean, s.
 const MEAN_S: f64 = 2.0;
@@ -64,6 +65,7 @@ pub(super) struct BatteryWatch {
     recent_drop_v: f64,
     begun: Timestamp,
     last: Timestamp,
+    pace: Pace,
     last_a: f64,
     last_v: f64,
     /// Resistance that the pack showed beyond its model when it was first judged, ohm: a wrong count shows later.
@@ -107,6 +109,7 @@ impl BatteryWatch {
             recent_drop_v: 0.0,
             begun: gauge.at,
             last: gauge.at,
+            pace: Pace::default(),
             last_a: gauge.current_a,
             last_v: gauge.voltage_v,
             further_ohm: None,
@@ -133,13 +136,14 @@ impl BatteryWatch {
     pub(super) fn update(&mut self, gauge: &Gauge) -> Option<(Timestamp, f64)> {
         let dt_s = gauge.at.seconds_since(self.last);
         // Long silence, or a clock that was set back.
-        if dt_s.abs() > GAP_S {
-            *self = Self::new(&Arc::clone(self.run.model()), gauge);
+        if dt_s.abs() > self.pace.silent_s(GAP_S) {
+            *self = Self { pace: Pace::anew(dt_s), ..Self::new(&Arc::clone(self.run.model()), gauge) };
             return None;
         }
         if dt_s <= 0.0 {
             return None;
         }
+        self.pace.add(dt_s);
         let current_a = if dt_s <= MEAN_S { gauge.current_a } else { f64::midpoint(self.last_a, gauge.current_a) };
         let soc = self.run.states()[0];
         self.follow(&Sample { dt_s, current_a, voltage_v: gauge.voltage_v, temperature_degc: gauge.temperature_degc }, gauge.cycles);

@@ -3,6 +3,7 @@ use energy::units::S_PER_H;
 use proto::{Gauge, RobotPhase, RobotState, Timestamp};
 
 use super::filter::Filter;
+use super::pace::Pace;
 
 /// Length of a block of a robot's work, s: longer than most legs of its work.
 const WORK_BLOCK_S: f64 = 300.0;
@@ -14,7 +15,7 @@ pub(super) const STALE_SHARE: f64 = 0.003;
 pub(super) const STALE_W: f64 = 0.05;
 /// How uneven the energy of a way is over its time, as a share of it (guess: it may climb at its end).
 const UNEVEN_SHARE: f64 = 0.25;
-/// A way on which nothing was heard for this long is not judged, s.
+/// A way on which nothing was heard for this long is not judged, s; for longer of a robot that speaks seldom.
 const SILENT_S: f64 = 5.0;
 /// Neither is one that takes no longer than this, s: where it begins and ends is known to a message a second.
 const SHORT_S: f64 = 30.0;
@@ -31,6 +32,7 @@ pub(super) struct RobotWatch {
     /// Until when it is on its way back to work, which is not work.
     back_until: Timestamp,
     last: Option<Timestamp>,
+    pace: Pace,
 }
 
 /// Power at work, as learnt.
@@ -81,7 +83,7 @@ impl RobotWatch {
         {
             self.back_until = state.at.plus_s(state.travel.get(station).map_or(0.0, |travel| travel.time_s));
         }
-        let judged = self.way.take().filter(|way| way.silent_s < SILENT_S && way.time_s > SHORT_S).and_then(|way| {
+        let judged = self.way.take().filter(|way| way.silent_s < self.pace.silent_s(SILENT_S) && way.time_s > SHORT_S).and_then(|way| {
             // Of a robot that stopped on its way its share of the time is known, and of the energy that
             // share about as well as ways are even.
             let arrived = state.phase == RobotPhase::Waiting;
@@ -108,6 +110,11 @@ impl RobotWatch {
         judged
     }
 
+    /// From when on its last word says nothing of now, s; at least this long.
+    pub(super) fn silent_s(&self, least_s: f64) -> f64 {
+        self.pace.silent_s(least_s)
+    }
+
     /// Whether its battery is being exchanged: nobody knows which one the gauge speaks of.
     pub(super) fn swapping(&self) -> bool {
         self.state.as_ref().is_some_and(|state| state.phase == RobotPhase::Swapping)
@@ -117,6 +124,9 @@ impl RobotWatch {
     pub(super) fn gauge(&mut self, gauge: &Gauge) -> Option<Judged> {
         let dt_s = self.last.replace(gauge.at).map_or(0.0, |last| gauge.at.seconds_since(last));
         let power_w = gauge.voltage_v * gauge.current_a;
+        if dt_s > 0.0 {
+            self.pace.add(dt_s);
+        }
         if dt_s < 0.0 {
             // Its clock was set back: what the way has taken since is not known.
             self.way = None;

@@ -11,8 +11,8 @@ use super::power::{STALE_SHARE, STALE_W};
 
 /// Length of a station's block, s.
 const STATION_BLOCK_S: f64 = 60.0;
-/// Older than this, a docked robot's word says nothing of the station's power now, s.
-const STALE_S: f64 = 2.0;
+/// Older than this, a docked robot's word says nothing of the station's power now, s; later of one that speaks seldom.
+pub(super) const STALE_S: f64 = 2.0;
 
 /// A station's power against its model, at what goes on in its bays.
 pub(super) struct StationWatch {
@@ -139,12 +139,12 @@ fn power_w(run: &mut Run<f64>, situation: &Situation) -> f64 {
 }
 
 /// What goes on in a station's bays, by its own state and its robots' gauges, and the variance that the gains of those leave open of what
-/// they are charged with, W²: none while that cannot be told.
+/// they are charged with, W²: none while that cannot be told. A robot's gauge comes with how long it holds, s.
 pub(super) fn situation<'a>(
     state: &proto::StationState,
     pack_v: f64,
     now: Timestamp,
-    gauge_of: impl Fn(&proto::RobotId) -> Option<(&'a Gauge, RobotPhase)>,
+    gauge_of: impl Fn(&proto::RobotId) -> Option<(&'a Gauge, RobotPhase, f64)>,
     gain_sigma: impl Fn(&proto::RobotId) -> f64,
 ) -> Option<(Situation, f64)> {
     let mut doubt_w2 = 0.0;
@@ -153,8 +153,8 @@ pub(super) fn situation<'a>(
     for bay in &state.bays {
         let here = matches!(bay.phase, proto::BayPhase::Occupied | proto::BayPhase::Unloading);
         let Some(robot) = bay.robot.as_ref().filter(|_| here) else { continue };
-        let (gauge, phase) = gauge_of(robot)?;
-        if now.seconds_since(gauge.at) > STALE_S {
+        let (gauge, phase, holds_s) = gauge_of(robot)?;
+        if now.seconds_since(gauge.at) > holds_s {
             return None;
         }
         situation.docked += 1.0;

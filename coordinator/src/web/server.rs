@@ -56,7 +56,8 @@ pub async fn bind(config: &WebConfig) -> anyhow::Result<TcpListener> {
 /// # Errors
 /// When the socket fails.
 pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> anyhow::Result<()> {
-    let local = config.address.is_loopback();
+    let own = if config.address.is_ipv6() { format!("[{}]", config.address) } else { config.address.to_string() };
+    let local = config.address.is_loopback().then_some(own);
     let web = Web { desk, token: config.token.as_deref().map(Arc::from), live: Arc::default() };
     let changes = Router::new().route("/replan", post(replan)).route_layer(from_fn_with_state(web.clone(), with_token));
     let api = Router::new()
@@ -87,7 +88,7 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
         .fallback(|| async { refusal(NoAnswer::Unknown("there is no such page; see /api/v1/".to_owned())) })
         .layer(from_fn(in_json))
         .layer(from_fn(guarded))
-        .layer(from_fn(move |request, next| known_host(local, request, next)))
+        .layer(from_fn(move |request, next| known_host(local.clone(), request, next)))
         .with_state(web);
     axum::serve(listener, router).await.context("the dashboard has stopped")
 }
@@ -204,11 +205,15 @@ fn same(a: &[u8], b: &[u8]) -> bool {
 }
 
 /// A page of elsewhere whose name was made to point at this machine must not read this one.
-async fn known_host(local: bool, request: Request, next: Next) -> Response {
+async fn known_host(local: Option<String>, request: Request, next: Next) -> Response {
     let host = request.headers().get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
     let name = host.rsplit_once(':').map_or(host, |(name, port)| if port.ends_with(']') { host } else { name });
-    if local && !["localhost", "127.0.0.1", "[::1]"].contains(&name) {
-        return error(StatusCode::FORBIDDEN, "this server answers to localhost only; set web.address to serve others");
+    if let Some(own) = local {
+        // Names of hosts are the same in capitals.
+        let known = ["localhost", "127.0.0.1", "[::1]", &own];
+        if !known.iter().any(|known| known.eq_ignore_ascii_case(name)) {
+            return error(StatusCode::FORBIDDEN, "this server answers to localhost only; set web.address to serve others");
+        }
     }
     next.run(request).await
 }

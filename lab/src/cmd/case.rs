@@ -23,7 +23,7 @@ use lab::output::{directory_of, write_whole};
 use lab::prepare::Prepared;
 use lab::report::discovery::{DiscoveryReport, FileErrors, Reach, Unexplained, rms_of};
 
-use super::inputs::{LogInputs, ModelArg};
+use super::inputs::{LogInputs, ModelArg, say};
 
 /// What a search is about.
 pub(super) struct Case<'a> {
@@ -52,8 +52,8 @@ pub(super) struct Written {
 impl<'a> Case<'a> {
     pub(super) fn read(model: &ModelArg, inputs: &'a LogInputs) -> anyhow::Result<Case<'a>> {
         let source = model.load()?;
-        let (train, holdout) = (inputs.train(&source.model)?, inputs.holdout(&source.model)?);
-        unlike(&train, &holdout)?;
+        let (train, mut holdout) = (inputs.train(&source.model)?, inputs.holdout(&source.model)?);
+        unlike(&train, &mut holdout)?;
         if let Some(held) = held_at_defaults(&source.model) {
             eprintln!("lab: note: {held}");
         }
@@ -183,7 +183,7 @@ impl Written {
 }
 
 /// Refuses a log to judge by that is one to learn from, under whatever name.
-pub(super) fn unlike(train: &[Log], holdout: &[Log]) -> anyhow::Result<()> {
+pub(super) fn unlike(train: &[Log], holdout: &mut [Log]) -> anyhow::Result<()> {
     // What is missing in both is the same.
     let alike = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || a.is_nan() && b.is_nan());
     let same = |a: &Log, b: &Log| {
@@ -194,15 +194,24 @@ pub(super) fn unlike(train: &[Log], holdout: &[Log]) -> anyhow::Result<()> {
         if let Some(seen) = train.iter().find(|log| same(log, held)) {
             bail!("{} holds the same readings as {}: a log that was learned from cannot judge", held.file, seen.file);
         }
+        let mut notes = Vec::new();
         for (seen, rows) in train.iter().map(|seen| (seen, shared_rows(held, seen))).filter(|(_, rows)| *rows > 0) {
-            eprintln!(
-                "lab: note: {}: {rows} of its {} rows hold the times and readings of {}: what was learned from cannot judge, so cut them \
-                 out of one of the two",
+            ensure!(
+                rows < held.rows_compared(),
+                "{}: all of its {rows} rows hold the times and readings of {}: a log that was learned from cannot judge",
                 held.file,
-                held.rows(),
                 seen.file
             );
+            notes.push(format!(
+                "{}: {rows} of its {} rows hold the times and readings of {}: what was learned from cannot judge, so cut them out of one of \
+                 the two",
+                held.file,
+                held.rows_compared(),
+                seen.file
+            ));
         }
+        say(&notes);
+        held.notes.extend(notes);
     }
     Ok(())
 }

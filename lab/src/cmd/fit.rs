@@ -52,8 +52,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     let model = &source.model;
     let free = free_parameters(model, &args.free, &args.fix)?;
     let ready = |logs: &[Log]| args.inputs.ready(model, logs);
-    let (train, holdout) = (args.inputs.train(model)?, args.inputs.holdout(model)?);
-    unlike(&train, &holdout)?;
+    let (train, mut holdout) = (args.inputs.train(model)?, args.inputs.holdout(model)?);
+    unlike(&train, &mut holdout)?;
     let (logs, held) = (ready(&train)?, ready(&holdout)?);
     let before = compare(model, &model.values(), &logs);
     let bar = progress_bar();

@@ -128,11 +128,13 @@ impl LogArgs {
             thin(log, model, self.rows.thinning());
             say(&log.notes[told..]);
         }
-        if role == Some(Role::Train) {
-            say(&counted_twice(&logs));
+        let twice = if role == Some(Role::Train) { counted_twice(&logs) } else { Vec::new() };
+        let of_all: Vec<String> = twice.into_iter().chain(uneven_sampling(&logs)).chain(counted_as_zero(model, &logs)).collect();
+        say(&of_all);
+        // Reports tell what was noticed from the logs.
+        if let Some(first) = logs.first_mut() {
+            first.notes.extend(of_all);
         }
-        say(uneven_sampling(&logs).as_slice());
-        say(counted_as_zero(model, &logs).as_slice());
         Ok(logs)
     }
 
@@ -197,7 +199,7 @@ impl LogInputs {
 }
 
 /// Logs to learn from that hold rows of each other.
-fn counted_twice(logs: &[Log]) -> Vec<String> {
+pub(super) fn counted_twice(logs: &[Log]) -> Vec<String> {
     let pairs = logs.iter().enumerate().flat_map(|(index, log)| logs[..index].iter().map(move |before| (before, log)));
     let shared = pairs.map(|(before, log)| (before, log, shared_rows(log, before))).filter(|(.., rows)| *rows > 0);
     let words = |(before, log, rows): (&Log, &Log, usize)| {
@@ -207,7 +209,7 @@ fn counted_twice(logs: &[Log]) -> Vec<String> {
 }
 
 /// Tells the user what stops nothing.
-fn say(notes: &[String]) {
+pub(super) fn say(notes: &[String]) {
     for note in notes {
         eprintln!("lab: note: {note}");
     }

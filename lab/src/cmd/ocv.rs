@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use lab::measurement::Log;
+use lab::measurement::{Log, Role};
 use lab::model_source::parse_beside;
 use lab::ocv::{Sheet, first_model, model_text};
 use lab::output::write_whole;
 use lab::report::first::FirstReport;
 
-use super::inputs::{FactArgs, same_file, spare};
+use super::inputs::{FactArgs, counted_twice, same_file, say, spare};
 use super::save::SaveArgs;
 use super::{Answer, Format, print};
 
@@ -62,6 +62,10 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
         anyhow::ensure!(!twice, "the log {} is given twice; it would count twice", path.display());
     }
     let logs: Vec<Log> = args.logs.iter().map(|path| args.facts.read(path)).collect::<Result<_, _>>()?;
+    let (held, logs): (Vec<Log>, Vec<Log>) = logs.into_iter().partition(|log| log.facts.role == Some(Role::Holdout));
+    say(&held.iter().map(|log| format!("{}: role = \"holdout\": it is kept to judge by, and not used", log.file)).collect::<Vec<_>>());
+    anyhow::ensure!(!logs.is_empty(), "no log to learn from: the facts of each say role = \"holdout\"");
+    say(&counted_twice(&logs));
     let found = first_model(&args.sheet(), &logs)?;
     if let Some(path) = args.save.output() {
         let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();

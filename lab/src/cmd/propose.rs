@@ -38,8 +38,8 @@ pub(super) fn run(args: &Args, format: Format) -> anyhow::Result<Answer> {
     args.model.spare(args.save.output(), Answered::Model)?;
     let source = args.model.load()?;
     let model = &source.model;
-    let (train, holdout) = split(args.logs.train(model)?, args.logs.holdout(model)?)?;
-    unlike(&train, &holdout)?;
+    let (train, mut holdout) = split(args.logs.train(model)?, args.logs.holdout(model)?)?;
+    unlike(&train, &mut holdout)?;
     let names: Vec<String> = train.iter().map(|log| log.name.clone()).collect();
     let evidence = |logs: &[Log]| anyhow::Ok(Evidence::new(model, args.logs.ready(model, logs)?));
     let held = Arc::new(evidence(&holdout)?);

@@ -22,16 +22,24 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
     let mut table = Table::default();
     let (mut headers, mut last_cells) = (Vec::new(), LastCells::default());
     let mut separator = ',';
+    // Columns without a name at the end of the header, lines without anything, and whether a comma was a decimal point.
+    let (mut unnamed, mut empty, mut commas) = (0, Vec::new(), false);
     while let Some(Line { number: line, text, whole }) = lines.next()? {
         if text.trim().is_empty() || text.starts_with('#') {
             continue;
         }
         let broken = |message: String| LogError::Row { file: file.to_owned(), line, message };
         let cut = || format!("line {line}, the last, is cut off and left out");
-        if table.names.is_empty() && !text.contains(',') {
-            separator = [';', '\t'].into_iter().find(|&other| text.contains(other)).unwrap_or(separator);
+        // Spreadsheets may say first how they separate columns.
+        if let (true, Some(said)) = (table.names.is_empty(), text.strip_prefix("sep=").map(str::trim_end))
+            && said.chars().count() <= 1
+        {
+            continue;
         }
-        let Some(cells) = split(text, separator) else {
+        if table.names.is_empty() {
+            separator = separator_of(text);
+        }
+        let Some(mut cells) = split(text, separator) else {
             if !whole && !table.names.is_empty() {
                 table.notes.push(cut());
                 break;
@@ -39,14 +47,24 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             return Err(broken("a quoted cell does not end on its line".to_owned()));
         };
         if table.names.is_empty() {
-            let names: Vec<String> = cells.iter().map(|name| name.to_string()).collect();
+            let mut names: Vec<String> = cells.iter().map(|name| name.to_string()).collect();
+            unnamed = names.iter().rev().take_while(|name| name.is_empty()).count().min(names.len() - 1);
+            names.truncate(names.len() - unnamed);
             check_header(file, line, &names)?;
             table = Table::of(names, "lines");
             match separator {
-                ';' => table.notes.push("columns are separated by semicolons, and a comma in a number is its decimal point".to_owned()),
+                ';' => table.notes.push("columns are separated by semicolons".to_owned()),
                 '\t' => table.notes.push("columns are separated by tabs".to_owned()),
                 _ => {}
             }
+            continue;
+        }
+        // What spreadsheets leave behind the last column and below the last row.
+        if unnamed > 0 && cells.len() == table.names.len() + unnamed && cells[table.names.len()..].iter().all(|cell| cell.is_empty()) {
+            cells.truncate(table.names.len());
+        }
+        if cells.len() > 1 && cells.iter().all(|cell| cell.is_empty()) {
+            empty.push(line);
             continue;
         }
         let is_wider = table.names.len() == 1 && [';', '\t'].iter().any(|&other| looks_like_a_header(text, other));
@@ -81,7 +99,10 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         check_cells(file, &table)?;
         for (column, text) in table.columns.iter_mut().zip(&cells) {
             match decimal_comma(text).filter(|_| separator != ',') {
-                Some(number) => push(column, &number),
+                Some(number) => {
+                    commas = true;
+                    push(column, &number);
+                }
                 None => push(column, text),
             }
         }
@@ -90,10 +111,34 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         let message = "the log is empty; it needs a header row and measurements".to_owned();
         return Err(LogError::Whole { file: file.to_owned(), message });
     }
+    if commas && let Some(note) = table.notes.iter_mut().find(|note| note.starts_with("columns are separated")) {
+        note.push_str(", and a comma in a number is its decimal point");
+    }
+    if !empty.is_empty() {
+        table.notes.push(format!(
+            "{} without any value {} skipped ({})",
+            count(empty.len(), "line"),
+            if empty.len() == 1 { "is" } else { "are" },
+            some_places("lines", &empty)
+        ));
+    }
     if !headers.is_empty() {
         table.notes.push(format!("the header comes again and is skipped ({})", some_places("lines", &headers)));
     }
     Ok(table)
+}
+
+/// What stands between the names of a header, outside quotes: commas, or semicolons or tabs where there is none.
+fn separator_of(header: &str) -> char {
+    let mut quoted = false;
+    let bare: String = header
+        .chars()
+        .filter(|&letter| {
+            quoted ^= letter == '"';
+            !quoted
+        })
+        .collect();
+    [',', ';', '\t'].into_iter().find(|&separator| bare.contains(separator)).unwrap_or(',')
 }
 
 /// The cells of a line, trimmed; none when a quoted cell does not end.
@@ -215,7 +260,7 @@ mod tests {
         assert_eq!(table.names, ["time_s", "floor"]);
         assert_eq!(table.columns[0].numbers(), [0.0, 1.5, 2.0]);
         assert_eq!(table.columns[1].as_texts(), ["mud", "", ""]);
-        assert_eq!(table.columns[1].first_text(), Some((0, "mud")));
+        assert_eq!(table.columns[1].first_text(|_| true), Some((0, "mud")));
         assert_eq!(table.lines, [3, 5, 6]);
     }
 
@@ -264,6 +309,22 @@ mod tests {
         assert_eq!((table.columns[1].numbers(), table.notes.len()), (&[1.5][..], 1));
         // Where commas separate, they do nothing else.
         assert_eq!(read("time_s,a;b\n0,1\n").unwrap().names, ["time_s", "a;b"]);
+    }
+
+    #[test]
+    fn what_spreadsheets_leave_behind_is_skipped() {
+        let table = read("sep=;\ntime_s;a;\"note, free\";\n0;1,5;x;\n1;2,5;y;\n;;;\n").unwrap();
+        assert_eq!(table.names, ["time_s", "a", "note, free"]);
+        assert_eq!((table.columns[1].numbers(), &table.lines[..]), (&[1.5, 2.5][..], &[3, 4][..]));
+        let notes = [
+            "columns are separated by semicolons, and a comma in a number is its decimal point",
+            "1 line without any value is skipped (line 5)",
+        ];
+        assert_eq!(table.notes, notes);
+        // A comma in tabbed numbers is told as well, and a column without a name that holds something is none to guess.
+        assert!(read("time_s\ta\n0\t4,181\n").unwrap().notes[0].ends_with("and a comma in a number is its decimal point"));
+        assert_eq!(read("time_s,a,\n0,1,2\n").unwrap_err(), "a.csv:2: 3 cells where the header has 2 columns");
+        assert_eq!(read("time_s,,a\n0,1,2\n").unwrap_err(), "a.csv:1: column 2 has no name");
     }
 
     #[test]

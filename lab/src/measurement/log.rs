@@ -16,7 +16,7 @@ use super::values::{count, explaining_step, missing, plain, spikes, within_range
 use super::{GapCurrent, LogError, LogFacts, Mark, Table};
 
 /// The column that every log begins with, in seconds.
-const TIME: &str = "time_s";
+pub(super) const TIME: &str = "time_s";
 
 /// A column that is not a channel of any system.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +41,8 @@ pub struct Log {
     pub time_s: Vec<f64>,
     /// How many readings of its inputs each row holds the mean of; empty where each holds one.
     pub readings: Vec<f64>,
+    /// Which rows are compared; empty where all are. The others lie between those that were asked for.
+    pub compared: Vec<bool>,
     /// Canonical channels, NaN where missing.
     pub channels: BTreeMap<Channel, Vec<f64>>,
     /// Pieces of the gaps of a battery's current, in order.
@@ -60,6 +62,18 @@ impl Log {
         self.time_s.len()
     }
 
+    /// Whether what was measured in a row is compared, or only what flowed in it counts.
+    #[must_use]
+    pub fn compares(&self, row: usize) -> bool {
+        self.compared.get(row).copied().unwrap_or(true)
+    }
+
+    /// How many rows are compared.
+    #[must_use]
+    pub fn rows_compared(&self) -> usize {
+        (0..self.rows()).filter(|&row| self.compares(row)).count()
+    }
+
     /// Names of all columns.
     pub fn columns(&self) -> impl Iterator<Item = &str> {
         std::iter::once(TIME).chain(self.channels.keys().map(|channel| channel.name())).chain(self.extra.keys().map(String::as_str))
@@ -74,8 +88,9 @@ impl Log {
         let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
         let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
         let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
-        let table = select(table, &facts.rows, &mapped).map_err(whole)?;
-        let mut reader = Reader { file, table: &table, missing: &facts.missing, notes: Vec::new(), places: Vec::new() };
+        let (table, compared) = select(table, &facts.rows, &mapped).map_err(whole)?;
+        let mut reader =
+            Reader { file, table: &table, compared: &compared, missing: &facts.missing, notes: Vec::new(), places: Vec::new() };
         reader.tell_what_is_not_read(&mapped);
         let (time_s, rows) = reader.time_s(mapped.get(TIME).copied())?;
         let (mut channels, mut extra) = (BTreeMap::new(), BTreeMap::new());
@@ -120,13 +135,17 @@ impl Log {
         }
         let notes = notes.into_iter().map(|note| format!("{file}: {note}")).collect();
         let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        Ok(Log { file: file.to_owned(), name: stem, time_s, readings: Vec::new(), channels, unmeasured, extra, facts, notes })
+        let compared = if compared.is_empty() { compared } else { rows.firsts(compared) };
+        let (file, readings) = (file.to_owned(), Vec::new());
+        Ok(Log { file, name: stem, time_s, readings, compared, channels, unmeasured, extra, facts, notes })
     }
 }
 
 struct Reader<'a> {
     file: &'a str,
     table: &'a Table,
+    /// Which rows are compared; empty where all are.
+    compared: &'a [bool],
     missing: &'a [Mark],
     /// What the reader should know.
     notes: Vec<String>,
@@ -267,7 +286,9 @@ impl Reader<'_> {
             Source::Constant(value) => return Ok(vec![value; self.table.lines.len()]),
         };
         let cells = &self.table.columns[index];
-        if let Some((row, text)) = cells.first_text() {
+        // What another kind of row holds was not asked for.
+        let counts = |row: usize| self.compared.get(row).copied().unwrap_or(true);
+        if let Some((row, text)) = cells.first_text(counts) {
             let from = &self.table.names[index];
             let via = if from == name { String::new() } else { format!(" (made from `{from}`)") };
             let nor = if name == TIME { ", nor a date with a time such as 2026-03-01T10:00:00Z" } else { "" };
@@ -290,7 +311,7 @@ impl Reader<'_> {
             self.notes.push(format!("`{name}`: too many different texts to be of use; the column is left out"));
             return None;
         }
-        if cells.first_text().is_some() {
+        if cells.first_text(|_| true).is_some() {
             return Some(Column::Text(rows.firsts(cells.as_texts())));
         }
         let marks = self.marks(name, index);

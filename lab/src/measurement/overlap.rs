@@ -9,7 +9,7 @@ const CHANGES_MIN: usize = 10;
 /// not in all.
 const DIFFERENT_MAX: f64 = 0.001;
 
-/// How many rows of the one log are rows of the other, with the same time and the same readings of all channels that both have; none
+/// How many rows that are compared of the one log are such rows of the other, with the same time and the same readings of all channels that both have; none
 /// where these hardly change and may agree by chance, or where others at the same times do not agree.
 #[must_use]
 pub fn shared_rows(one: &Log, other: &Log) -> usize {
@@ -25,6 +25,9 @@ pub fn shared_rows(one: &Log, other: &Log) -> usize {
     for (row, time_s) in one.time_s.iter().enumerate() {
         at += other.time_s[at..].partition_point(|known_s| known_s < time_s);
         if other.time_s.get(at) != Some(time_s) {
+            continue;
+        }
+        if !one.compares(row) || !other.compares(at) {
             continue;
         }
         let alike = both.iter().all(|(one, other)| same(one[row], other[at]));

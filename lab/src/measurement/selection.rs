@@ -9,6 +9,7 @@ use jiff::Timestamp;
 use serde::de::{self, Deserialize, Deserializer};
 
 use super::Table;
+use super::log::TIME;
 use super::mapping::Source;
 use super::table::{Cells, moment};
 use super::thin::thousands;
@@ -136,10 +137,15 @@ fn held(cells: &Cells, numbers: impl Iterator<Item = f64>) -> String {
     }
 }
 
-/// The rows of a table that are as asked for in every respect.
-pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&str, Source>) -> Result<Table, String> {
+/// Rows that are read belong to one recording with those between them where on average at least so many follow each other: columns that
+/// tell several recordings apart, such as a cell's number, change with every row. A guess.
+const RUN: usize = 3;
+
+/// The rows of a table that are as asked for in every respect, and with them those that lie between: what flowed then is part of the same
+/// recording. Beside the table, which of its rows were asked for; nothing where all were.
+pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&str, Source>) -> Result<(Table, Vec<bool>), String> {
     if selections.is_empty() {
-        return Ok(table);
+        return Ok((table, Vec::new()));
     }
     let mut kept = vec![true; table.lines.len()];
     for selection in selections {
@@ -151,10 +157,40 @@ pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&
     if rows == 0 {
         return Err(format!("{asked}: each is so in some rows, but not all in one"));
     }
-    let note = format!("{} of {} rows are read, those with {asked}", thousands(rows), thousands(kept.len()));
-    let mut table = table.with_rows(&kept);
+    let mut note = format!("{} of {} rows are read, those with {asked}", thousands(rows), thousands(kept.len()));
+    let between = between(&table, &kept, mapped);
+    let read: Vec<bool> = kept.iter().zip(&between).map(|(kept, between)| *kept || *between).collect();
+    let followed = between.iter().filter(|between| **between).count();
+    if followed > 0 {
+        note += &format!("; {} between them are followed, since what flows in them counts, and not compared", thousands(followed));
+    }
+    let mut table = table.with_rows(&read);
     table.notes.push(note);
-    Ok(table)
+    let compared = kept.iter().zip(&read).filter(|(_, read)| **read).map(|(kept, _)| *kept).collect();
+    Ok((table, if followed > 0 { compared } else { Vec::new() }))
+}
+
+/// Rows between those that were asked for, where all of them are one recording; none where they are not.
+fn between(table: &Table, kept: &[bool], mapped: &BTreeMap<&str, Source>) -> Vec<bool> {
+    let ends = kept.iter().position(|kept| *kept).zip(kept.iter().rposition(|kept| *kept));
+    let are_one = |&(first, last): &(usize, usize)| {
+        let begin_again = kept[first..=last].windows(2).filter(|pair| !pair[0] && pair[1]).count();
+        let is_in_runs = kept.iter().filter(|kept| **kept).count() >= RUN * (begin_again + 1);
+        let in_order = |time_s: &[f64]| time_s[first..=last].windows(2).all(|pair| pair[0] <= pair[1]);
+        begin_again > 0 && is_in_runs && time(table, mapped).is_some_and(|time_s| in_order(&time_s))
+    };
+    match ends.filter(are_one) {
+        Some((first, last)) => kept.iter().enumerate().map(|(row, kept)| (first..last).contains(&row) && !kept).collect(),
+        None => vec![false; kept.len()],
+    }
+}
+
+/// The times of a table, in any unit; none where it has no such column.
+fn time(table: &Table, mapped: &BTreeMap<&str, Source>) -> Option<Vec<f64>> {
+    let own = || table.names.iter().position(|name| name == TIME);
+    let index = mapped.get(TIME).map_or_else(own, |source| source.column())?;
+    let cells = &table.columns[index];
+    Some(cells.seconds().ok()?.unwrap_or_else(|| cells.numbers().to_vec()))
 }
 
 #[cfg(test)]
@@ -180,6 +216,31 @@ mod tests {
         assert_eq!(times(&["mode=rest", "time_s=..3.5"]), [0.0, 3.0]);
         let note = read(CYCLES, &["cycle=2", "time_s=1.."]).unwrap().1;
         assert_eq!(note, "a.csv: 2 of 5 rows are read, those with cycle=2 and time_s=1..");
+    }
+
+    /// By hand: 2 A for ten of each twenty seconds, and then 1 A.
+    #[test]
+    fn what_flows_between_the_rows_that_are_read_counts_and_is_not_compared() {
+        let row = |second: u32| {
+            let (mode, current_a) = if (second / 10).is_multiple_of(2) { ("D", 2.0) } else { ("R", 1.0) };
+            format!("{second},{mode},{current_a},4.0\n")
+        };
+        let text = (0..60).map(row).fold("time_s,mode,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+        let facts = LogFacts { rows: vec!["mode=D".parse().unwrap()], soc_initial: Some(1.0), ..LogFacts::default() };
+        let log = read_log("a.csv", text.as_bytes(), facts).unwrap();
+        assert_eq!(log.rows(), 50);
+        let note = "a.csv: 30 of 60 rows are read, those with mode=D; 20 between them are followed, since what flows in them counts, and not compared";
+        assert_eq!(log.notes[0], note);
+        let model = crate::load_model("enertech-lco-2280mah").unwrap().model;
+        let prepared = crate::prepare(&model, &log).unwrap();
+        let used: Vec<usize> = (0..50).filter(|row| prepared.targets[0].used[*row]).collect();
+        assert_eq!(used, (1..10).chain(20..30).chain(40..50).collect::<Vec<_>>());
+        let charge_as: f64 = prepared.inputs[0].1[1..].iter().sum();
+        assert_eq!(charge_as, 9.0 * 2.0 + 10.0 * 1.0 + 10.0 * 2.0 + 10.0 * 1.0 + 10.0 * 2.0);
+        // Two cells whose rows alternate are two recordings.
+        let row = |second: u32| format!("{second},{},{},4.0\n", second % 2, 1 + second % 2);
+        let text = (0..60).map(row).fold("time_s,cell,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
+        assert_eq!(read(&text, &["cell=1"]).unwrap().0.len(), 30);
     }
 
     #[test]

@@ -126,10 +126,10 @@ impl Cells {
         &self.numbers
     }
 
-    /// The first cell that holds a text, with its row.
-    #[must_use]
-    pub fn first_text(&self) -> Option<(usize, &str)> {
-        self.at.first().map(|&(row, id)| (row as usize, self.texts[id as usize].as_str()))
+    /// The first cell that holds a text, with its row, of the rows that count.
+    pub fn first_text(&self, counts: impl Fn(usize) -> bool) -> Option<(usize, &str)> {
+        let mut all = self.at.iter().map(|&(row, id)| (row as usize, self.texts[id as usize].as_str()));
+        all.find(|(row, _)| counts(*row))
     }
 
     /// Seconds since the first cell, where all are dates with times; NaN where missing. None where there is none.

@@ -79,6 +79,9 @@ pub fn thin(log: &mut Log, model: &Model, thinning: Thinning) {
             Column::Text(texts) => Column::Text(kept.iter().map(|&row| std::mem::take(&mut texts[row])).collect()),
         };
     }
+    if !log.compared.is_empty() {
+        log.compared = kept.iter().map(|&row| log.compared[row]).collect();
+    }
     log.time_s = pick(&log.time_s);
     log.readings = std::iter::once(1.0).chain(kept.windows(2).map(|pair| (pair[1] - pair[0]) as f64)).collect();
     log.notes.push(format!("{}: {} rows kept as {}, {why}", log.file, thousands(rows), thousands(kept.len())));

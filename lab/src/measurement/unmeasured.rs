@@ -77,7 +77,8 @@ pub(super) fn asked_for(pieces: &[Unmeasured], gaps: usize) -> Option<String> {
         String::new()
     };
     Some(format!(
-        "diagnose, discover and add ask the voltage after {of} of current_a what flowed in {them}{others}; compare and fit go by the row after {them}. \
+        "diagnose, discover and add ask the voltage after {of} of current_a what flowed in {them}{others}; compare and fit go by the row after {them}, \
+         and ocv counts nothing across {them}. \
          Where that row tells of all of {of}, as of a battery that was stored, say gap_current = \"stated\" beside the log, or --gap-current"
     ))
 }

@@ -65,7 +65,11 @@ pub fn put_number(text: &str, table: &str, key: &str, value: f64, comment: &str)
     }
     // An inline table has no room for a comment.
     if let Some(mut key) = document.get_mut(table).and_then(Item::as_table_mut).and_then(|owner| owner.key_mut(key)) {
-        key.leaf_decor_mut().set_prefix(format!("# {comment}\n"));
+        // After what somebody wrote there before.
+        let before = key.leaf_decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default().to_owned();
+        if !before.contains(comment) {
+            key.leaf_decor_mut().set_prefix(format!("{before}# {comment}\n"));
+        }
     }
     Ok(document.to_string())
 }

@@ -27,6 +27,38 @@ pub(super) fn because(logs: &[Counted<'_>]) -> String {
     logs.iter().filter_map(|log| log.scattered().or_else(|| log.never_rests())).map(|why| format!(". {why}")).collect()
 }
 
+/// Share of what lies between full and end that a log's voltage passes which goes from one to the other.
+const WHOLE: f64 = 0.7;
+
+/// Why no log says what the battery holds, to go on with a sentence: gaps, and what was counted over those that seem to go all the way.
+pub(super) fn why_no_capacity(logs: &[Counted<'_>], sheet: &Sheet) -> String {
+    let of = |log: &Counted<'_>| {
+        let read = || log.cell_v.iter().copied().enumerate().filter(|(_, volts)| volts.is_finite());
+        let (from, to) = (read().next()?, read().next_back()?);
+        if (from.1 - to.1).abs() < WHOLE * sheet.span_v() {
+            return None;
+        }
+        let counted_ah = log.drawn_ah[to.0] - log.drawn_ah[from.0];
+        let hours = (log.time_s()[to.0] - log.time_s()[from.0]) * H_PER_S;
+        let per_hour = counted_ah.abs() / log.range_ah().max(f64::MIN_POSITIVE) / hours;
+        let discharged = from.1 > to.1;
+        let sign = if (counted_ah > 0.0) == discharged { "" } else { "the sign right (positive out of the battery), is " };
+        Some(format!(
+            ". {} goes from {:.2} to {:.2} V a cell, and its current counts {} out of the battery over that, in {}: is {sign}current_a in A, and time_s in s?{}",
+            log.log.file,
+            from.1,
+            to.1,
+            quantity(counted_ah, "Ah"),
+            quantity(hours, "h"),
+            if per_hour > SLOW_PER_HOUR && sign.is_empty() { " It may be too fast" } else { "" }
+        ))
+    };
+    logs.iter().filter_map(of).collect::<String>() + &because(logs)
+}
+
+/// A passage that takes less time than five hours is too fast to say what a battery holds, unless it begins and ends at rest.
+const SLOW_PER_HOUR: f64 = 0.2;
+
 /// A log with its charge counted.
 pub(super) struct Counted<'a> {
     pub(super) log: &'a Log,
@@ -61,7 +93,11 @@ impl<'a> Counted<'a> {
         };
         let (_, current_a) = channel(Channel::CurrentA)?;
         let (voltage_v, _) = channel(Channel::VoltageV)?;
-        let cell_v: Vec<f64> = voltage_v.iter().map(|volts| volts / f64::from(sheet.series)).collect();
+        // What was before the log is forgotten only after a while, where that is stated.
+        let settled_s = log.facts.settling_s.map_or(f64::NEG_INFINITY, |settling_s| log.time_s[0] + settling_s);
+        let counts = |row: usize| log.compares(row) && log.time_s[row] >= settled_s;
+        let per_cell = |(row, volts): (usize, &f64)| if counts(row) { volts / f64::from(sheet.series) } else { f64::NAN };
+        let cell_v: Vec<f64> = voltage_v.iter().enumerate().map(per_cell).collect();
         let read = || cell_v.iter().copied().filter(|volts| volts.is_finite());
         let (low_v, high_v) = (read().fold(f64::INFINITY, f64::min), read().fold(f64::NEG_INFINITY, f64::max));
         let beyond_v = BEYOND * sheet.span_v();

@@ -4,7 +4,7 @@ use energy::Estimate;
 use energy::units::H_PER_S;
 
 use super::anchor::{Anchor, COUNTED, EXACT, anchors};
-use super::counted::{Counted, because};
+use super::counted::{Counted, because, why_no_capacity};
 use super::course::{begins, course};
 use super::shown::REST_S;
 use super::{OcvError, Sheet};
@@ -141,7 +141,7 @@ pub(super) fn known(sheet: &Sheet, logs: &[Counted<'_>], nominal_ah: f64) -> Res
             let Estimate { value, sigma } = counting.held_ah();
             (Estimate::new(value, sigma.hypot(PASSAGE_SIGMA * value).max(spread_ah)), counting)
         }
-        (None, None) => return Err(OcvError::NoCapacity { because: because(logs) }),
+        (None, None) => return Err(OcvError::NoCapacity { because: why_no_capacity(logs, sheet) }),
     };
     for log in logs {
         begins_as_stated(log, sheet)?;

@@ -1,8 +1,8 @@
 //! Signs that a current has another unit or sign than the model's, before physics is blamed.
 
-use energy::{Channel, Facts, Model};
+use energy::{BatteryFacts, Channel, Facts, Model};
 
-use super::{Target, prepare};
+use super::{Prepared, Target, prepare};
 use crate::measurement::Log;
 use crate::report::quantity::digits;
 
@@ -76,6 +76,13 @@ pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
             log.file, at_once.count
         ));
     }
+    if let Some(fall_v) = goes_against(&prepared, current_a, facts) {
+        return Some(format!(
+            "{}: the voltage falls by {fall_v:.2} V per cell where current_a charges, or rises where it discharges: positive must be discharging, as \
+             --column current_a=SOURCE*-1 makes it",
+            log.file
+        ));
+    }
     let odd = if low < -BEYOND { low } else { high };
     (low < -BEYOND || high > 1.0 + BEYOND).then(|| {
         format!(
@@ -86,6 +93,23 @@ pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
             facts.capacity_ah
         )
     })
+}
+
+/// By how much a voltage goes the other way than the charge, V per cell, where that is more than anything but another sign explains.
+fn goes_against(prepared: &Prepared, current_a: &[f64], facts: &BatteryFacts) -> Option<f64> {
+    // What flowed in a gap nobody knows.
+    let target = prepared.targets.iter().find(|target| target.channel == Channel::VoltageV).filter(|_| prepared.unmeasured.is_empty())?;
+    let mut charge = 0.0;
+    let charges: Vec<f64> = (0..prepared.time_s.len())
+        .map(|row| {
+            charge -= if row == 0 { 0.0 } else { current_a[row] * prepared.flowed_s(row) / 3600.0 / facts.capacity_ah };
+            charge
+        })
+        .collect();
+    let gentle = |row: &usize| target.used[*row] && current_a[*row].abs() <= QUICK_C * facts.capacity_ah;
+    let rows: Vec<usize> = (1..charges.len()).filter(gentle).collect();
+    let against_v = -moved_with(&charges, current_a, &target.observed, &rows) / f64::from(facts.series);
+    (against_v > FIRST_V).then_some(against_v)
 }
 
 /// Volts per cell that the first voltage may lie beside the open-circuit voltage without a remark: what a current of [`QUICK_C`] or less
@@ -150,7 +174,7 @@ pub fn odd_voltage(model: &Model, log: &Log) -> Option<String> {
         gentle.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &row| (values[row].min(low), values[row].max(high)))
     };
     let (volts, (emptiest, fullest)) = (ends(&target.observed), ends(&charges));
-    let moved_v = moved_with(&charges, current_a, &target.observed, &gentle) / cells;
+    let moved_v = moved_with(&charges, current_a, &target.observed, &gentle).abs() / cells;
     let open_v = facts.ocv.voltage_v(fullest.clamp(0.0, 1.0)) - facts.ocv.voltage_v(emptiest.clamp(0.0, 1.0));
     (prepared.unmeasured.is_empty() && fullest - emptiest < HARDLY_PASSED && moved_v > open_v + FIRST_V).then(|| {
         format!(
@@ -178,7 +202,7 @@ fn falls_without_current(current_a: &[f64], target: &Target) -> Option<(f64, f64
     is_long.then(|| (median(&known[..AT_AN_END]), median(&known[known.len() - AT_AN_END..])))
 }
 
-/// How far a voltage moves with the charge over these rows, V: by least squares beside what it moves with the current.
+/// How far a voltage rises with the charge over these rows, V: by least squares beside what it moves with the current.
 fn moved_with(charges: &[f64], current_a: &[f64], voltage_v: &[f64], rows: &[usize]) -> f64 {
     let mean = |values: &[f64]| rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len().max(1) as f64;
     let means = [mean(charges), mean(current_a), mean(voltage_v)];
@@ -190,7 +214,7 @@ fn moved_with(charges: &[f64], current_a: &[f64], voltage_v: &[f64], rows: &[usi
     let slope = if ii > 0.0 && qq * ii - qi * qi > 1e-9 * qq * ii { (qv * ii - iv * qi) / (qq * ii - qi * qi) } else { qv / qq };
     let (low, high) =
         rows.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &row| (charges[row].min(low), charges[row].max(high)));
-    if qq > 0.0 { (slope * (high - low)).abs() } else { 0.0 }
+    if qq > 0.0 { slope * (high - low) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -308,7 +332,11 @@ mod tests {
     fn a_current_of_another_sign_or_unit_is_told_and_a_right_one_is_not() {
         assert_eq!((odd(true, 1.0), odd(false, 1.0)), (None, None));
         assert!(odd(true, -1.0).unwrap().contains("the voltage moves the same way"));
-        assert!(odd(false, -1.0).unwrap().contains("from 95 % to 181 %"), "{:?}", odd(false, -1.0));
+        assert!(
+            odd(false, -1.0).unwrap().contains("the voltage falls by 0.36 V per cell where current_a charges"),
+            "{:?}",
+            odd(false, -1.0)
+        );
         assert!(odd(false, 1000.0).unwrap().contains("must be in A"));
     }
 }

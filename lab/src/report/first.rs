@@ -263,6 +263,9 @@ fn words(found: &FirstModel) -> Vec<String> {
         }
     }
     words.extend(found.ammeters.iter().cloned());
+    let left_out =
+        |part: &String| format!("{part}, after a gap in which nobody knows what flowed, is left out: nothing says how full it is anywhere");
+    words.extend(found.unplaced.iter().map(left_out));
     for used in &found.used {
         let (low, high) = used.range;
         if low < -BEYOND || high > 1.0 + BEYOND {

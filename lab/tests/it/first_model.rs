@@ -297,3 +297,50 @@ fn what_is_missing_is_said() {
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
+
+/// The same log, as if its logger had been off for so long in the middle of the discharge.
+fn with_pause(log: &Log, from_s: f64, pause_s: f64) -> Log {
+    let mut text = String::from("time_s,current_a,voltage_v\n");
+    let (current_a, voltage_v) = (&log.channels[&Channel::CurrentA], &log.channels[&Channel::VoltageV]);
+    for (row, &time_s) in log.time_s.iter().enumerate() {
+        let at_s = if time_s > from_s { time_s + pause_s } else { time_s };
+        writeln!(text, "{at_s},{},{}", current_a[row], voltage_v[row]).unwrap();
+    }
+    read_log("paused.csv", text.as_bytes(), log.facts.clone()).unwrap()
+}
+
+#[test]
+fn nothing_is_counted_across_a_gap_in_which_nobody_knows_what_flowed() {
+    let whole = driven("slow", 1.0, &[(0.0, 3600.0), (0.1 * CAPACITY_AH, 40_000.0), (0.0, 3600.0)], 30.0, full());
+    let paused = with_pause(&whole, 18_000.0, 5.0 * 3600.0);
+    // Five hours at a tenth of the capacity an hour would be half of it more.
+    let refused = first_model(&sheet(), std::slice::from_ref(&paused)).unwrap_err().to_string();
+    assert!(refused.contains("no log runs from full to empty"), "{refused}");
+    let found = first_model(&Sheet { capacity_ah: Some(CAPACITY_AH), ..sheet() }, std::slice::from_ref(&paused)).unwrap();
+    assert_eq!(found.used.iter().map(|used| used.log.as_str()).collect::<Vec<_>>(), ["paused", "paused from 36030 s"]);
+    // What it shows is what the whole log shows, but for what the current costs, which a log without steps does not tell.
+    let of_whole = first_model(&Sheet { capacity_ah: Some(CAPACITY_AH), ..sheet() }, std::slice::from_ref(&whole)).unwrap();
+    let (rms, most) = off(&found.table.ocv, &of_whole.table.ocv, 0.1, 0.95);
+    assert!(rms < 2e-3 && most < 6e-3, "{rms} {most}");
+    // Where the row after it tells of all of it, so it is.
+    let stated = LogFacts { gap_current: Some(lab::measurement::GapCurrent::Stated), ..full() };
+    let stated = with_pause(&Log { facts: stated, ..whole.clone() }, 18_000.0, 5.0 * 3600.0);
+    let found = first_model(&sheet(), &[stated]).unwrap();
+    assert!((found.capacity_ah.value / CAPACITY_AH - 1.5).abs() < 0.02, "{:?}", found.capacity_ah);
+    // A part after which nothing is full or empty is left out.
+    let short = with_pause(&driven("short", 1.0, &[(0.1 * CAPACITY_AH, 20_000.0)], 30.0, full()), 10_000.0, 5.0 * 3600.0);
+    let found = first_model(&sheet(), &[short, whole]).unwrap();
+    assert_eq!(found.unplaced, ["paused from 28020 s"]);
+}
+
+#[test]
+fn a_wrong_sign_or_unit_is_named_where_nothing_says_the_capacity() {
+    let whole = driven("slow", 1.0, &[(0.1 * CAPACITY_AH, 40_000.0)], 30.0, full());
+    let told = |factor: f64| {
+        let mut log = whole.clone();
+        log.channels.get_mut(&Channel::CurrentA).unwrap().iter_mut().for_each(|current_a| *current_a *= factor);
+        first_model(&sheet(), &[log]).unwrap_err().to_string()
+    };
+    let told = told(-1.0);
+    assert!(told.contains("slow.csv goes from 4.") && told.contains("counts -2.") && told.contains("is the sign right"), "{told}");
+}

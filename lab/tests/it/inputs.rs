@@ -47,7 +47,7 @@ run.csv: `current_a`: 1 value such as -3.4028235e38 is no measurement but a logg
 run.csv: `voltage_v`: 1 of 101 values are missing (line 53)
 run.csv: `voltage_v`: 1 value outside 0 to 2000, such as -0.001: taken as missing (line 43)
 run.csv: `voltage_v`: 1 single value far from both neighbours (by more than 20 usual differences), such as 3.2 after 4.041; not removed, unless --missing voltage_v=3.2 says that this is no measurement (line 63)
-run.csv: diagnose, discover and add ask the voltage after a gap of current_a what flowed in it; compare and fit go by the row after it. Where that row tells of all of a gap, as of a battery that was stored, say gap_current = "stated" beside the log, or --gap-current
+run.csv: diagnose, discover and add ask the voltage after a gap of current_a what flowed in it; compare and fit go by the row after it, and ocv counts nothing across it. Where that row tells of all of a gap, as of a battery that was stored, say gap_current = "stated" beside the log, or --gap-current
 "#);
 }
 
@@ -230,7 +230,7 @@ fn nothing_is_learned_from_a_current_of_the_wrong_sign() {
     }
     let shown = given(&["compare"]);
     assert_eq!(shown.code, 1, "{}", shown.stderr);
-    assert!(shown.stderr.contains("positive while discharging"), "{}", shown.stderr);
+    assert!(shown.stderr.contains("positive must be discharging"), "{}", shown.stderr);
 }
 
 #[test]

@@ -7,11 +7,11 @@ use tokio::net::TcpListener;
 
 use super::{Finding, fleet};
 use crate::config::Config;
-use crate::store::{Store, StoreError};
+use crate::store::{Store, StoreError, shown};
 
 pub(super) async fn store(config: &Config, path: &Path, running: bool) -> Finding {
     let place = config.store_path(Some(path));
-    let name = place.display().to_string();
+    let name = shown(&place).display().to_string();
     match Store::open_read_only(&place).await {
         Ok(reader) => match reader.latest_schedule().await {
             Ok(schedule) => {
