@@ -89,6 +89,11 @@ impl<S: Lane> Run<S> {
         run
     }
 
+    /// Values of its parameters.
+    pub(crate) fn parameters(&self) -> &[S] {
+        &self.parameters
+    }
+
     /// Puts the run back to a start, keeping its parameters.
     pub fn restart(&mut self, start: Start<S>) {
         self.channels = Channels::filled(S::from(0.0));

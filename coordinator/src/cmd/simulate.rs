@@ -185,8 +185,10 @@ fn believe(scenario: &mut Scenario, runs: &mut [RunEntry], model: &str) -> anyho
         }
     };
     // What a run believes in instead comes after what all believe in.
-    for run in runs.iter_mut().filter(|run| run.believed.replace.contains_key(replaced)) {
-        run.believed.replace.insert(replaced.clone(), path.clone());
+    for run in runs.iter() {
+        if let Some(other) = run.believed.replace.get(replaced) {
+            eprintln!("coordinator: note: --model {model}: run \"{}\" goes on to believe in {other} in its place", run.name);
+        }
     }
     scenario.believed.replace.insert(replaced.clone(), path);
     Ok(())

@@ -71,6 +71,15 @@ fn models_are_models_and_a_metre_costs_what_rmf_says() {
 }
 
 #[test]
+fn small_numbers_keep_their_deviations() {
+    let small = Fleet::parse("fleet.yaml", &FLEET.replace("friction_coefficient: 0.22", "friction_coefficient: 0.0003")).unwrap();
+    let import = import(&small, None, WISHES).unwrap();
+    let robot = Model::parse("robot", file(&import, "tinyRobot-robot.toml"), &|_| unreachable!()).unwrap();
+    let rolling = robot.parameters().iter().find(|parameter| parameter.value == 0.0003).expect("it is there");
+    assert!((rolling.sigma / 3e-5 - 1.0).abs() < 1e-9, "{rolling:?}");
+}
+
+#[test]
 fn the_scenario_is_a_scenario_with_the_fleets_numbers() {
     for graph in [None, Some(GRAPH)] {
         let import = imported(graph);

@@ -151,12 +151,48 @@ fn out_writes_trace_and_schedule_and_leaves_nothing_half_written() {
     for option in ["--out", "--telemetry"] {
         for place in ["small.toml", "small.toml/below"] {
             let answer = simulate(folder.path(), &["small.toml", option, place]);
-            assert_eq!(answer.code, 2, "{option} {place}");
+            assert_eq!((answer.code, answer.stdout.as_str()), (2, ""), "{option} {place}: nothing is simulated before");
             assert!(answer.stderr.contains("cannot make small.toml"), "{}", answer.stderr);
         }
     }
     assert_eq!(names(folder.path()), before);
     assert_eq!(std::fs::read_to_string(folder.path().join("small.toml")).unwrap(), SMALL);
+}
+
+#[test]
+fn a_model_that_is_given_stands_in_for_what_a_run_believes_in_too() {
+    let folder = folder();
+    let pack = energy::built_in("mds-3s4p-7600mah").unwrap();
+    let table = "enertech-lco-2280mah-ocv.csv";
+    std::fs::write(folder.path().join(table), energy::built_in(table).unwrap()).unwrap();
+    let of_capacity = |file: &str, name: &str, capacity_ah: &str| {
+        let text = pack.replace("name = \"mds-3s4p-7600mah\"", &format!("name = \"{name}\"")).replace("capacity_ah = 7.6", capacity_ah);
+        assert!(text.contains(name) && text.contains(capacity_ah));
+        std::fs::write(folder.path().join(file), text).unwrap();
+    };
+    of_capacity("aged.toml", "pack-as-it-is", "capacity_ah = 5.0");
+    of_capacity("half.toml", "mds-3s4p-7600mah", "capacity_ah = 3.8");
+    of_capacity("quarter.toml", "pack-as-it-is", "capacity_ah = 1.9");
+    let runs = "\n[[run]]\nname = \"new\"\n[[run]]\nname = \"aged\"\nbelieved.replace = { \"mds-3s4p-7600mah\" = \"aged.toml\" }\n";
+    let (begin, _) = SMALL.split_once("[[run]]").unwrap_or((SMALL, ""));
+    std::fs::write(folder.path().join("runs.toml"), begin.to_owned() + runs).unwrap();
+    let usable_wh = |more: &[&str]| -> Vec<f64> {
+        let answer = simulate(folder.path(), &[&["runs.toml", "--format", "json"], more].concat());
+        assert!(answer.code < 2, "{}", answer.stderr);
+        let json: serde_json::Value = serde_json::from_str(&answer.stdout).unwrap();
+        let of = |run: &serde_json::Value| run["first_capacity"]["packs"][0]["usable_wh"]["value"].as_f64().unwrap();
+        json["runs"].as_array().unwrap().iter().map(of).collect()
+    };
+    let given = usable_wh(&[]);
+    assert!(given[1] < 0.8 * given[0], "{given:?}");
+    // In the place of the scenario's: a run that believes in another one goes on to do so, which is said.
+    let half = usable_wh(&["--model", "half.toml"]);
+    assert!(half[0] < 0.6 * given[0] && half[1] == given[1], "{half:?}");
+    let told = simulate(folder.path(), &["runs.toml", "--model", "half.toml"]).stderr;
+    assert!(told.contains("run \"aged\" goes on to believe in aged.toml in its place"), "{told}");
+    // In the place of what one run believes in: the other believes what it did.
+    let quarter = usable_wh(&["--model", "quarter.toml"]);
+    assert!(quarter[0] == given[0] && quarter[1] < 0.5 * given[1], "{quarter:?}");
 }
 
 #[test]

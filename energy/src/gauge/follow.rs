@@ -86,9 +86,14 @@ pub(crate) fn follow(run: &mut Run<f64>, sample: &Sample, current_a: f64, soc: f
     }
 }
 
-/// A run begun anew goes on in the state in which another has come to be, but for its charge.
-pub(crate) fn go_on_like(run: &mut Run<f64>, other: &Run<f64>) {
-    run.states_mut()[1..].copy_from_slice(&other.states()[1..]);
+/// A run that was begun at `start` goes on in the state in which another has come to be, but for its charge: each state lies as far from where
+/// it began as the other's does from where that would have begun. What parameters and charge make of a beginning (a weak cell that has run
+/// ahead) stays.
+pub(crate) fn go_on_like(run: &mut Run<f64>, start: Start, other: &Run<f64>) {
+    let begun = Run::with_parameters(Arc::clone(other.model()), other.parameters().to_vec(), Start { soc: other.states()[0], ..start });
+    for ((state, came), began) in run.states_mut().iter_mut().zip(other.states()).zip(begun.states()).skip(1) {
+        *state += came - began;
+    }
     run.channels[Channel::AmbientDegc] = other.channels[Channel::AmbientDegc];
 }
 

@@ -130,6 +130,22 @@ fn what_is_left_is_what_a_pack_under_load_still_gives() {
     }
 }
 
+/// What a parameter makes of a beginning counts in what is left, also of a pack that is followed.
+#[test]
+fn what_is_left_of_a_pack_with_a_weak_cell_is_as_uncertain_as_that_cell_is() {
+    let cell = "\n[[effect]]\nid = \"weak_cell\"\ncapacity_deficit = { value = 0.1, source = \"test\" }\n\
+                soc_offset = { value = -0.05, sigma = 0.05, source = \"test\" }\nextra_resistance_ohm = { value = 0.0, source = \"test\" }\n";
+    let read = |table: &str| energy::built_in(table).map(str::to_owned).ok_or_else(|| "not built in".to_owned());
+    let weak = Arc::new(Model::parse("weak", &(energy::built_in(PACK).unwrap().to_owned() + cell), &read).unwrap());
+    for kind in [Kind::CoulombCounter, Kind::SigmaPoint] {
+        let mut pack = Run::new(Arc::clone(&weak), Start::at_soc(0.6));
+        let mut gauge = kind.open(Arc::clone(&weak), Estimate::new(0.6, 1e-3), 25.0);
+        watch(&mut pack, gauge.as_mut(), 5.0, 60.0);
+        let (told, left) = (gauge.reading().remaining_wh, energy::forecast::remaining_wh(&weak, gauge.soc(), 25.0, 5.0));
+        assert!((told.sigma / left.sigma - 1.0).abs() < 0.2 && left.sigma > 0.4, "{kind:?}: {told:?} beside {left:?}");
+    }
+}
+
 #[test]
 fn two_rests_that_lie_close_teach_no_capacity() {
     let mut pack = pack(0.97, 1.0, 0.93);

@@ -116,6 +116,7 @@ impl LogArgs {
         }
         for log in &mut logs {
             let told = log.notes.len();
+            leave_out_settling(log, model);
             if let Some(odd) = odd_current(model, log) {
                 // Whatever is learned from it would be the wrong sign by another name.
                 ensure!(role.is_none(), "{odd}. Nothing is learned from such a log; `lab compare` shows it as it is");
@@ -123,7 +124,6 @@ impl LogArgs {
             } else {
                 log.notes.extend(odd_voltage(model, log));
             }
-            leave_out_settling(log, model);
             leave_out_edges(log, model);
             thin(log, model, self.rows.thinning());
             say(&log.notes[told..]);

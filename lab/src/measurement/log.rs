@@ -8,7 +8,7 @@ use energy::document::hint;
 use super::facts::misspelt;
 use super::hints::{as_flag, conversion_of_time, odd_epoch};
 use super::mapping::Source;
-use super::selection::select;
+use super::selection::{Selected, select};
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
@@ -88,7 +88,7 @@ impl Log {
         let whole = |message: String| LogError::Whole { file: file.to_owned(), message };
         let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
         let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
-        let (table, compared) = select(table, &facts.rows, &mapped).map_err(whole)?;
+        let Selected { table, compared, is_cut } = select(table, &facts.rows, &mapped).map_err(whole)?;
         let mut reader =
             Reader { file, table: &table, compared: &compared, missing: &facts.missing, notes: Vec::new(), places: Vec::new() };
         reader.tell_what_is_not_read(&mapped);
@@ -118,7 +118,7 @@ impl Log {
         }
         reader.tell_spikes(&channels, &mapped);
         let current_a = channels.get(&Channel::CurrentA).filter(|_| facts.gap_current != Some(GapCurrent::Stated));
-        let unknown = facts.gap_current == Some(GapCurrent::Unknown);
+        let unknown = facts.gap_current == Some(GapCurrent::Unknown) || is_cut && facts.gap_current.is_none();
         let (unmeasured, gaps) = current_a.map_or_else(Default::default, |current_a| unmeasured(&time_s, current_a, unknown));
         reader.notes.extend(asked_for(&unmeasured, gaps));
         reader.notes.extend(current_a.filter(|_| facts.gap_current.is_none()).and_then(|_| could_be_asked_for(&time_s)));

@@ -86,6 +86,12 @@ impl<'de> Deserialize<'de> for Selection {
 }
 
 impl Selection {
+    /// Whether its column tells of whose recording a row is.
+    fn says_whose(&self) -> bool {
+        let name = self.column.to_lowercase();
+        name.split(|letter: char| !letter.is_alphanumeric()).any(|word| WHOSE.contains(&word))
+    }
+
     /// Which rows are as asked for.
     fn rows(&self, table: &Table, mapped: &BTreeMap<&str, Source>) -> Result<Vec<bool>, String> {
         let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
@@ -140,12 +146,23 @@ fn held(cells: &Cells, numbers: impl Iterator<Item = f64>) -> String {
 /// Rows that are read belong to one recording with those between them where on average at least so many follow each other: columns that
 /// tell several recordings apart, such as a cell's number, change with every row. A guess.
 const RUN: usize = 3;
+/// Words in names of columns that tell of whose recording a row is, not of which part of one.
+const WHOSE: [&str; 10] = ["battery", "pack", "cell", "robot", "unit", "serial", "id", "name", "channel", "spare"];
 
-/// The rows of a table that are as asked for in every respect, and with them those that lie between: what flowed then is part of the same
-/// recording. Beside the table, which of its rows were asked for; nothing where all were.
-pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&str, Source>) -> Result<(Table, Vec<bool>), String> {
+/// The rows that were asked for.
+pub(super) struct Selected {
+    /// They, and with them those that lie between: what flowed then is part of the same recording.
+    pub(super) table: Table,
+    /// Which of these rows were asked for; nothing where all were.
+    pub(super) compared: Vec<bool>,
+    /// Whether rows between them were left out, so that nobody knows what flowed then.
+    pub(super) is_cut: bool,
+}
+
+/// The rows of a table that are as asked for in every respect.
+pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&str, Source>) -> Result<Selected, String> {
     if selections.is_empty() {
-        return Ok((table, Vec::new()));
+        return Ok(Selected { table, compared: Vec::new(), is_cut: false });
     }
     let mut kept = vec![true; table.lines.len()];
     for selection in selections {
@@ -158,23 +175,34 @@ pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&
         return Err(format!("{asked}: each is so in some rows, but not all in one"));
     }
     let mut note = format!("{} of {} rows are read, those with {asked}", thousands(rows), thousands(kept.len()));
-    let between = between(&table, &kept, mapped);
+    let begin_again = begin_again(&kept);
+    let of_one = !selections.iter().any(Selection::says_whose);
+    let between = if of_one { between(&table, &kept, begin_again, mapped) } else { vec![false; kept.len()] };
     let read: Vec<bool> = kept.iter().zip(&between).map(|(kept, between)| *kept || *between).collect();
     let followed = between.iter().filter(|between| **between).count();
     if followed > 0 {
         note += &format!("; {} between them are followed, since what flows in them counts, and not compared", thousands(followed));
     }
+    let is_cut = begin_again > 0 && followed == 0;
+    if is_cut {
+        note += "; those between them are left out as another recording's, and what flowed then is not known";
+    }
     let mut table = table.with_rows(&read);
     table.notes.push(note);
     let compared = kept.iter().zip(&read).filter(|(_, read)| **read).map(|(kept, _)| *kept).collect();
-    Ok((table, if followed > 0 { compared } else { Vec::new() }))
+    Ok(Selected { table, compared: if followed > 0 { compared } else { Vec::new() }, is_cut })
+}
+
+/// How often rows that were asked for begin again after others.
+fn begin_again(kept: &[bool]) -> usize {
+    let from = kept.iter().position(|kept| *kept).unwrap_or_default();
+    kept[from..].windows(2).filter(|pair| !pair[0] && pair[1]).count()
 }
 
 /// Rows between those that were asked for, where all of them are one recording; none where they are not.
-fn between(table: &Table, kept: &[bool], mapped: &BTreeMap<&str, Source>) -> Vec<bool> {
+fn between(table: &Table, kept: &[bool], begin_again: usize, mapped: &BTreeMap<&str, Source>) -> Vec<bool> {
     let ends = kept.iter().position(|kept| *kept).zip(kept.iter().rposition(|kept| *kept));
     let are_one = |&(first, last): &(usize, usize)| {
-        let begin_again = kept[first..=last].windows(2).filter(|pair| !pair[0] && pair[1]).count();
         let is_in_runs = kept.iter().filter(|kept| **kept).count() >= RUN * (begin_again + 1);
         let in_order = |time_s: &[f64]| time_s[first..=last].windows(2).all(|pair| pair[0] <= pair[1]);
         begin_again > 0 && is_in_runs && time(table, mapped).is_some_and(|time_s| in_order(&time_s))
@@ -237,10 +265,19 @@ mod tests {
         assert_eq!(used, (1..10).chain(20..30).chain(40..50).collect::<Vec<_>>());
         let charge_as: f64 = prepared.inputs[0].1[1..].iter().sum();
         assert_eq!(charge_as, 9.0 * 2.0 + 10.0 * 1.0 + 10.0 * 2.0 + 10.0 * 1.0 + 10.0 * 2.0);
-        // Two cells whose rows alternate are two recordings.
-        let row = |second: u32| format!("{second},{},{},4.0\n", second % 2, 1 + second % 2);
-        let text = (0..60).map(row).fold("time_s,cell,current_a,voltage_v\n".to_owned(), |text, row| text + &row);
-        assert_eq!(read(&text, &["cell=1"]).unwrap().0.len(), 30);
+        // Two recordings: rows that alternate, and packs that are exchanged.
+        let of = |name: &str, every: u32| {
+            let row = |second: u32| format!("{second},{},{},4.0\n", second / every % 2, 1 + second / every % 2);
+            let text = (0..120).map(row).fold(format!("time_s,{name},current_a,voltage_v\n"), |text, row| text + &row);
+            let facts = LogFacts { rows: vec![format!("{name}=1").parse().unwrap()], soc_initial: Some(1.0), ..LogFacts::default() };
+            read_log("a.csv", text.as_bytes(), facts).unwrap()
+        };
+        assert_eq!((of("which", 1).rows(), of("battery_id", 40).rows()), (60, 40));
+        // Of packs that are exchanged again and again nobody knows what the other one gave.
+        let exchanged = of("pack", 20);
+        assert_eq!((exchanged.rows(), exchanged.unmeasured.last().map(|piece| piece.gap)), (60, Some(1)), "{:?}", exchanged.notes);
+        assert!(exchanged.notes[0].ends_with("as another recording's, and what flowed then is not known"), "{:?}", exchanged.notes);
+        assert_eq!(of("step", 20).rows(), 100);
     }
 
     #[test]

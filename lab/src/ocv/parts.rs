@@ -9,6 +9,10 @@ use super::anchor::COUNTED;
 use crate::measurement::Log;
 use crate::prepare::held;
 
+/// Share of a log's charge up to which a current that was the same before and after a gap is taken to have gone on: a logger that was
+/// late. A guess.
+const WENT_ON: f64 = 0.05;
+
 /// A part of a log.
 pub(super) struct Part {
     pub(super) log: Log,
@@ -26,18 +30,20 @@ fn of_one(log: &Log) -> Vec<Part> {
     let Some(current_a) = log.channels.get(&Channel::CurrentA).and_then(|values| held(values)) else {
         return vec![part(log, 0, log.rows())];
     };
-    let least_ah = COUNTED * range_ah(log, &current_a);
+    let range_ah = range_ah(log, &current_a);
     // The row after a gap knows its own interval, which begins where the gap ends.
     let after = |ends_s: f64| log.time_s.partition_point(|&time_s| time_s <= ends_s);
-    // Charge that may have flowed in each gap, and when it ends. A current that was the same before and after may have been off.
-    let mut gaps: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+    // Of each gap what may have flowed otherwise, what is counted for it, Ah, and when it ends.
+    let mut gaps: BTreeMap<usize, (f64, f64, f64)> = BTreeMap::new();
     for piece in &log.unmeasured {
-        let (unsure_ah, ends_s) = gaps.entry(piece.gap).or_default();
-        let counted_a = current_a.get(after(piece.to_s)).copied().unwrap_or_default().abs();
-        *unsure_ah += piece.current_sigma_a.max(counted_a) * (piece.to_s - piece.from_s) * H_PER_S;
+        let (unsure_ah, counted_ah, ends_s) = gaps.entry(piece.gap).or_default();
+        let hours = (piece.to_s - piece.from_s) * H_PER_S;
+        *unsure_ah += piece.current_sigma_a * hours;
+        *counted_ah += current_a.get(after(piece.to_s)).copied().unwrap_or_default().abs() * hours;
         *ends_s = piece.to_s;
     }
-    let begins: Vec<usize> = gaps.values().filter(|(unsure_ah, _)| *unsure_ah > least_ah).map(|(_, ends_s)| after(*ends_s)).collect();
+    let parts = |(unsure_ah, counted_ah, _): &&(f64, f64, f64)| *unsure_ah > COUNTED * range_ah || *counted_ah > WENT_ON * range_ah;
+    let begins: Vec<usize> = gaps.values().filter(parts).map(|(_, _, ends_s)| after(*ends_s)).collect();
     let starts = std::iter::once(0).chain(begins.iter().copied());
     let ends = begins.iter().copied().chain([log.rows()]);
     starts.zip(ends).filter(|(from, to)| to - from >= 2).map(|(from, to)| part(log, from, to)).collect()

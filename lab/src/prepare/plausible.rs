@@ -108,6 +108,11 @@ fn goes_against(prepared: &Prepared, current_a: &[f64], facts: &BatteryFacts) ->
         .collect();
     let gentle = |row: &usize| target.used[*row] && current_a[*row].abs() <= QUICK_C * facts.capacity_ah;
     let rows: Vec<usize> = (1..charges.len()).filter(gentle).collect();
+    // Where little passes, a cell that recovers from what was before goes further than its charge.
+    let ends = rows.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &row| (charges[row].min(low), charges[row].max(high)));
+    if ends.1 - ends.0 < HARDLY_PASSED {
+        return None;
+    }
     let against_v = -moved_with(&charges, current_a, &target.observed, &rows) / f64::from(facts.series);
     (against_v > FIRST_V).then_some(against_v)
 }

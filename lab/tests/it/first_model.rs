@@ -327,6 +327,18 @@ fn nothing_is_counted_across_a_gap_in_which_nobody_knows_what_flowed() {
     let stated = with_pause(&Log { facts: stated, ..whole.clone() }, 18_000.0, 5.0 * 3600.0);
     let found = first_model(&sheet(), &[stated]).unwrap();
     assert!((found.capacity_ah.value / CAPACITY_AH - 1.5).abs() < 0.02, "{:?}", found.capacity_ah);
+    // A logger that was five minutes late on the way, as loggers are, leaves a log whole.
+    let late = with_pause(&driven("late", 1.0, &[(0.1 * CAPACITY_AH, 40_000.0)], 30.0, full()), 18_000.0, 0.0);
+    let without: Vec<usize> = (0..late.rows()).filter(|row| !(18_000.0..18_600.0).contains(&late.time_s[*row])).collect();
+    let pick = |values: &[f64]| without.iter().map(|&row| values[row]).collect::<Vec<f64>>();
+    let (time_s, current_a, voltage_v) =
+        (pick(&late.time_s), pick(&late.channels[&Channel::CurrentA]), pick(&late.channels[&Channel::VoltageV]));
+    let mut text = String::from("time_s,current_a,voltage_v\n");
+    (0..time_s.len()).for_each(|row| writeln!(text, "{},{},{}", time_s[row], current_a[row], voltage_v[row]).unwrap());
+    let late = read_log("late.csv", text.as_bytes(), full()).unwrap();
+    assert!(!late.unmeasured.is_empty(), "a gap there is");
+    let found = first_model(&sheet(), &[late]).unwrap();
+    assert!((found.capacity_ah.value / CAPACITY_AH - 1.0).abs() < 0.01, "{:?}", found.capacity_ah);
     // A part after which nothing is full or empty is left out.
     let short = with_pause(&driven("short", 1.0, &[(0.1 * CAPACITY_AH, 20_000.0)], 30.0, full()), 10_000.0, 5.0 * 3600.0);
     let found = first_model(&sheet(), &[short, whole]).unwrap();

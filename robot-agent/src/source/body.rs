@@ -53,8 +53,10 @@ impl Body {
     }
 }
 
-/// Time for which something must feed the robot, or no more, before that tells where it is, s: longer than brakes give current back. A guess.
+/// Time for which something must feed the robot before that is a bay, s: longer than brakes give current back. A guess.
 const FELT_S: f64 = 10.0;
+/// Time without being fed after which a robot whose charge was ended has left its bay, s: longer than a lift takes to let it down. A guess.
+const LET_OUT_S: f64 = 120.0;
 /// Time without being fed after which a robot whose charge was not ended is elsewhere, s: longer than a hot pack cools or a station is
 /// dark. A guess.
 const LEFT_S: f64 = 3600.0;
@@ -69,8 +71,10 @@ pub struct Hands {
     program: Program,
     place: Place,
     powered: bool,
-    /// Whether something feeds it, by the last report that tells, and for how long that has been said, s.
+    /// Whether something feeds it, by the last report that tells, and for how long reports have said that, s.
     felt: (Supply, f64),
+    /// Time since the last report, s.
+    unheard_s: f64,
     /// Whether something has fed it where it is.
     was_fed: bool,
     /// Whether its charge is over: what feeds it no more has been left.
@@ -92,7 +96,8 @@ impl Hands {
         program.look_for();
         let (place, felt) = (Place::Mission, (Supply::Unknown, 0.0));
         let (powered, was_fed, is_over) = (false, false, false);
-        Self { program, place, powered, felt, was_fed, is_over, trouble: None, asked: Vec::new(), again_in_s: None, failures: 0 }
+        let (trouble, asked, again_in_s) = (None, Vec::new(), None);
+        Self { program, place, powered, felt, unheard_s: 0.0, was_fed, is_over, trouble, asked, again_in_s, failures: 0 }
     }
 
     /// Takes in where the robot stood when its agent was stopped; a bay feeds it until something else is felt.
@@ -148,25 +153,30 @@ impl Hands {
 
     /// Takes in whether something feeds the robot.
     pub fn feel(&mut self, supply: Supply) {
-        if supply != Supply::Unknown && supply != self.felt.0 {
-            self.felt = (supply, 0.0);
+        let passed_s = std::mem::take(&mut self.unheard_s);
+        match (supply, self.felt.0) {
+            (same, felt) if same == felt => self.felt.1 += passed_s,
+            // No current either way, after one that went in: that was nothing that lasts.
+            (Supply::Unknown, Supply::Connected) => self.felt = (Supply::Unknown, 0.0),
+            (Supply::Unknown, _) => {}
+            (other, _) => self.felt = (other, 0.0),
         }
     }
 
     /// What feeds it for some time is a bay. Where that ends, it has left the bay if its charge was over; otherwise the bay may be dark, or
     /// a hot or cold battery takes nothing for a while.
     fn locate(&mut self, dt_s: f64) {
+        self.unheard_s += dt_s;
         let (supply, for_s) = self.felt;
-        self.felt.1 = for_s + dt_s;
         let drives = self.program.is_set() && self.place == Place::Underway;
         match supply {
-            _ if self.felt.1 < FELT_S => {}
+            _ if for_s < FELT_S => {}
             Supply::Connected if !drives => (self.powered, self.was_fed, self.place) = (true, true, Place::InBay),
             Supply::Connected | Supply::Unknown => {}
             Supply::Absent => {
                 self.powered = false;
-                let for_long = self.felt.1 >= LEFT_S;
-                if self.place == Place::InBay && self.was_fed && (self.is_over || for_long) {
+                let has_left_s = if self.is_over { LET_OUT_S } else { LEFT_S };
+                if self.place == Place::InBay && self.was_fed && for_s >= has_left_s {
                     (self.place, self.was_fed) = (Place::AtStation, false);
                 }
             }

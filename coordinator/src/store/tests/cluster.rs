@@ -44,6 +44,12 @@ fn program(path: &Path, user: Option<(u32, u32)>) -> Command {
     command
 }
 
+fn serve(binaries: &Path, folder: &TempDir, user: Option<(u32, u32)>) -> Child {
+    let mut server = program(&binaries.join("postgres"), user);
+    server.arg("-D").arg(folder.path().join("data")).arg("-k").arg(folder.path());
+    server.args(["-c", "listen_addresses=", "-c", "shared_buffers=16MB"]).spawn().unwrap()
+}
+
 impl Cluster {
     /// Starts one; none where PostgreSQL is not installed, and says so.
     pub(super) fn start() -> Option<Self> {
@@ -59,10 +65,20 @@ impl Cluster {
         let mut initdb = program(&binaries.join("initdb"), user);
         let made = initdb.args(["--auth=trust", "--username=tender", "--no-sync", "-D"]).arg(&data).status().unwrap();
         assert!(made.success(), "initdb: {made}");
-        let mut server = program(&binaries.join("postgres"), user);
-        server.arg("-D").arg(&data).arg("-k").arg(folder.path()).args(["-c", "listen_addresses=", "-c", "shared_buffers=16MB"]);
-        let cluster = Self { folder, server: server.spawn().unwrap(), databases: std::cell::Cell::new(0) };
-        Some(cluster)
+        let server = serve(&binaries, &folder, user);
+        Some(Self { folder, server, databases: std::cell::Cell::new(0) })
+    }
+
+    /// Stops the server in order.
+    pub(super) fn stop(&mut self) {
+        let asked = Command::new("kill").arg("-INT").arg(self.server.id().to_string()).status().unwrap();
+        assert!(asked.success());
+        self.server.wait().unwrap();
+    }
+
+    /// Starts it again.
+    pub(super) fn begin_again(&mut self) {
+        self.server = serve(&binaries().expect("it was there"), &self.folder, other_user());
     }
 
     /// The address of a database.

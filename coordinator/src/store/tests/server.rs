@@ -86,6 +86,29 @@ async fn one_leads_another_takes_over_within_five_seconds_and_the_first_can_writ
 }
 
 #[tokio::test]
+async fn who_stands_by_waits_for_a_server_that_is_away() {
+    let Some(mut cluster) = Cluster::start() else { return };
+    let path = cluster.database().await;
+    let first = open(&path).await;
+    let waiting = {
+        let path = path.clone();
+        tokio::spawn(async move { Store::open(&path).await })
+    };
+    tokio::time::sleep(RENEWAL).await;
+    cluster.stop();
+    let lost = first.renew().await.unwrap_err();
+    assert!(lost.is_of_the_moment(), "{lost:?}");
+    tokio::time::sleep(3 * RENEWAL).await;
+    assert!(!waiting.is_finished(), "{:?}", waiting.await);
+    // Nobody who starts now is told to look at the configuration.
+    let refused = Store::open(&path).await.unwrap_err();
+    assert!(refused.is_of_the_moment(), "{refused:?}");
+    cluster.begin_again();
+    let second = tokio::time::timeout(std::time::Duration::from_secs(20), waiting).await.expect("it leads again").unwrap().unwrap();
+    assert_eq!(second.epoch(), 2);
+}
+
+#[tokio::test]
 async fn two_that_start_at_once_do_not_both_lead() {
     let Some(cluster) = Cluster::start() else { return };
     let path = cluster.database().await;

@@ -29,7 +29,7 @@ fn seconds(currents: &[(f64, usize)]) -> Vec<Vec<Report>> {
 #[test]
 fn a_charging_current_that_lasts_is_a_bay_and_a_load_after_the_charge_has_left_it() {
     // Brakes give current back for some seconds; a hot battery takes none for ten minutes.
-    let mut source = measured(seconds(&[(1.0, 5), (-2.0, 9), (1.0, 5), (-1.0, 20), (0.0, 20), (1.0, 600), (-1.0, 20), (1.0, 20)]));
+    let mut source = measured(seconds(&[(1.0, 5), (-2.0, 9), (1.0, 5), (-1.0, 20), (0.0, 20), (1.0, 600), (-1.0, 20), (1.0, 129)]));
     assert_eq!(felt(&mut source, 19), (Place::Mission, false));
     assert_eq!(felt(&mut source, 20), (Place::InBay, true));
     // No current either way: as it was.
@@ -39,7 +39,9 @@ fn a_charging_current_that_lasts_is_a_bay_and_a_load_after_the_charge_has_left_i
     assert_eq!(felt(&mut source, 20), (Place::InBay, true));
     source.act(&Act::StopCharging);
     assert_eq!(felt(&mut source, 9), (Place::InBay, true));
-    assert_eq!(felt(&mut source, 11), (Place::AtStation, false));
+    // The lift lets it down meanwhile.
+    assert_eq!(felt(&mut source, 100), (Place::InBay, false));
+    assert_eq!(felt(&mut source, 20), (Place::AtStation, false));
 }
 
 #[test]
@@ -49,6 +51,17 @@ fn who_is_not_fed_for_an_hour_has_left_its_bay() {
     source.act(&Act::Charge);
     assert_eq!(felt(&mut source, 3590), (Place::InBay, false));
     assert_eq!(felt(&mut source, 100), (Place::AtStation, false));
+}
+
+#[test]
+fn one_word_and_then_silence_is_no_bay_nor_is_one_that_nothing_confirms() {
+    let silent = [vec![report(-1.0, 0.5)]].into_iter().chain(std::iter::repeat_n(Vec::new(), 60)).collect::<Vec<_>>();
+    assert_eq!(felt(&mut measured(silent), 60), (Place::Mission, false));
+    let mut source = measured(seconds(&[(-1.0, 5), (0.0, 60)]));
+    assert_eq!(felt(&mut source, 65), (Place::Mission, false));
+    // A gauge that speaks every half minute says it with its second word.
+    let seldom = (0..60).map(|second| if second % 30 == 0 { vec![report(-1.0, 0.5)] } else { Vec::new() }).collect::<Vec<_>>();
+    assert_eq!(felt(&mut measured(seldom), 32), (Place::InBay, true));
 }
 
 #[test]
