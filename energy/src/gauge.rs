@@ -20,7 +20,7 @@ mod kind;
 mod ledger;
 mod power;
 mod prediction;
-pub(crate) mod resistance;
+mod resistance;
 mod rest;
 mod sigma_point;
 

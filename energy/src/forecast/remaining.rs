@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use super::{discharge_behind, uncertain};
-use crate::gauge::resistance::{self, GRID, modelled_ohm};
+use super::{discharge, uncertain};
 use crate::{Estimate, Facts, Model, Pack, Start, ocv_error, propagate};
 
 /// Energy that a rested pack of this temperature, °C, still delivers at `power_w`, Wh, with its deviation from those of state of charge,
-/// parameters, capacity, open-circuit table and resistance.
+/// parameters, capacity and open-circuit table.
 #[must_use]
 pub fn remaining_wh(model: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_w: f64) -> Estimate {
     remaining_from(model, soc, Start { temperature_degc, ..Start::at_soc(soc.value) }, power_w)
@@ -16,24 +15,22 @@ pub fn remaining_wh(model: &Arc<Model>, soc: Estimate, temperature_degc: f64, po
 /// The same of a pack that is as old as `from` has it, and came to its charge like that.
 ///
 /// Everything is carried to first order by central differences. The table's error is the same at each discharge (see `ocv_error`): what
-/// it changes is the energy on the way, and where the end of discharge is met. `resistance_relative_sigma` is taken as one error of
-/// the model's whole resistance, which is no less than many small ones would make.
+/// it changes is the energy on the way, and where the end of discharge is met. What the shape of the resistance leaves out
+/// (`resistance_relative_sigma`) is for gauges, which learn it.
 #[must_use]
 pub fn remaining_from(model: &Arc<Model>, soc: Estimate, from: Start, power_w: f64) -> Estimate {
-    let energy_wh = |model: &Arc<Model>, x: &[f64], more_ohm: &dyn Fn(f64) -> f64| {
+    let energy_wh = |model: &Arc<Model>, x: &[f64]| {
         let start = Start { soc: x[0].clamp(0.0, 1.0), ..from };
         let parameters = x[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
         let mut pack = Pack::with_parameters(Arc::clone(model), parameters, start);
         // A pack of more capacity delivers the same power as that much of a pack more.
-        x[1] * discharge_behind(&mut pack, power_w / x[1], more_ohm).energy_wh
+        x[1] * discharge(&mut pack, power_w / x[1]).energy_wh
     };
     let inputs = uncertain(model, soc);
-    let known = propagate(&inputs, |x| energy_wh(model, x, &|_| 0.0));
+    let known = propagate(&inputs, |x| energy_wh(model, x));
     let expected: Vec<f64> = inputs.iter().map(|input| input.value).collect();
-    let by_table = tables(model).into_iter().map(|pair| pair.map(|model| energy_wh(&model, &expected, &|_| 0.0)));
-    let by_resistance = more_ohm(model, from.temperature_degc)
-        .map(|ohm| [1.0, -1.0].map(|side| energy_wh(model, &expected, &|soc| side * resistance::at(&ohm, soc))));
-    let variance_wh2: f64 = by_table.chain(by_resistance).map(|[above_wh, below_wh]| (0.5 * (above_wh - below_wh)).powi(2)).sum();
+    let by_table = tables(model).into_iter().map(|pair| pair.map(|model| energy_wh(&model, &expected)));
+    let variance_wh2: f64 = by_table.map(|[above_wh, below_wh]| (0.5 * (above_wh - below_wh)).powi(2)).sum();
     Estimate::new(known.value, known.sigma.hypot(variance_wh2.sqrt()))
 }
 
@@ -45,13 +42,6 @@ fn tables(model: &Model) -> Vec<[Arc<Model>; 2]> {
         Arc::new(model.part(Facts::Battery(facts), |_| true).0)
     };
     ocv_error::tables(&model.battery().ocv, &model.uncertainty).into_iter().map(|pair| pair.map(with)).collect()
-}
-
-/// A deviation of the pack's resistance beside its parameters' own, ohm over the gauges' grid; none where there is none.
-fn more_ohm(model: &Arc<Model>, temperature_degc: f64) -> Option<[f64; GRID.len()]> {
-    let (share, facts) = (model.uncertainty.resistance_relative_sigma, model.battery());
-    let of_pack = share * f64::from(facts.series) / f64::from(facts.parallel);
-    (share > 0.0).then(|| GRID.map(|soc| of_pack * modelled_ohm(model, model.values(), soc, temperature_degc)))
 }
 
 #[cfg(test)]
@@ -84,20 +74,6 @@ mod tests {
         assert!((told.value - 2.0 * 0.8 * 3.6).abs() < 0.01, "{told:?}");
     }
 
-    /// By hand: I² R of 2 % of the resistance, and the end of discharge that this much less voltage meets earlier.
-    #[test]
-    fn a_resistance_of_another_shape_counts_as_far_as_the_model_says() {
-        let with = |share: f64| {
-            let mut model = straight().with("ohmic").unwrap().with_values(&[0.1]);
-            (model.uncertainty.ocv_sigma_v, model.uncertainty.resistance_relative_sigma) = (0.0, share);
-            Arc::new(model)
-        };
-        let sigma_wh = |share: f64| remaining_wh(&with(share), Estimate::exact(1.0), 25.0, 3.4).sigma;
-        // About 1 A: 2 mohm take 2 mV of 2 x 0.7 Ah on the way, and 2 mV earlier at 3.2 V is 4 mAh less.
-        let expected_wh = 2e-3 * 2.0 * 0.72 + 2e-3 * 2.0 * 3.2;
-        assert!(sigma_wh(0.0) < 1e-9 && (sigma_wh(0.02) / expected_wh - 1.0).abs() < 0.15, "{} {expected_wh}", sigma_wh(0.02));
-    }
-
     #[test]
     fn the_parts_of_the_error_hold_nearly_all_of_it() {
         let model = Arc::new(load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap());
@@ -111,7 +87,7 @@ mod tests {
             facts.ocv = facts.ocv.moved(&[&[-0.1], &knots[..], &[1.1]].concat(), error);
             let moved = Arc::new(exact.part(Facts::Battery(facts), |_| true).0);
             let mut pack = Pack::with_parameters(moved, values.clone(), Start::at_soc(0.9));
-            crate::forecast::discharge(&mut pack, 5.0).energy_wh
+            discharge(&mut pack, 5.0).energy_wh
         };
         let slope: Vec<f64> = (0..21).map(|knot| (given_wh(knot, 1.0) - given_wh(knot, -1.0)) / 6e-3).collect();
         let known = crate::Uncertainty { ocv_sigma_v: 3e-3, ..exact.uncertainty };
