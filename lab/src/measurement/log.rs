@@ -62,18 +62,6 @@ impl Log {
         self.time_s.len()
     }
 
-    /// Whether what was measured in a row is compared, or only what flowed in it counts.
-    #[must_use]
-    pub fn compares(&self, row: usize) -> bool {
-        self.compared.get(row).copied().unwrap_or(true)
-    }
-
-    /// How many rows are compared.
-    #[must_use]
-    pub fn rows_compared(&self) -> usize {
-        (0..self.rows()).filter(|&row| self.compares(row)).count()
-    }
-
     /// Names of all columns.
     pub fn columns(&self) -> impl Iterator<Item = &str> {
         std::iter::once(TIME).chain(self.channels.keys().map(|channel| channel.name())).chain(self.extra.keys().map(String::as_str))

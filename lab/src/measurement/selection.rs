@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use serde::de::{self, Deserialize, Deserializer};
 
 use super::Table;
-use super::log::TIME;
+use super::log::{Log, TIME};
 use super::mapping::Source;
 use super::table::{Cells, moment};
 use super::thin::thousands;
@@ -191,6 +191,20 @@ pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&
     table.notes.push(note);
     let compared = kept.iter().zip(&read).filter(|(_, read)| **read).map(|(kept, _)| *kept).collect();
     Ok(Selected { table, compared: if followed > 0 { compared } else { Vec::new() }, is_cut })
+}
+
+impl Log {
+    /// Whether what was measured in a row is compared, or only what flowed in it counts.
+    #[must_use]
+    pub fn compares(&self, row: usize) -> bool {
+        self.compared.get(row).copied().unwrap_or(true)
+    }
+
+    /// How many rows are compared.
+    #[must_use]
+    pub fn rows_compared(&self) -> usize {
+        (0..self.rows()).filter(|&row| self.compares(row)).count()
+    }
 }
 
 /// How often rows that were asked for begin again after others.

@@ -53,7 +53,7 @@ impl Body {
     }
 }
 
-/// Time for which something must feed the robot before that is a bay, s: longer than brakes give current back. A guess.
+/// Time for which something must feed a robot that may be moving before that is a bay, s: longer than brakes give current back. A guess.
 const FELT_S: f64 = 10.0;
 /// Time without being fed after which a robot whose charge was ended has left its bay, s: longer than a lift takes to let it down. A guess.
 const LET_OUT_S: f64 = 120.0;
@@ -154,6 +154,10 @@ impl Hands {
     /// Takes in whether something feeds the robot.
     pub fn feel(&mut self, supply: Supply) {
         let passed_s = std::mem::take(&mut self.unheard_s);
+        // What stands at a station gives nothing back by its brakes.
+        if supply == Supply::Connected && self.place == Place::AtStation {
+            (self.powered, self.was_fed, self.place) = (true, true, Place::InBay);
+        }
         match (supply, self.felt.0) {
             (same, felt) if same == felt => self.felt.1 += passed_s,
             // No current either way, after one that went in: that was nothing that lasts.
@@ -213,7 +217,15 @@ impl Hands {
         let travelled = said.starts_with("travel_to");
         let told = printed.lines().rev().find_map(|line| place_named(line.trim()));
         match told {
-            Some(place) => self.place = place,
+            // What was felt was felt where it was before.
+            Some(place) => {
+                let is_fed = self.powered && place == Place::InBay;
+                (self.place, self.powered, self.was_fed, self.felt) = (place, is_fed, is_fed, (Supply::Unknown, 0.0));
+            }
+            // It has driven to where something feeds it.
+            None if travelled && self.place == Place::Underway && self.felt.0 == Supply::Connected => {
+                (self.powered, self.was_fed, self.place) = (true, true, Place::InBay);
+            }
             None if travelled && self.place == Place::Underway => self.place = Place::AtStation,
             None => {}
         }

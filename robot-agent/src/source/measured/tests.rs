@@ -45,6 +45,28 @@ fn a_charging_current_that_lasts_is_a_bay_and_a_load_after_the_charge_has_left_i
 }
 
 #[test]
+fn the_word_of_its_program_comes_before_what_was_felt_until_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let drive = driver(folder.path(), "if [ $1 = stop_charging ]; then echo at_station; fi");
+    // The gauge goes on to show the charge for a few seconds.
+    let mut source = Measured::new(Script::new(seconds(&[(-1.0, 5000)])), explorer(), Body { drive, ..Body::default() });
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
+    source.act(&Act::StopCharging);
+    let left = wait_for(&mut source, |seen| seen.place != Place::InBay);
+    assert_eq!((left.place, left.powered), (Place::AtStation, false));
+    source.act(&Act::Resume);
+    assert_eq!(felt(&mut source, 5), (Place::Mission, false));
+}
+
+#[test]
+fn who_stands_at_a_station_is_in_a_bay_as_soon_as_something_feeds_it() {
+    let mut source = measured(seconds(&[(1.0, 5), (-1.0, 1)]));
+    source.stand(Place::AtStation);
+    assert_eq!(felt(&mut source, 5), (Place::AtStation, false));
+    assert_eq!(felt(&mut source, 1), (Place::InBay, true));
+}
+
+#[test]
 fn who_is_not_fed_for_an_hour_has_left_its_bay() {
     let mut source = measured(seconds(&[(-1.0, 20), (1.0, 3700)]));
     assert_eq!(felt(&mut source, 20), (Place::InBay, true));
