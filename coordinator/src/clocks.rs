@@ -68,6 +68,11 @@ impl Clocks {
         })
     }
 
+    /// That agent is gone for good.
+    pub fn forget(&mut self, agent: &Agent) {
+        self.shown.remove(agent);
+    }
+
     /// Whether an agent's clock is known to be off.
     #[must_use]
     pub fn is_off(&self, agent: &Agent) -> bool {

@@ -6,12 +6,13 @@
 //! ```
 //!
 //! One input, then poll until nothing is left. The same inputs give the same outputs.
-//! `hear.rs` takes in what is said, `lost.rs` who says nothing any more, `plan.rs` plans, `serve.rs` carries services on, `ask.rs` sends commands
+//! `hear.rs` takes in what is said, `lost.rs` who says nothing any more, `forget.rs` who is gone for good, `plan.rs` plans, `serve.rs` carries services on, `ask.rs` sends commands
 //! and waits for their answers, `strays.rs` finds robots that are somewhere without a service, `before.rs` knows what the
 //! coordinator before this one had promised.
 
 mod ask;
 mod before;
+mod forget;
 mod hear;
 mod input;
 mod leave;
@@ -35,6 +36,7 @@ use proto::{
 
 use ask::Asked;
 use before::Before;
+pub use forget::NotForgotten;
 pub use input::Input;
 pub use study::Study;
 use untold::Untold;
@@ -244,6 +246,10 @@ impl Core {
                 self.replan(why);
                 Some(Concerned::Everybody)
             }
+            Input::Forget(robot) => {
+                self.forget(now, &robot);
+                Some(Concerned::Everybody)
+            }
             Input::Studied => self.studied(now).then_some(Concerned::Everybody),
             Input::Refused(what) => {
                 self.refuse(now, what);
@@ -344,7 +350,12 @@ impl Core {
         }
         for run in self.running.values_mut() {
             let again = run.again.as_mut().map(|again| &mut again.at);
-            [&mut run.left, &mut run.start, &mut run.end].into_iter().chain(again).chain(&mut run.takes_none_since).for_each(earlier);
+            [&mut run.left, &mut run.start, &mut run.end]
+                .into_iter()
+                .chain(again)
+                .chain(&mut run.takes_none_since)
+                .chain(&mut run.called_off_since)
+                .for_each(earlier);
         }
         // The deadline in a command stays as it was sent; that of waiting for its answer moves.
         self.asked.values_mut().for_each(|asked| asked.set_back(by_ms));

@@ -47,6 +47,11 @@ impl Refusals {
         self.0.remove(&(robot.clone(), station.clone()));
     }
 
+    /// That robot is gone for good.
+    pub fn forget_all_of(&mut self, robot: &RobotId) {
+        self.0.retain(|(known, _), _| known != robot);
+    }
+
     /// At that station something works again.
     pub fn forget_all_at(&mut self, station: &StationId) {
         self.0.retain(|(_, known), _| known != station);

@@ -172,6 +172,7 @@ impl Inputs {
             What::StationAlive(station, alive) => Input::StationAlive(station, alive),
             What::Reply(reply) => Input::Reply(reply),
             What::Replan(why) => Input::Replan(why),
+            What::Forget(robot) => Input::Forget(robot),
             What::Refused(text) => Input::Refused(text),
             What::RobotGauge(robot, at, seq) => {
                 Input::RobotGauge(robot.clone(), self.gauges.get(&(robot, at, seq)).cloned().ok_or_else(gone)?)

@@ -44,6 +44,7 @@ pub mod shed;
 mod solve;
 pub mod tables;
 pub(crate) mod translate;
+mod unfit;
 pub mod usable;
 mod words;
 pub mod worn;

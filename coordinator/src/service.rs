@@ -38,7 +38,7 @@ use crate::core::{Core, Input, Numbering, Output};
 use crate::intake::Intake;
 use crate::outbox::Outbox;
 use crate::store::{Record, Store, StoreError, shown};
-use crate::web::{self, Asked, Books, Desk, Past, Question, REPLAN_WHY, WebConfig};
+use crate::web::{self, Asked, Books, Desk, Past, WebConfig};
 
 /// Messages that the core takes in before it looks at anything else again.
 const AT_ONCE: usize = 256;
@@ -247,13 +247,12 @@ impl Service {
     /// Answers the dashboard.
     async fn show(&mut self, asked: Asked, config: &Config, path: Option<&Path>) {
         let now = self.clock.now();
-        let replans = matches!(asked.question, Question::Replan);
         let standing = self.standing();
         let books = Books { site: &self.link.site, title: "", past: &self.past, store: Some(&standing), ladder: config.web.ladder(path) };
-        asked.answer(now, &mut self.core, books);
-        if replans {
+        let told = asked.answer(now, &mut self.core, books);
+        if let Some(wish) = told {
             let before = self.outbox.records().len();
-            self.outbox.came(&mut self.core, now, Input::Replan(REPLAN_WHY.to_owned()));
+            self.outbox.came(&mut self.core, now, wish);
             self.follow(before).await;
         }
     }

@@ -96,6 +96,8 @@ pub struct ServiceRun {
     pub hands_over: Option<Estimate>,
     /// Since when its robot takes no charge in its bay.
     pub takes_none_since: Option<Timestamp>,
+    /// Since when its station is no longer at an exchange that its robot waits for.
+    pub called_off_since: Option<Timestamp>,
     /// Why its robot was let go before it was charged.
     pub cut_short: Option<String>,
     /// What is asked again, since it could not be done at the moment or nothing came of it.

@@ -149,6 +149,15 @@ impl Watch {
         news
     }
 
+    /// A robot is gone for good.
+    pub(crate) fn robot_gone(&mut self, id: &RobotId) {
+        self.robots.remove(id);
+        self.batteries.remove(id);
+        self.cusums.retain(
+            |subject, _| !matches!(subject, Subject::RobotBattery(of) | Subject::RobotWork(of) | Subject::RobotWay(of) if of == id),
+        );
+    }
+
     /// What was watched is gone, and a doubt in it with it.
     fn forget(&mut self, subject: Subject, news: &mut News) {
         if self.cusums.remove(&subject).is_some_and(|cusum| cusum.raised().is_some()) {

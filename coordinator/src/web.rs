@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-pub use desk::{Answer, Asked, Books, Desk, NOTHING_IS_KEPT, NoAnswer, Question, REPLAN_WHY, desk};
+pub use desk::{Answer, Asked, Books, Desk, NOTHING_IS_KEPT, NoAnswer, Question, desk};
 pub use past::{Past, Series};
 pub use server::{bind, serve};
 

@@ -39,11 +39,11 @@ const READ: [&str; 10] =
     ["present", "status", "voltage_now", "current_now", "power_now", "temp", "capacity", "charge_now", "charge_full", "energy_now"];
 
 impl Config {
-    /// Finds the battery.
+    /// Finds the battery. One that may be away need not be there, where it is named.
     ///
     /// # Errors
     /// Says which batteries there are.
-    pub fn open(&self) -> anyhow::Result<Box<dyn Device>> {
+    pub fn open(&self, may_be_away: bool) -> anyhow::Result<Box<dyn Device>> {
         let supplies = supplies(&self.root)?;
         let batteries: Vec<&str> = supplies.iter().filter(|name| is_battery(&self.root.join(name))).map(String::as_str).collect();
         let root = self.root.display();
@@ -51,7 +51,12 @@ impl Config {
         let name = match (&self.device, batteries.as_slice()) {
             (Some(device), known) => {
                 let near = hint(device, known.iter().copied());
-                ensure!(known.contains(&device.as_str()), "device = \"{device}\": no such battery{near} In {root}: {}", listed(known));
+                let missing = format!("device = \"{device}\": no such battery{near} In {root}: {}", listed(known));
+                match known.contains(&device.as_str()) {
+                    true => {}
+                    false if may_be_away => warn!("{missing}: taken to be away"),
+                    false => bail!("{missing}"),
+                }
                 device.as_str()
             }
             (None, [only]) => only,
@@ -214,7 +219,7 @@ mod tests {
     }
 
     fn read(root: &tempfile::TempDir) -> Report {
-        config(root, Some("BAT0")).open().unwrap().read(1.0).unwrap()[0]
+        config(root, Some("BAT0")).open(false).unwrap().read(1.0).unwrap()[0]
     }
 
     /// What a bq27441 shows, as published by one of its users.
@@ -237,7 +242,7 @@ mod tests {
         for unreadable in ["BAT0/temp", "BAT0/capacity", "USB/online"] {
             std::fs::create_dir(root.path().join(unreadable)).unwrap();
         }
-        let mut battery = config(&root, None).open().unwrap();
+        let mut battery = config(&root, None).open(false).unwrap();
         let report = battery.read(1.0).unwrap()[0];
         assert_eq!((report.voltage_v, report.current_a, report.supply), (Some(11.4), Some(0.5), Supply::Absent));
         assert_eq!((report.temperature_degc, report.soc), (None, None));
@@ -314,10 +319,10 @@ mod tests {
         let mouse = [("hid-1", "type", "Battery"), ("hid-1", "scope", "Device"), ("AC", "type", "Mains")];
         let mut files = BQ27441.to_vec();
         files.extend(mouse);
-        assert_eq!(config(&tree(&files), None).open().unwrap().name(), "power_supply BAT0");
+        assert_eq!(config(&tree(&files), None).open(false).unwrap().name(), "power_supply BAT0");
         let refused = |files: &[(&str, &str, &str)], device: Option<&str>| {
             let root = tree(files);
-            config(&root, device).open().err().unwrap().to_string()
+            config(&root, device).open(false).err().unwrap().to_string()
         };
         assert!(refused(&mouse, None).ends_with("shows no battery. Power supplies there: AC, hid-1"));
         files.push(("BAT1", "type", "Battery"));
@@ -329,7 +334,7 @@ mod tests {
     #[test]
     fn a_battery_that_is_taken_out_or_shows_no_number_is_told() {
         let root = tree(&BQ27441);
-        let mut battery = config(&root, None).open().unwrap();
+        let mut battery = config(&root, None).open(false).unwrap();
         std::fs::write(root.path().join("BAT0/voltage_now"), "high").unwrap();
         assert!(battery.read(1.0).unwrap_err().to_string().contains("voltage_now: `high` is not a number"));
         std::fs::write(root.path().join("BAT0/present"), "0\n").unwrap();

@@ -46,6 +46,8 @@ pub struct Ended {
     pub printed: String,
     /// Or what went wrong.
     pub result: Result<(), String>,
+    /// Its exit status, where it has one.
+    pub code: Option<i32>,
 }
 
 /// Time before an act that failed is begun again, s; twice as long after each failure. A guess: what was in the way is gone after
@@ -127,12 +129,13 @@ impl Program {
             return None;
         }
         let Doing { said, printed, .. } = self.running.take()?;
+        let code = ended.as_ref().ok().and_then(|status| status.as_ref()?.code());
         let result = match ended {
             Ok(Some(status)) if !status.success() => Err(format!("{}: `{said}` failed: {status}", self.key)),
             Err(error) => Err(format!("{}: `{said}`: {error}", self.key)),
             Ok(_) => Ok(()),
         };
-        Some(Ended { said, printed, result })
+        Some(Ended { said, printed, result, code })
     }
 
     /// Asks it and what it has started to end, and waits for it no longer than it needs.

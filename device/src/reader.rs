@@ -27,6 +27,13 @@ const UNMOVED_S: f64 = 300.0;
 /// Time under load after which a voltage tells a state of charge as well as it can, s.
 const SETTLED_S: f64 = 60.0;
 
+/// A charge that is told after a failure of its device, and has moved by more than this and by more than [`OTHER_SIGMAS`] of what it may be off
+/// by, is another battery's: nobody draws a twentieth of a battery within the minute after which it is taken to be another anyway. A guess, as
+/// far as gauges settle.
+const OTHER_SOC: f64 = 0.05;
+/// See [`OTHER_SOC`].
+const OTHER_SIGMAS: f64 = 2.0;
+
 /// What stands in for what a device does not measure.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -87,6 +94,9 @@ pub struct Reader {
     /// What reports without a voltage have said, until one shows a voltage.
     waits: Flowed,
     trouble: Option<String>,
+    /// What was said of its charge last, and whether it could not be read since.
+    said: Option<Estimate>,
+    has_failed: bool,
     told_missing: bool,
 }
 
@@ -134,6 +144,8 @@ impl Reader {
             anchor: None,
             waits: Flowed::default(),
             trouble: None,
+            said: None,
+            has_failed: false,
             told_missing: false,
         }
     }
@@ -149,6 +161,11 @@ impl Reader {
         self.device.charge(on);
     }
 
+    /// What it feeds leaves its charger: nothing that was asked of that is wanted any more.
+    pub fn leave(&mut self) {
+        self.device.leave();
+    }
+
     /// The least current that its sensor can tell from none, A.
     #[must_use]
     pub fn least_a(&self) -> f64 {
@@ -160,6 +177,7 @@ impl Reader {
     pub fn advance(&mut self, dt_s: f64) -> Reading {
         self.now_s += dt_s;
         let reports = self.device.read(dt_s).unwrap_or_else(|error| {
+            self.has_failed = true;
             let trouble = format!("{error:#}");
             if self.trouble.as_ref() != Some(&trouble) {
                 warn!("{}: {trouble}", self.device.name());
@@ -176,6 +194,9 @@ impl Reader {
         for report in reports.iter().filter(|_| !slept) {
             self.trouble = None;
             self.tell_missing(report);
+            if self.is_another(report) {
+                self.last = None;
+            }
             match self.since_last(report) {
                 Some(since_s) => self.count(report, since_s, &mut counted),
                 None => {
@@ -203,6 +224,16 @@ impl Reader {
         });
         let said_soc = reports.last().filter(|_| !slept).and_then(|report| self.state_of_charge(report));
         Reading { sample, exchanged, said_soc, supplies, silent }
+    }
+
+    /// Whether another battery was put in while the device could not be read.
+    fn is_another(&mut self, report: &Report) -> bool {
+        let is = report.soc.and_then(|_| self.state_of_charge(report));
+        let was = self.said;
+        self.said = is.or(was);
+        let has_moved =
+            |was: Estimate, is: Estimate| (is.value - was.value).abs() > (OTHER_SIGMAS * was.sigma.hypot(is.sigma)).max(OTHER_SOC);
+        std::mem::take(&mut self.has_failed) && was.zip(is).is_some_and(|(was, is)| has_moved(was, is))
     }
 
     /// Time since the report before, s; none when what was drawn meanwhile is not known.

@@ -51,6 +51,9 @@ pub trait Device: Send {
     /// Switches the charger on or off, where the device can.
     fn charge(&mut self, _on: bool) {}
 
+    /// Nothing of that is wanted any more.
+    fn leave(&mut self) {}
+
     /// What went wrong with that.
     fn trouble(&self) -> Option<String> {
         None

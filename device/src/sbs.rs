@@ -48,15 +48,18 @@ impl Config {
         Ok(())
     }
 
-    /// Opens the bus and asks the battery what it is.
+    /// Opens the bus and asks the battery what it is. One that may be away need not answer, and is asked again with every reading.
     ///
     /// # Errors
-    /// When the bus cannot be opened or nobody answers there.
-    pub fn open(&self) -> anyhow::Result<Box<dyn Device>> {
+    /// When the bus cannot be opened; when nobody answers there who may not be away.
+    pub fn open(&self, may_be_away: bool) -> anyhow::Result<Box<dyn Device>> {
         let bus = self.bus.display();
         let i2c = LinuxBus::open(&self.bus).with_context(|| format!("bus: cannot open {bus}"))?;
         let mut battery = SmartBattery::new(i2c, self.address, format!("sbs {bus}"));
-        battery.greet().with_context(|| format!("no Smart Battery answers at {bus}, address {:#04x}", self.address))?;
+        match battery.greet().with_context(|| format!("no Smart Battery answers at {bus}, address {:#04x}", self.address)) {
+            Err(error) if may_be_away => warn!("{error:#}: taken to be away"),
+            greeted => drop(greeted?),
+        }
         Ok(Box::new(battery))
     }
 }
@@ -298,7 +301,7 @@ mod tests {
 
     #[test]
     fn a_bus_that_is_not_there_is_named() {
-        let error = format!("{:#}", Config::on("/dev/i2c-none".into()).open().err().unwrap());
+        let error = format!("{:#}", Config::on("/dev/i2c-none".into()).open(true).err().unwrap());
         assert!(error.starts_with("bus: cannot open /dev/i2c-none: "), "{error}");
         let wrong = Config { address: 0x80, ..Config::on("/dev/i2c-1".into()) };
         assert!(wrong.check().unwrap_err().to_string().contains("between 8 (0x08) and 119 (0x77)"));

@@ -4,6 +4,7 @@
 //! and per-log facts are the same for every format and live in [`Log`]. To add a format: one file here that has a
 //! `FORMAT`, and one line in `FORMATS`.
 
+mod charging;
 mod csv;
 mod edges;
 mod ending;
@@ -14,6 +15,7 @@ mod log;
 mod mapping;
 mod mark;
 mod mcap;
+mod no_time;
 mod overlap;
 mod selection;
 mod settling;
@@ -23,7 +25,9 @@ mod thin;
 mod times;
 mod unfollowed;
 mod unmeasured;
+mod unread;
 mod values;
+mod whose;
 
 use std::io::BufRead;
 use std::path::Path;

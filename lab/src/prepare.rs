@@ -57,6 +57,8 @@ pub struct Prepared {
     pub targets: Vec<Target>,
     /// What alone is to be judged; everything when empty.
     pub only: Vec<Channel>,
+    /// Columns of the log that are no channels: one of them may be what a model needs, under another name.
+    pub others: Vec<String>,
 }
 
 impl Prepared {
@@ -172,6 +174,7 @@ pub fn prepare(model: &Model, log: &Log) -> Result<Prepared, PrepareError> {
         ambient_sigma_k: ambient_sigma_k(model, log),
         targets,
         only: Vec::new(),
+        others: log.extra.keys().cloned().collect(),
     })
 }
 

@@ -64,11 +64,11 @@ fn robot(id: &RobotId) -> Vec<Grant> {
         ("ingress", SPEAKS, vec![own("gauge"), own("state"), sim("draw")]),
         ("ingress", &["liveliness_token"], vec![own("alive")]),
         ("ingress", ANSWERS, vec![own("command")]),
-        // Under its own keys it listens for another that has its name.
-        ("ingress", LISTENS, vec![sim("supply"), own("state")]),
+        // Under its own keys it listens for another that has its name. Its station says whether it holds it.
+        ("ingress", LISTENS, vec![sim("supply"), own("state"), "station/*/state".to_owned()]),
         ("ingress", WATCHES, vec!["coordinator/alive".to_owned(), own("alive")]),
         ("egress", &["query"], vec![own("command")]),
-        ("egress", SPEAKS, vec![sim("supply"), own("state")]),
+        ("egress", SPEAKS, vec![sim("supply"), own("state"), "station/*/state".to_owned()]),
     ]
 }
 
@@ -173,6 +173,9 @@ mod tests {
             assert!(!commands(who), "{who}");
             assert!(!puts(who, Key::Schedule), "{who}");
         }
+        // Robots hear how stations stand; who only looks does not.
+        let hears = |who: &str| may(&rules, who, "egress", "put", &key(Key::StationState(at.clone())));
+        assert!(hears("robot.r-1") && hears("station.s-1") && !hears("viewer.wall"));
         // Nobody but the robot hears its commands, or may answer them.
         let answers = |who: &str| may(&rules, who, "ingress", "reply", &key(Key::RobotCommand(two.clone())));
         assert!(answers("robot.r-2") && !answers("robot.r-1"));

@@ -15,6 +15,8 @@ use zenoh::sample::{Sample, SampleKind};
 
 /// Questions that wait for an answer.
 pub const QUESTIONS: usize = 1024;
+/// How long an agent waits for the network when it starts, before it looks after what it has without.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A session and the site whose keys it uses.
 #[derive(Clone)]
@@ -48,6 +50,20 @@ impl Link {
                 Err(error) => {
                     return Err(anyhow!("{}", brief(&error))).with_context(|| format!("cannot listen on {}", network.listen.join(", ")));
                 }
+            }
+        }
+    }
+
+    /// The session that `opening` opens, if it is there in a moment: what has to be looked after cannot wait for a network that is gone.
+    ///
+    /// # Errors
+    /// Those of `opening`.
+    pub async fn soon(opening: std::pin::Pin<&mut impl Future<Output = anyhow::Result<Self>>>) -> anyhow::Result<Option<Self>> {
+        match tokio::time::timeout(PATIENCE, opening).await {
+            Ok(link) => link.map(Some),
+            Err(_) => {
+                warn!("goes on without the network, and looks for it");
+                Ok(None)
             }
         }
     }
@@ -127,6 +143,15 @@ impl Link {
     /// When the session is closed.
     pub async fn listen(&self, pattern: &Pattern, callback: impl Fn(Sample) + Send + Sync + 'static) -> anyhow::Result<Subscriber<()>> {
         let subscriber = self.session.declare_subscriber(pattern.build(&self.site)).callback(callback);
+        subscriber.await.map_err(|error| anyhow!("{error}"))
+    }
+
+    /// The same with each message under one key.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub async fn hear(&self, key: &Key, callback: impl Fn(Sample) + Send + Sync + 'static) -> anyhow::Result<Subscriber<()>> {
+        let subscriber = self.session.declare_subscriber(key.build(&self.site)).callback(callback);
         subscriber.await.map_err(|error| anyhow!("{error}"))
     }
 

@@ -251,7 +251,8 @@ fn station(raw: &raw::Station, horizon: i64) -> Result<Station, InstanceError> {
 fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64, capacity: i64) -> Result<Robot, InstanceError> {
     let at = |field: &str| format!("robot {}: {field}", raw.id);
     let mission_end = range(at("mission_end"), raw.mission_end, 0, 1_000_000)?;
-    let drain = range(at("drain"), raw.drain, 0, ENERGY_MAX / HORIZON_MAX)?;
+    let drain_max = ENERGY_MAX / horizon.max(1);
+    let drain = range(at("drain"), raw.drain, 0, drain_max)?;
     let weight = range(at("weight"), raw.weight, 0, WORTH_MAX)?;
     let critical_weight = range(at("critical_weight"), raw.critical_weight, 0, WORTH_MAX)?;
     range(at("weight and critical_weight over all ticks of the mission"), (weight + critical_weight) * mission_end, 0, WORTH_MAX)?;
@@ -282,11 +283,16 @@ fn robot(raw: &raw::Robot, stations: &BTreeMap<i64, usize>, horizon: i64, capaci
         lowest_target: 0,
         energy: range(at("energy"), raw.energy, 0, capacity)?,
         drain,
-        drain_hi: range(at("drain_hi"), raw.drain_hi, drain.max(1), ENERGY_MAX / HORIZON_MAX)?,
+        drain_hi: range(at("drain_hi"), raw.drain_hi, drain.max(1), drain_max)?,
         drain_served: raw.drain_hi,
         mission_end,
         weight,
-        critical: raw.critical.map(|(from, to)| Critical { from, to, weight: critical_weight }),
+        // What lies outside the mission is missed by nobody.
+        critical: raw.critical.map(|(from, to)| Critical {
+            from: from.clamp(0, mission_end),
+            to: to.clamp(0, mission_end),
+            weight: critical_weight,
+        }),
         travel,
         beyond,
     })

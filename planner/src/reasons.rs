@@ -7,7 +7,7 @@ use std::ops::Range;
 use crate::book::Clash;
 use crate::draft::Draft;
 use crate::problem::{Problem, Robot, Station, Tick, Travel};
-use crate::way::{Mode, Way, Ways};
+use crate::way::{Mode, Way, Ways, has_any_way};
 
 /// Best ways of one kind at a station that a reason looks at.
 const LOOKED_AT: usize = 64;
@@ -167,7 +167,8 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     if let Some(away) = in_the_way.filter(|_| would_do_if_it_stayed(problem, robot, travel)) {
         return Why::Leaves { away: away.clone() };
     }
-    if problem.strands(robot) {
+    // Who would not strand may have no way either, whatever it costs.
+    if problem.strands(robot) || !has_any_way(&alone(problem, robot, travel, station.clone()), 0) {
         return Why::TooLate { min_gain: battery.min_gain, horizon: problem.horizon };
     }
     Why::Pointless
@@ -176,10 +177,14 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
 /// Whether there would be a way for a robot at the end of this way, were the station to stay for good.
 fn would_do_if_it_stayed(problem: &Problem, robot: usize, travel: &Travel) -> bool {
     let station = Station { away: Vec::new(), ..problem.stations[travel.station].clone() };
+    !Ways::new(&alone(problem, robot, travel, station)).of(0).ways.is_empty()
+}
+
+/// A problem of that robot and that station at the end of that way, and nothing else.
+fn alone(problem: &Problem, robot: usize, travel: &Travel, station: Station) -> Problem {
     let batteries = vec![problem.battery(robot).clone()];
     let robot = Robot { battery: 0, travel: vec![Travel { station: 0, ..*travel }], ..problem.robots[robot].clone() };
-    let alone = Problem { name: problem.name.clone(), batteries, stations: vec![station], robots: vec![robot], ..*problem };
-    !Ways::new(&alone).of(0).ways.is_empty()
+    Problem { name: problem.name.clone(), batteries, stations: vec![station], robots: vec![robot], ..*problem }
 }
 
 /// What a lack amounts to: waiting for a place is less than energy that nobody has.

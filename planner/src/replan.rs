@@ -18,6 +18,7 @@ use crate::plan::{Plan, Session};
 use crate::prices::{Level, Prices};
 use crate::problem::Problem;
 use crate::search::Search;
+use crate::supply;
 use crate::way::{Commitment, Way, Ways};
 
 /// Neighbours whose promises may come into question.
@@ -174,6 +175,10 @@ pub fn renew(
         let now = commitments(problem, &plan.sessions);
         let moved = (0..committed.len()).filter(|&robot| committed[robot].is_some() && committed[robot] != now[robot]).collect();
         return Ok(Replanned { plan, moved, unasked: BTreeSet::new() });
+    }
+    let impossible = supply::impossible(problem);
+    if !impossible.is_empty() {
+        return Err(NoPlan::Impossible(impossible));
     }
     let free = vec![true; problem.robots.len()];
     let ways = Ways::all_loyal(problem, &committed, loyalty.min(LOYALTY_MAX) as i32);

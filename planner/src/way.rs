@@ -245,6 +245,13 @@ impl Commitment {
 enum Only {
     Nothing,
     This(Commitment),
+    /// All, also those that cost more than they give.
+    Whatever,
+}
+
+/// Whether there is any way to service a robot, whatever it costs.
+pub(crate) fn has_any_way(problem: &Problem, robot: usize) -> bool {
+    !choices(problem, robot, Some(Only::Whatever)).ways.is_empty()
 }
 
 /// All ways of a robot, those but the one that it was promised dearer by `loyalty`.
@@ -266,6 +273,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     let (strands, robot) = (problem.strands(robot), &problem.robots[robot]);
     let unserved = robot.missed_unserved(battery.floor);
     let keeps = matches!(only, Some(Only::This(_)));
+    let counts_cost = !strands && !matches!(only, Some(Only::Whatever));
     let mut runs = Runs::default();
     let mut made = Choices {
         ways: Vec::new(),
@@ -276,7 +284,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         keeps,
         starts: OnceLock::new(),
     };
-    if robot.travel.is_empty() || horizon == 0 || (!strands && unserved == 0) || matches!(only, Some(Only::Nothing)) {
+    if robot.travel.is_empty() || horizon == 0 || (counts_cost && unserved == 0) || matches!(only, Some(Only::Nothing)) {
         return made;
     }
     let mut first = robot.travel.iter().map(|travel| problem.soonest(travel)).min().unwrap_or(0).max(robot.not_before);
@@ -310,18 +318,20 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
             let away = i64::from(travel.ticks);
             let in_time = robot.wanted.map_or(start, |wanted| wanted.max(travel.ticks));
             let works_until = i64::from(start.min(in_time)) - away;
-            let amiss = robot.weight * i64::from(start.abs_diff(in_time));
+            let [early, late] = [in_time.saturating_sub(start), start.saturating_sub(in_time)].map(i64::from);
             let owed = &battery.chargers[station.charger].owed;
             let cost = |mode: Mode, end: Tick, stored: i64| {
                 let owed = if let Mode::Charge(level) = mode { owed.get(usize::from(level)).copied().unwrap_or(0) } else { 0 };
                 let (from, to) =
                     (i64::from(end) + away, i64::from(end) + (stored - travel.extra - battery.floor).div_euclid(robot.drain_served));
-                amiss + robot.weight * i64::from(owed) + robot.missed([(0, works_until), (from, to)])
+                // What is late is missed already where the work that it gives ends with the mission.
+                let amiss = early + late - (to - robot.mission_end).clamp(0, late);
+                robot.weight * (amiss + i64::from(owed)) + robot.missed([(0, works_until), (from, to)])
             };
             let mut add = |mode, end: Tick, stored, ready, runs, energy| {
                 let cost = cost(mode, end, stored);
                 // Who can do without is not serviced to no gain: that holds at every level.
-                if end <= horizon && station.is_there(start, end, robot.held) && (strands || cost < unserved) {
+                if end <= horizon && station.is_there(start, end, robot.held) && (!counts_cost || cost < unserved) {
                     let (start, end, variance) = (start as u16, end as u16, travel.variance as f32);
                     let spares = if matches!(mode, Mode::Charge(_)) { 0 } else { travel.spares.unwrap_or(0) };
                     made.ways.push(Way {

@@ -18,6 +18,7 @@
 //! | `estimate` | a value with its standard deviation |
 //! | `key`, `pattern` | key expressions and subscriptions |
 //! | `message/` | one file per subject, and `check` for the allowed ranges |
+//! | `order` | which of two messages is the newer one |
 //! | `codec` | JSON with the schema name first |
 //! | `plain` | texts of others, without what a terminal would obey |
 //! | `ros2` | what robots of ROS 2 say of their batteries |
@@ -30,6 +31,7 @@ mod estimate;
 mod id;
 mod key;
 mod message;
+mod order;
 mod pattern;
 mod plain;
 pub mod ros2;
@@ -40,6 +42,7 @@ pub use estimate::Estimate;
 pub use id::{BayId, CommandId, IdError, PackId, RobotId, SiteId, SpareId, StationId};
 pub use key::{Key, KeyError, VERSION};
 pub use message::*;
+pub use order::newer;
 pub use pattern::{Pattern, any_coordinator_alive};
 pub use plain::plain;
 pub use time::{TimeError, Timestamp};

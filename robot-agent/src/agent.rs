@@ -1,12 +1,13 @@
 //! The robot's side of a service, without clock, network or hardware.
 //!
 //! `alone.rs` is what it does while no coordinator is heard, `memory.rs` what it must not forget,
-//! `drain.rs` how it learns what it draws at work, `exchange.rs` how it notices that another pack was put in.
+//! `drain.rs` how it learns what it draws at work, `exchange.rs` how it notices that another pack was put in, `host.rs` what its station says of it.
 
 mod alone;
 mod charge;
 mod drain;
 mod exchange;
+mod host;
 mod memory;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -14,8 +15,8 @@ use std::collections::{BTreeMap, VecDeque};
 use energy::gauge::{Gauge as Estimator, Sample};
 use node::{Due, Ledger, Publish, Silence, gauge_message, refused, why_senseless};
 use proto::{
-    BayId, CommandReply, Estimate, Gauge, Mission, NamedModel, Outcome, Rejection, RobotAction, RobotCommand, RobotPhase, RobotState,
-    StationId, Timestamp, Travel,
+    BayId, CommandReply, Estimate, Gauge, Mission, NamedModel, Outcome, Rejection, RobotAction, RobotCommand, RobotId, RobotPhase,
+    RobotState, StationId, StationState, Timestamp, Travel,
 };
 
 pub use alone::Alone;
@@ -27,6 +28,8 @@ use crate::source::{Act, Observation, Place};
 /// What does not change about a robot while its agent runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
+    /// The robot.
+    pub id: RobotId,
     /// Name of the gauge's battery model, for the coordinator to look up its own.
     pub battery: String,
     /// The model of its loads, for people; none where its drain is measured.
@@ -58,6 +61,10 @@ pub enum Input {
     Observed(Observation),
     /// The coordinator asks for something.
     Command(RobotCommand),
+    /// A station said how it stands.
+    Station(StationId, StationState),
+    /// The network is there: nobody has heard what was said before.
+    Joined,
     /// A coordinator appeared (true) or was lost (false).
     Coordinator(bool),
 }
@@ -95,6 +102,13 @@ pub struct Agent {
     drain: drain::Drain,
     /// What the device said last of the charge before an exchange.
     said_soc: Option<energy::Estimate>,
+    /// Whether another pack was seen in the robot, until the exchange is over.
+    pack_seen: bool,
+    /// What its station said last.
+    host: Option<host::Host>,
+    /// When it looked last, and how long it has been at it, s.
+    looked: Option<Timestamp>,
+    passed_s: f64,
     last_command: Option<proto::CommandId>,
     note: Option<String>,
     /// Why what the gauge says now is not sent.
@@ -128,6 +142,10 @@ impl Agent {
             fresh: false,
             drain: drain::Drain::default(),
             said_soc: None,
+            pack_seen: false,
+            host: None,
+            looked: None,
+            passed_s: 0.0,
             last_command: None,
             note: None,
             senseless: None,
@@ -145,11 +163,14 @@ impl Agent {
 
     /// Takes in one input.
     pub fn handle(&mut self, now: Timestamp, input: Input) {
+        self.pass(now);
         match input {
             Input::Observed(observation) => {
                 self.observed(&observation);
                 self.act_alone(now, &observation);
             }
+            Input::Station(station, state) => self.station_said(now, &station, &state),
+            Input::Joined => (self.told, self.state_due) = (None, Due::default()),
             Input::Coordinator(heard) => self.silence.tell(now, heard),
             Input::Command(command) => {
                 self.silence.speaks(now);
@@ -214,7 +235,7 @@ impl Agent {
                 Outcome::Accepted
             }
             (RobotAction::SwapPack { station, .. }, Waiting) if self.station.as_ref() == Some(station) => {
-                self.phase = RobotPhase::Swapping;
+                (self.phase, self.pack_seen) = (RobotPhase::Swapping, false);
                 Outcome::Accepted
             }
             // The charger stops before the lift moves, so that no contact opens under current.
@@ -238,6 +259,7 @@ impl Agent {
 
     fn resume(&mut self) {
         (self.phase, self.station, self.bay, self.target_soc) = (RobotPhase::Working, None, None, None);
+        self.pack_seen = false;
         self.outputs.push_back(Output::Act(Act::Resume));
     }
 
@@ -257,14 +279,19 @@ impl Agent {
         if let Some(soc) = put_in {
             self.gauge.exchange(soc);
             if self.phase == Swapping && is_another {
-                self.resume();
+                self.sees_pack();
             }
         }
-        let dark = || (observation.place == Place::InBay && !observation.powered).then(|| "the bay has no power".to_owned());
+        self.leave_after_exchange();
         self.remember_said(observation);
-        self.note = observation.why_down.clone().or_else(dark);
+        let dark_s = self.charge.dark_s(self.passed_s, self.phase == Charging && !observation.powered);
+        let is_dark = dark_s >= charge::DARK_S || dark_s > 0.0 && self.is_powered() == Some(false);
+        self.note = observation.why_down.clone().or_else(|| is_dark.then(|| "the bay has no power".to_owned()));
         if std::mem::take(&mut self.restored) {
             self.find_itself(observation.place);
+        }
+        if matches!(self.phase, Travelling | Waiting) && observation.place == Place::InBay {
+            self.bay = self.given_bay().cloned().or(self.bay.take());
         }
         match (self.phase, observation.place) {
             (Working | Travelling | Waiting, place) if observation.depleted && place != Place::InBay => self.phase = Stranded,
@@ -280,6 +307,12 @@ impl Agent {
                 let ended = observation.sample.is_some_and(|sample| self.charge.sees(&sample, facts, self.profile.charge_cutoff_a));
                 self.note = self.note.take().or_else(|| self.charge.note(observation.sample.as_ref()));
                 if soc >= target || (ended && soc > 0.5) {
+                    self.stop_charging();
+                }
+            }
+            // It runs on its battery beside a charger that has ended.
+            (Charging, Place::InBay) if dark_s >= charge::DARK_S && self.is_powered() == Some(true) => {
+                if self.charge.was_ending() && self.gauge.soc().value > 0.5 {
                     self.stop_charging();
                 }
             }

@@ -239,6 +239,7 @@ impl Config {
             }
         }
         Ok(Profile {
+            id: self.id.clone(),
             battery: battery.name.clone(),
             load: self.believed_load().map(|load| load.named(path)),
             cells_series: battery.battery().series,

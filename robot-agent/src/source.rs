@@ -58,6 +58,22 @@ pub struct Observation {
     pub why_down: Option<String>,
 }
 
+/// What the station at which a robot is says of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Held {
+    /// None is heard.
+    #[default]
+    Unheard,
+    /// Nothing: it has the robot in no bay.
+    No,
+    /// It brings the robot into a bay, or exchanges its pack.
+    TakesIn,
+    /// It has the robot in a bay.
+    InBay,
+    /// It lets the robot out of its bay, or cannot.
+    LetsOut,
+}
+
 /// What an agent makes the robot do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Act {
@@ -113,6 +129,9 @@ pub trait Source: Send {
 
     /// Takes in where the robot stood when its agent was stopped. For sources that find out by themselves it is nothing new.
     fn stand(&mut self, _place: Place) {}
+
+    /// Takes in what its station says of the robot. Sources that know where it is need not be told.
+    fn held(&mut self, _held: Held) {}
 
     /// What a simulated bay gives. Real sources feel their bay and need not be told.
     fn supply(&mut self, _supply: &SimSupply) {}

@@ -51,6 +51,8 @@ pub enum Input {
     Command(StationCommand),
     /// A robot said what it does.
     Robot(RobotId, RobotState),
+    /// The network is there: nobody has heard what was said before.
+    Joined,
     /// A coordinator appeared (true) or was lost (false).
     Coordinator(bool),
 }
@@ -127,6 +129,8 @@ pub struct Agent {
     here: BTreeMap<RobotId, (Timestamp, RobotPhase)>,
     /// It was restarted, and has not seen yet whether lift and exchange go on.
     restored: bool,
+    /// Whether its source knows how it stands; once it does, it goes on to.
+    known: bool,
     /// What goes wrong with the station, as its source says.
     trouble: Option<String>,
     kept: Option<memory::Sketch>,
@@ -173,6 +177,7 @@ impl Agent {
             silence: Silence::default(),
             here: BTreeMap::new(),
             restored: false,
+            known: false,
             trouble: None,
             kept: None,
             gauge_due: Due::default(),
@@ -193,6 +198,7 @@ impl Agent {
                 self.act_alone(now);
             }
             Input::Robot(robot, state) => self.robot_said(now, robot, &state),
+            Input::Joined => (self.told, self.told_power) = (None, None),
             Input::Coordinator(heard) => self.silence.tell(now, heard),
             Input::Command(command) => {
                 self.silence.speaks(now);
@@ -308,7 +314,7 @@ impl Agent {
 
     /// Leaves a pack whose voltage is low for one that is good.
     fn leave_a_low_pack(&mut self) {
-        if !self.powered {
+        if !self.powered || !self.known {
             return;
         }
         if let Some(pack) = self.chosen(None).map(|index| self.packs[index].id.clone())
@@ -368,13 +374,15 @@ impl Agent {
             }
         }
         self.active_pack = observation.active_pack;
-        self.powered = observation.powered;
+        self.known |= observation.known;
+        self.powered = observation.powered || !self.known;
         self.arrives = observation.arrives_s.map(|in_s| tell::again(self.arrives, now.plus_s(in_s)));
         self.away = tell::away(&self.away, now, &observation.away_s);
         self.leave_a_low_pack();
         self.moved(observation.lifted, observation.given_up, &observation.mended);
         self.trouble = observation.trouble;
         self.exchanged(observation.swapped);
+        self.called_off(observation.called_off);
         self.lie_there(observation.charged, true);
         self.lie_there(observation.uncharged, false);
         if self.restored && !observation.lift_active {

@@ -17,11 +17,55 @@ use crate::source::{Observation, Source};
 /// Robots whose states wait to be looked at.
 const ROBOTS_MAX: usize = 1024;
 
+/// What comes from the network, wherever that is.
+struct Inbox {
+    commands: mpsc::Sender<Query>,
+    draws: mpsc::UnboundedSender<(RobotId, SimDraw)>,
+    lives: mpsc::UnboundedSender<bool>,
+    robots: Newest<RobotId, RobotState>,
+}
+
+/// The network, once it is there.
+struct Net {
+    link: Link,
+    sole: Sole,
+    _kept: [Box<dyn std::any::Any + Send>; 4],
+}
+
+impl Net {
+    async fn join(link: Link, config: &Config, clock: &Clock, inbox: &Inbox) -> anyhow::Result<Self> {
+        let station = &config.id;
+        let (alive, said) = (Key::StationAlive(station.clone()), Key::StationState(station.clone()));
+        let period = clock.real(config.publish.state_period_s);
+        let sole = Sole::claim(&link, format!("station {station}"), &alive, &said, period).await?;
+        let commands = link.serve(Key::StationCommand(station.clone()).build(&link.site), inbox.commands.clone()).await?;
+        let heard = inbox.draws.clone();
+        let drawn = move |sample: zenoh::sample::Sample| match draw_in(&sample) {
+            Ok(draw) => drop(heard.send(draw)),
+            Err(why) => warn!("{} was refused: {}", plain(sample.key_expr()), plain(&why)),
+        };
+        let draws = link.listen(&Pattern::SimDrawAt(station.clone()), drawn).await?;
+        let lives = link.watch(&Key::CoordinatorAlive, inbox.lives.clone()).await?;
+        // Without a coordinator it looks after robots by what they say.
+        let heard = inbox.robots.clone();
+        let said = move |sample: zenoh::sample::Sample| {
+            if let (Ok((_, Key::RobotState(robot))), Ok(state)) =
+                (Key::parse(sample.key_expr().as_str()), decoded::<RobotState>(sample.payload()))
+            {
+                heard.say(robot, state);
+            }
+        };
+        let robots = link.listen(&Pattern::AllRobotStates, said).await?;
+        let kept: [Box<dyn std::any::Any + Send>; 4] = [Box::new(commands), Box::new(draws), Box::new(lives), Box::new(robots)];
+        Ok(Self { link, sole, _kept: kept })
+    }
+}
+
 /// Runs until the source ends or the process is told to stop; `log` is where what the source shows is
-/// written.
+/// written. Without a network it looks after its station all the same.
 ///
 /// # Errors
-/// When the session cannot be opened or is lost for good.
+/// When the session is refused or lost for good, or another process speaks as this station.
 pub async fn run(
     config: &Config,
     mut agent: Agent,
@@ -29,33 +73,19 @@ pub async fn run(
     mut memory: MemoryFile,
     mut log: Option<LiveLog>,
 ) -> anyhow::Result<()> {
-    let link = Link::open(&config.network, config.site.clone()).await?;
     let station = &config.id;
     let clock = Clock::new(config.clock);
-    let (alive, said) = (Key::StationAlive(station.clone()), Key::StationState(station.clone()));
-    let period = clock.real(config.publish.state_period_s);
-    let mut sole = Sole::claim(&link, format!("station {station}"), &alive, &said, period).await?;
     let (commands_in, mut commands) = mpsc::channel(QUESTIONS);
-    let _commands = link.serve(Key::StationCommand(station.clone()).build(&link.site), commands_in).await?;
-    let (draws_in, mut draws) = mpsc::unbounded_channel::<(RobotId, SimDraw)>();
-    let drawn = move |sample: zenoh::sample::Sample| match draw_in(&sample) {
-        Ok(draw) => drop(draws_in.send(draw)),
-        Err(why) => warn!("{} was refused: {}", plain(sample.key_expr()), plain(&why)),
-    };
-    let _draws = link.listen(&Pattern::SimDrawAt(station.clone()), drawn).await?;
+    let (draws_in, mut draws) = mpsc::unbounded_channel();
     let (lives_in, mut lives) = mpsc::unbounded_channel();
-    let _lives = link.watch(&Key::CoordinatorAlive, lives_in).await?;
-    // Without a coordinator it looks after robots by what they say.
     let robots = Newest::of(ROBOTS_MAX);
-    let heard = robots.clone();
-    let said = move |sample: zenoh::sample::Sample| {
-        if let (Ok((_, Key::RobotState(robot))), Ok(state)) =
-            (Key::parse(sample.key_expr().as_str()), decoded::<RobotState>(sample.payload()))
-        {
-            heard.say(robot, state);
-        }
+    let inbox = Inbox { commands: commands_in, draws: draws_in, lives: lives_in, robots: robots.clone() };
+    let mut opening = Box::pin(Link::open(&config.network, config.site.clone()));
+    let mut net = match Link::soon(opening.as_mut()).await? {
+        Some(link) => Some(Net::join(link, config, &clock, &inbox).await?),
+        None => None,
     };
-    let _robots = link.listen(&Pattern::AllRobotStates, said).await?;
+    let mut joining = std::pin::pin!(async { Net::join(opening.await?, config, &clock, &inbox).await });
     let mut diary = Diary::begin(format!("station {station}"));
 
     let mut ticks = tokio::time::interval(clock.real(LOOK_S).max(Duration::from_millis(5)));
@@ -74,7 +104,7 @@ pub async fn run(
                         note(log, config, passed_s, &agent, source.as_ref(), &observation);
                     }
                     agent.handle(at, Input::Observed(observation));
-                    drain(&link, config, &mut agent, source.as_mut(), None, &mut memory, log.as_mut(), &mut diary).await?;
+                    drain(net.as_ref(), config, &mut agent, source.as_mut(), None, &mut memory, log.as_mut(), &mut diary).await?;
                 }
                 diary.alone(agent.is_alone(clock.now()), config.alone.silent_s);
                 log.as_mut().map(LiveLog::flush);
@@ -82,10 +112,16 @@ pub async fn run(
                 let mut supplies = source.supplies();
                 let newest: std::collections::BTreeMap<_, _> = supplies.iter().enumerate().map(|(i, (robot, _))| (robot.clone(), i)).collect();
                 for (index, (robot, supply)) in supplies.drain(..).enumerate() {
-                    if supply.exchanged.is_some() || newest.get(&robot) == Some(&index) {
+                    if let Some(Net { link, .. }) = &net
+                        && (supply.exchanged.is_some() || newest.get(&robot) == Some(&index))
+                    {
                         link.publish(&Key::SimSupply(station.clone(), robot), &supply).await?;
                     }
                 }
+            }
+            joined = &mut joining, if net.is_none() => {
+                net = Some(joined?);
+                agent.handle(clock.now(), Input::Joined);
             }
             Some((robot, draw)) = draws.recv() => source.draw(&robot, &draw),
             states = robots.taken() => {
@@ -96,13 +132,13 @@ pub async fn run(
                 agent.handle(clock.now(), Input::Coordinator(heard));
             }
             Some(query) = commands.recv() => {
-                if let Some(why) = sole.doubt() {
+                if let Some(why) = net.as_mut().and_then(|net| net.sole.doubt()) {
                     refuse(&query, why).await;
                 } else if let Some(command) = command::<StationCommand>(&query).await {
                     let now = clock.now();
                     agent.handle(now, Input::Command(command.clone()));
                     let asked = Some((&query, now, &command));
-                    drain(&link, config, &mut agent, source.as_mut(), asked, &mut memory, log.as_mut(), &mut diary).await?;
+                    drain(net.as_ref(), config, &mut agent, source.as_mut(), asked, &mut memory, log.as_mut(), &mut diary).await?;
                 }
             }
             () = &mut stop => {
@@ -152,7 +188,7 @@ fn note(log: &mut LiveLog, config: &Config, now_s: f64, agent: &Agent, source: &
 
 #[allow(clippy::too_many_arguments, reason = "everything that an output may go to")]
 async fn drain(
-    link: &Link,
+    net: Option<&Net>,
     config: &Config,
     agent: &mut Agent,
     source: &mut dyn Source,
@@ -167,9 +203,15 @@ async fn drain(
                 if let Some(log) = &mut log {
                     log.gauge(&pack_stem(config, &pack), &gauge);
                 }
-                link.publish(&Key::PackGauge(config.id.clone(), pack), &gauge).await?;
+                if let Some(Net { link, .. }) = net {
+                    link.publish(&Key::PackGauge(config.id.clone(), pack), &gauge).await?;
+                }
             }
-            Output::State(state) => link.publish(&Key::StationState(config.id.clone()), &state).await?,
+            Output::State(state) => {
+                if let Some(Net { link, .. }) = net {
+                    link.publish(&Key::StationState(config.id.clone()), &state).await?;
+                }
+            }
             Output::Act(act) => {
                 diary.does(&act);
                 source.act(&act);

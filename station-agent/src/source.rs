@@ -46,12 +46,16 @@ pub struct Observation {
     pub mended: Vec<BayId>,
     /// An exchange of a robot's pack that has just ended.
     pub swapped: Option<Swapped>,
+    /// An exchange that cannot be done: the robot has its own pack still.
+    pub called_off: Option<(RobotId, SpareId)>,
     /// Whether the lift moves, or a pack is being exchanged.
     pub lift_active: bool,
     /// Packs that are charged and can be handed out as spares from now on, with their state of charge.
     pub charged: Vec<(SpareId, Estimate)>,
     /// What lies in the places of spares and cannot be handed out, or not any more, with its state of charge.
     pub uncharged: Vec<(SpareId, Estimate)>,
+    /// Whether something is known of each of its packs, if only that it is silent: before that it is not said how the station stands.
+    pub known: bool,
     /// What goes wrong, for people.
     pub trouble: Option<String>,
 }

@@ -1,8 +1,8 @@
 // Drives the dashboard at a URL in a real browser and checks what is on the page against the API.
 //
-//   node page.mjs frozen URL DIR         a simulation that has ended: every number can be compared
-//   node page.mjs live URL DIR TOKEN     a running fleet: updates arrive, changes need the token
-//   node page.mjs report FILE DIR        a report of a simulation, without a server
+//   node page.mjs frozen URL DIR             a simulation that has ended: every number can be compared
+//   node page.mjs live URL DIR TOKEN ROBOT   a running fleet: updates arrive, changes need the token, a robot has gone
+//   node page.mjs report FILE DIR            a report of a simulation, without a server
 //
 // Exit status 0 when all holds; what does not is printed. Screenshots go to DIR.
 import fs from "node:fs";
@@ -10,7 +10,7 @@ import { createRequire } from "node:module";
 import path from "node:path";
 import { chromium } from "playwright-core";
 
-const [mode, target, dir, token] = process.argv.slice(2);
+const [mode, target, dir, token, gone] = process.argv.slice(2);
 const axe = fs.readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const failures = [];
 const check = (holds, what) => { if (!holds) failures.push(what); };
@@ -170,6 +170,14 @@ async function live() {
   await page.locator("#token-dialog").waitFor({ state: "hidden" });
   for (let n = 0; n < 50 && (await plan()) <= first; n += 1) await page.waitForTimeout(100);
   check((await plan()) > first, "the right token makes a new plan");
+  // Its agent has ended: it is gone for good if somebody says so, and the token is known by now.
+  const row = page.locator("#fleet tbody button", { hasText: gone });
+  await page.waitForFunction(async (robot) => (await (await fetch("api/v1/fleet")).json()).robots[robot]?.lost, gone);
+  await row.click();
+  await page.locator("#detail-body button", { hasText: "Forget it" }).click();
+  await page.locator("#detail").waitFor({ state: "hidden" });
+  await row.waitFor({ state: "detached" });
+  check(!(gone in (await api("fleet")).robots), "a robot that is forgotten is not known any more");
   await everywhere(page, "desktop-light");
 }
 

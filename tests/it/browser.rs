@@ -86,8 +86,11 @@ fn a_live_fleet_moves_on_the_page_and_only_the_token_changes_it() {
     let port = web.port;
     fleet.write().unwrap();
     let _coordinator = fleet.coordinator().unwrap();
-    let _agents = fleet.agents().unwrap();
+    let mut agents = fleet.agents().unwrap();
     let planned = || ask(port, "/api/v1/schedule").is_some_and(|schedule| schedule["plan"].as_u64() > Some(0));
     assert!(patiently(Duration::from_secs(60), planned), "no plan");
-    look(&browser, &["live", &format!("http://127.0.0.1:{port}/"), TOKEN]);
+    // The last agent is that of the last robot.
+    let gone = fleet.deployment.robots.last().unwrap().id.to_string();
+    drop(agents.pop());
+    look(&browser, &["live", &format!("http://127.0.0.1:{port}/"), TOKEN, &gone]);
 }

@@ -43,11 +43,11 @@ fn secured() -> anyhow::Result<Fleet> {
     Ok(fleet)
 }
 
-/// Status line of a request that would change something.
-fn replan(port: u16, host: &str, token: Option<&str>) -> anyhow::Result<String> {
+/// Status line of a request that would change something, `POST /api/v1/replan` for one.
+fn change(what: &str, port: u16, host: &str, token: Option<&str>) -> anyhow::Result<String> {
     let mut stream = std::net::TcpStream::connect(("127.0.0.1", port))?;
     let authorization = token.map(|token| format!("Authorization: Bearer {token}\r\n")).unwrap_or_default();
-    write!(stream, "POST /api/v1/replan HTTP/1.1\r\nHost: {host}\r\n{authorization}Content-Length: 0\r\nConnection: close\r\n\r\n")?;
+    write!(stream, "{what} HTTP/1.1\r\nHost: {host}\r\n{authorization}Content-Length: 0\r\nConnection: close\r\n\r\n")?;
     let mut answer = String::new();
     stream.read_to_string(&mut answer)?;
     ensure!(!answer.contains(TOKEN), "the answer holds the token: {answer}");
@@ -91,7 +91,7 @@ fn a_fleet_with_certificates_is_served_and_keeps_its_secrets() -> anyhow::Result
         ("tender.example", Some(TOKEN), "403"),
         (here.as_str(), Some(TOKEN), "200"),
     ] {
-        let line = replan(port, host, token)?;
+        let line = change("POST /api/v1/replan", port, host, token)?;
         ensure!(line.contains(status), "{host}, {token:?}: {line}");
     }
 
@@ -101,7 +101,14 @@ fn a_fleet_with_certificates_is_served_and_keeps_its_secrets() -> anyhow::Result
         ensure!(has("tx-") && !has("rx-"), "threads: {threads:?}");
     }
 
+    // Who is heard is not forgotten; who has left is, once.
+    let forget = || change("DELETE /api/v1/robot/explorer-1", port, &here, Some(TOKEN));
+    let line = forget()?;
+    ensure!(line.contains("409"), "{line}");
     drop(agents);
+    ensure!(patiently(Duration::from_secs(30), || forget().is_ok_and(|line| line.contains("200"))), "it is not forgotten");
+    let line = forget()?;
+    ensure!(line.contains("404"), "{line}");
     coordinator.stop(Duration::from_secs(30)).context("it does not stop")?;
     // The token stands in the file that gives it, and nowhere else: neither in the store nor in what was said.
     let told = files(fleet.folder.path())?;

@@ -42,9 +42,7 @@ impl<'a, 'w> Explainer<'a, 'w> {
     pub fn explain(&mut self, robot: &RobotId, changed: &[String]) -> Result<Explanation, String> {
         let basis = &self.basis;
         let Some(belief) = basis.fleet.robots.get(robot) else {
-            let known = || basis.fleet.robots.keys().map(AsRef::as_ref);
-            let hint = energy::document::hint(robot.as_ref(), known());
-            return Err(format!("robot {robot} is not known{hint} Known: {}", known().collect::<Vec<_>>().join(", ")));
+            return Err(basis.fleet.unknown(robot));
         };
         let service = self.services.get(robot).copied();
         let mut reasons = Vec::new();

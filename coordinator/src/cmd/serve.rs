@@ -49,7 +49,7 @@ impl Stage {
         let due = Duration::from_secs_f64(step.elapsed_s / self.speed);
         loop {
             while let Ok(asked) = self.asked.try_recv() {
-                asked.answer(step.now, step.core, books.clone());
+                let _ = asked.answer(step.now, step.core, books.clone());
             }
             let ahead = due.saturating_sub(self.begun.elapsed());
             if ahead.is_zero() {
@@ -69,7 +69,7 @@ impl Stage {
             loop {
                 tokio::select! {
                     Some(asked) = asked.recv() => {
-                        asked.answer(outcome.end, &mut outcome.core, Books { site: &site, title, past, store: None, ladder: None });
+                        let _ = asked.answer(outcome.end, &mut outcome.core, Books { site: &site, title, past, store: None, ladder: None });
                     }
                     () = &mut stop => break,
                 }

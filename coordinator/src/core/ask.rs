@@ -22,6 +22,11 @@ pub(super) struct Asked {
 }
 
 impl Asked {
+    /// Whether it is for that robot.
+    pub(super) fn is_for(&self, robot: &RobotId) -> bool {
+        matches!(&self.command, AskedCommand::Robot(whom, _) if whom == robot)
+    }
+
     pub(super) fn set_back(&mut self, by_ms: i64) {
         (self.sent, self.deadline) = (self.sent.plus_ms(-by_ms), self.deadline.plus_ms(-by_ms));
     }
@@ -138,7 +143,7 @@ impl Core {
 
     /// Whether a robot has still to answer.
     pub(super) fn has_to_answer(&self, robot: &RobotId) -> bool {
-        self.asked.values().any(|asked| matches!(&asked.command, AskedCommand::Robot(whom, _) if whom == robot))
+        self.asked.values().any(|asked| asked.is_for(robot))
     }
 
     /// Sends again what was not answered, with the same id, until its deadline.

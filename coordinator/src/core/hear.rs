@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use proto::{BayPhase, EventKind, Gauge, PackId, PackState, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
+use proto::{
+    BayPhase, EventKind, Gauge, PackId, PackState, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp, newer,
+};
 
 use super::{Core, REFUSED_MAX};
 use crate::clocks::Agent;
-use crate::fleet::{LeftPack, Robot, Station, newer};
+use crate::fleet::{LeftPack, Robot, Station};
 use crate::models::from_wire;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;

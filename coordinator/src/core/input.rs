@@ -29,6 +29,8 @@ pub enum Input {
     Refused(String),
     /// Somebody asks for a new plan, and says why.
     Replan(String),
+    /// Somebody says that a robot which is not heard any more is gone for good.
+    Forget(RobotId),
     /// The study that was given out is done.
     Studied,
     /// The last plan of the coordinator before this one. To be given first.
@@ -51,6 +53,7 @@ impl Input {
             Self::Nothing => "an old copy",
             Self::Refused(_) => "what could not be read",
             Self::Replan(_) => "a wish for a new plan",
+            Self::Forget(_) => "a robot that is gone for good",
             Self::Studied => "a whole plan that was made beside the core",
             Self::Before(_) => "the last plan of the coordinator before",
         }

@@ -51,6 +51,7 @@ impl Core {
                 asked: None,
                 hands_over: None,
                 takes_none_since: None,
+                called_off_since: None,
                 cut_short: None,
                 again: None,
             };
@@ -180,6 +181,10 @@ impl Core {
 
     /// Why a service is given up that nobody ends: an exchange, or a bay that is to be emptied.
     fn does_not_end(&self, now: Timestamp, run: &ServiceRun) -> Option<String> {
+        // It may say so a moment later, or earlier, than its robot.
+        if run.called_off_since.is_some_and(|since| now.seconds_since(since) > self.settings.deadline_s) {
+            return Some(format!("{} has called its exchange off", run.station));
+        }
         let what = match run.stage {
             Stage::Swapping => "its exchange",
             Stage::Unloading | Stage::LetOut => "its way out of the bay",
@@ -244,11 +249,16 @@ impl Core {
         self.refresh_schedule(now);
     }
 
-    /// Notes since when a robot takes no charge.
+    /// Notes since when a robot takes no charge, or waits for an exchange that its station is not at.
     fn note_charge(&mut self, now: Timestamp, robot: &RobotId) {
         let (Some(run), Some(belief)) = (self.running.get_mut(robot), self.fleet.robots.get(robot)) else { return };
         let none = belief.known().is_some_and(|(gauge, state)| run.takes_no_charge(gauge, state));
         run.takes_none_since = none.then(|| run.takes_none_since.unwrap_or(now));
+        let is_left = |state: &proto::StationState| state.swapping.as_ref() != Some(robot);
+        let is_off = run.stage == Stage::Swapping
+            && belief.phase() == Some(RobotPhase::Swapping)
+            && self.fleet.stations.get(&run.station).and_then(Station::heard).is_some_and(is_left);
+        run.called_off_since = is_off.then(|| run.called_off_since.unwrap_or(now));
     }
 
     /// Why a robot is let go although it is not charged: it should be, and has taken nothing for long.

@@ -208,6 +208,7 @@ impl Core {
             asked: None,
             hands_over: None,
             takes_none_since: None,
+            called_off_since: None,
             cut_short: None,
             again: None,
         };

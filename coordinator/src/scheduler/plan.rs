@@ -92,6 +92,14 @@ pub struct Quality {
     pub missed_bound_s: f64,
 }
 
+impl Quality {
+    /// Takes back what is proven beyond what another plan has proven of a problem that offers somebody else's spares.
+    pub fn no_more_is_proven_than(&mut self, other: Self) {
+        self.stranded_bound = self.stranded_bound.min(other.stranded_bound);
+        self.missed_bound_s = self.missed_bound_s.min(other.missed_bound_s);
+    }
+}
+
 /// The station whose packs are short of least for a robot that lacks nothing else there, and of how much, Wh.
 fn least_short(task: &Task, unserved: &planner::Unserved) -> Option<(StationId, f64)> {
     let of = |obstacle: &planner::reasons::Obstacle| match &obstacle.why {

@@ -60,6 +60,16 @@ impl Racks {
         best.map(|(kind, _)| kind)
     }
 
+    /// Whether a station has spares of more than one kind.
+    pub fn are_several(&self, station: usize) -> bool {
+        self.kinds[station].iter().any(|kind| *kind > 0)
+    }
+
+    /// The view's kinds that are this one to a plan.
+    pub fn alike(&self, station: usize, kind: u16) -> impl Iterator<Item = usize> + '_ {
+        self.kinds[station].iter().enumerate().filter(move |(_, known)| **known == kind).map(|(known, _)| known)
+    }
+
     /// Spares of a kind that are handed out next: those that hold as much as any that is charged again, or beside which none is ready that
     /// holds much more.
     pub(super) fn next<'a>(&'a self, view: &'a View, station: usize, kind: u16) -> impl Iterator<Item = &'a SpareView> {

@@ -11,6 +11,7 @@ use super::effort::{Effort, WHOLE_FLEET_MAX};
 use super::plan::{Plan, Rejected};
 use super::problem::{RobotView, StationView, View};
 use super::translate::{Offer, Task};
+use super::unfit::forbid;
 use crate::models::{Settings, ShortEnergy};
 
 /// Fewest moves of a search, and most: whoever waits for a plan of a large fleet waits for all of them.
@@ -66,15 +67,6 @@ impl Solved {
     /// What it costs, the worst first: promises of the last plan that it breaks, robots that run empty, work that is missed, s.
     pub(super) fn loss(&self, before: &Plan) -> (usize, i64, f64) {
         (self.broken(before), self.plan.quality.stranded, self.plan.quality.missed_s)
-    }
-
-    /// Who would have an exchange and no spare for it: robot and station.
-    fn without_a_spare(&self) -> Vec<(usize, usize)> {
-        let without: BTreeSet<&RobotId> =
-            self.plan.planned.iter().filter(|planned| planned.spare.is_none()).map(|planned| &planned.robot).collect();
-        let exchanges = self.sessions.iter().filter(|session| !matches!(session.mode, Mode::Charge(_)));
-        let is_without = |session: &&Session| without.contains(&self.task.view.robots[session.robot].robot);
-        exchanges.filter(is_without).map(|session| (session.robot, session.station)).collect()
     }
 
     /// What there is to choose from for these robots, and what was chosen for the others.
@@ -293,9 +285,25 @@ impl Asked<'_> {
 
     /// Plans with what is on offer.
     fn attempt(&self, offer: Offer<'_>) -> Solved {
-        let solved = self.planned(self.view.clone(), offer);
+        let mut solved = self.planned(self.view.clone(), offer);
+        if self.may_change()
+            && let Some(other) = self.with_another_kind(&solved, offer)
+        {
+            solved = other;
+        }
         let is_asked = self.may_change() && self.is_small() && !solved.plan.rejected.is_empty();
         is_asked.then(|| self.once_more(&solved, offer)).flatten().unwrap_or(solved)
+    }
+
+    /// A better plan, in which who strands for want of one kind of spare is given another; none where there is no such plan. What was proven of
+    /// either holds only where the other says no less.
+    fn with_another_kind(&self, solved: &Solved, offer: Offer<'_>) -> Option<Solved> {
+        let others = solved.with_another_kind();
+        let mut view = (!others.is_empty()).then(|| solved.task.view.clone())?;
+        forbid(&mut view, others);
+        let mut again = self.planned(view, offer);
+        again.plan.quality.no_more_is_proven_than(solved.plan.quality);
+        self.is_better(&again, solved).then_some(again)
     }
 
     /// A plan that leaves out less, with what the packs give beyond what was counted; none where there is no such plan.
@@ -319,7 +327,7 @@ impl Asked<'_> {
     }
 
     /// A plan in whole ticks and the times at which spares are ready may differ by a little: whom a plan gives an exchange for which there
-    /// is no spare then is asked again, without one. What was proven before holds for less choice as well.
+    /// is no spare then is asked again, without that kind. What all of these prove holds.
     fn planned(&self, mut view: View, offer: Offer<'_>) -> Solved {
         let mut proven = None;
         loop {
@@ -327,17 +335,14 @@ impl Asked<'_> {
             let found = plan(&task, self.settings, self.before, self.effort);
             let mut solved = Solved::new(task, found, self.before, self.settings);
             let quality = &mut solved.plan.quality;
-            let bound = *proven.get_or_insert(*quality);
-            (quality.stranded_bound, quality.missed_bound_s) = (bound.stranded_bound, bound.missed_bound_s);
+            quality.no_more_is_proven_than(*proven.get_or_insert(*quality));
+            proven = Some(*quality);
             let without = solved.without_a_spare();
             if without.is_empty() {
                 return solved;
             }
             view = solved.task.view;
-            for (robot, station) in without {
-                let kinds: Vec<usize> = view.stations[station].spares.iter().map(|spare| spare.kind).collect();
-                view.robots[robot].unfit.extend(kinds.into_iter().map(|kind| (station, kind)));
-            }
+            forbid(&mut view, without);
         }
     }
 }

@@ -118,29 +118,18 @@ impl Task {
     pub fn new(view: View, settings: &Settings, before: &[Planned], offer: Offer<'_>) -> Self {
         let tick_s = tick_s(&view);
         let grid = Grid::at(view.now, tick_s);
-        let mut kinds: Vec<(usize, i32)> = Vec::new();
-        let mut tables: Vec<BTreeMap<usize, Arc<Table>>> = Vec::new();
-        let mut batteries: Vec<&RobotView> = Vec::new();
-        let kind_of: Vec<usize> = view
-            .robots
-            .iter()
-            .map(|robot| {
-                let key = (Arc::as_ptr(&robot.battery).addr(), robot.charge_degc as i32);
-                let kind = kinds.iter().position(|known| *known == key).unwrap_or_else(|| {
-                    kinds.push(key);
-                    tables.push(BTreeMap::new());
-                    batteries.push(robot);
-                    kinds.len() - 1
-                });
-                for way in &robot.ways {
-                    tables[kind].entry(way.station).or_insert_with(|| Arc::clone(&way.table));
-                }
-                kind
-            })
-            .collect();
         let racks = Racks::new(&view);
+        let (kind_of, members) = battery::kinds(&view, &racks);
+        let tables_of = |robots: &Vec<&RobotView>| {
+            let mut tables: BTreeMap<usize, Arc<Table>> = BTreeMap::new();
+            for way in robots.iter().flat_map(|robot| &robot.ways) {
+                tables.entry(way.station).or_insert_with(|| Arc::clone(&way.table));
+            }
+            tables
+        };
+        let tables: Vec<BTreeMap<usize, Arc<Table>>> = members.iter().map(tables_of).collect();
         let batteries =
-            batteries.iter().zip(&tables).map(|(robot, tables)| battery::battery(robot, tables, (&view, &racks), settings, tick_s));
+            members.iter().zip(&tables).map(|(robots, tables)| battery::battery(robots, tables, (&view, &racks), settings, tick_s));
         let mut batteries: Vec<Battery> = batteries.collect();
         let charger_of = battery::share_chargers(&mut batteries, view.stations.len());
         let stations = (0..view.stations.len()).map(|index| {

@@ -172,17 +172,22 @@ impl Robot {
         self.drain(id, now, net, checks, stations);
     }
 
-    pub(super) fn coordinator(
+    /// Something that needs no answer.
+    pub(super) fn hears(
         &mut self,
         id: &RobotId,
-        heard: bool,
+        input: robot_agent::Input,
         now: Timestamp,
         net: &mut Net,
         checks: Option<&mut Checks>,
         stations: &[StationId],
     ) {
-        let Some(agent) = &mut self.agent else { return };
-        agent.handle(self.life.clock.shows(now), robot_agent::Input::Coordinator(heard));
+        let Some(agent) = self.agent.as_mut() else { return };
+        // Out of reach it hears nobody; that it does not is told by the network library itself.
+        if matches!(input, robot_agent::Input::Station(..)) && !self.body.in_reach() {
+            return;
+        }
+        agent.handle(self.life.clock.shows(now), input);
         self.drain(id, now, net, checks, stations);
     }
 
@@ -287,10 +292,12 @@ impl Station {
         now: Timestamp,
         net: &mut Net,
         checks: Option<&mut Checks>,
+        guests: &[RobotId],
     ) {
         if let Some(missed) = self.missed.take() {
             seen.lifted = seen.lifted.or(missed.lifted);
             seen.swapped = seen.swapped.or(missed.swapped);
+            seen.called_off = seen.called_off.or(missed.called_off);
             seen.charged.splice(0..0, missed.charged);
             for (pack, before) in seen.packs.iter_mut().zip(missed.packs) {
                 pack.exchanged = pack.exchanged.or(before.exchanged);
@@ -302,7 +309,7 @@ impl Station {
             return;
         };
         agent.handle(self.life.clock.shows(now), station_agent::Input::Observed(seen));
-        if !self.drain(id, now, net, checks) {
+        if !self.drain(id, now, net, checks, guests) {
             self.missed = Some(events);
         }
     }
@@ -314,13 +321,14 @@ impl Station {
         now: Timestamp,
         net: &mut Net,
         mut checks: Option<&mut Checks>,
+        guests: &[RobotId],
     ) {
         let Some(agent) = &mut self.agent else { return };
         if let Some(checks) = checks.as_deref_mut() {
             checks.commands.arrives(&Host::Station(id.clone()), &command.id, command.epoch);
         }
         agent.handle(self.life.clock.shows(now), station_agent::Input::Command(command));
-        self.drain(id, now, net, checks);
+        self.drain(id, now, net, checks, guests);
     }
 
     /// Something that needs no answer.
@@ -331,14 +339,15 @@ impl Station {
         now: Timestamp,
         net: &mut Net,
         checks: Option<&mut Checks>,
+        guests: &[RobotId],
     ) {
         let Some(agent) = &mut self.agent else { return };
         agent.handle(self.life.clock.shows(now), input);
-        self.drain(id, now, net, checks);
+        self.drain(id, now, net, checks, guests);
     }
 
     /// Does what the agent wants; false when it was killed before anything was kept.
-    fn drain(&mut self, id: &StationId, now: Timestamp, net: &mut Net, mut checks: Option<&mut Checks>) -> bool {
+    fn drain(&mut self, id: &StationId, now: Timestamp, net: &mut Net, mut checks: Option<&mut Checks>, guests: &[RobotId]) -> bool {
         use station_agent::Output as O;
         let me = Host::Station(id.clone());
         let mut first = true;
@@ -357,7 +366,12 @@ impl Station {
                     self.body.act(&act);
                 }
                 O::Gauge(pack, gauge) => net.send(now, &me, Message::Up(Input::PackGauge(id.clone(), pack, gauge))),
-                O::State(state) => net.send(now, &me, Message::Up(Input::StationState(id.clone(), state))),
+                O::State(state) => {
+                    for robot in guests {
+                        net.send(now, &me, Message::Told(robot.clone(), id.clone(), Box::new(state.clone())));
+                    }
+                    net.send(now, &me, Message::Up(Input::StationState(id.clone(), state)));
+                }
                 O::Reply(reply) => {
                     if let Some(checks) = checks.as_deref_mut() {
                         checks.commands.answered(&me, &reply);

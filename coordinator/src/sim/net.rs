@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use proto::{RobotCommand, RobotId, RobotState, StationCommand, StationId, Timestamp};
+use proto::{RobotCommand, RobotId, RobotState, StationCommand, StationId, StationState, Timestamp};
 use rand::RngExt as _;
 use rand_pcg::Pcg64Mcg;
 
@@ -31,6 +31,8 @@ pub(super) enum Message {
     Station(StationId, StationCommand),
     /// A robot's state, as a station hears it.
     Overheard(StationId, RobotId, RobotState),
+    /// A station's state, as a robot hears it.
+    Told(RobotId, StationId, Box<StationState>),
     /// An agent learns that the coordinator appeared or was lost.
     Coordinator(Host, bool),
 }
@@ -121,7 +123,7 @@ impl Net {
             let to = match &message {
                 Message::Up(Input::RobotAlive(..) | Input::StationAlive(..)) | Message::Coordinator(..) => return Some((at, message)),
                 Message::Up(_) => Host::Coordinator,
-                Message::Robot(robot, _) => Host::Robot(robot.clone()),
+                Message::Robot(robot, _) | Message::Told(robot, ..) => Host::Robot(robot.clone()),
                 Message::Station(station, _) | Message::Overheard(station, ..) => Host::Station(station.clone()),
             };
             if self.reaches(&from) && self.reaches(&to) {

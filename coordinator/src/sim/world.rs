@@ -192,22 +192,30 @@ impl World {
                 }
                 Message::Station(id, command) => {
                     if let Some(station) = self.stations.get_mut(&id) {
-                        station.command(&id, command, at, &mut self.net, checks);
+                        let guests = guests_of(&self.robots, &id);
+                        station.command(&id, command, at, &mut self.net, checks, &guests);
                     }
                 }
                 Message::Overheard(id, robot, state) => {
                     if let Some(station) = self.stations.get_mut(&id) {
-                        station.hears(&id, station_agent::Input::Robot(robot, state), at, &mut self.net, checks);
+                        let guests = guests_of(&self.robots, &id);
+                        station.hears(&id, station_agent::Input::Robot(robot, state), at, &mut self.net, checks, &guests);
+                    }
+                }
+                Message::Told(id, station, state) => {
+                    if let Some(robot) = self.robots.get_mut(&id) {
+                        robot.hears(&id, robot_agent::Input::Station(station, *state), at, &mut self.net, checks, &self.names);
                     }
                 }
                 Message::Coordinator(Host::Robot(id), heard) => {
                     if let Some(robot) = self.robots.get_mut(&id) {
-                        robot.coordinator(&id, heard, at, &mut self.net, checks, &self.names);
+                        robot.hears(&id, robot_agent::Input::Coordinator(heard), at, &mut self.net, checks, &self.names);
                     }
                 }
                 Message::Coordinator(Host::Station(id), heard) => {
                     if let Some(station) = self.stations.get_mut(&id) {
-                        station.hears(&id, station_agent::Input::Coordinator(heard), at, &mut self.net, checks);
+                        let guests = guests_of(&self.robots, &id);
+                        station.hears(&id, station_agent::Input::Coordinator(heard), at, &mut self.net, checks, &guests);
                     }
                 }
                 Message::Coordinator(Host::Coordinator, _) => {}
@@ -242,7 +250,8 @@ impl World {
                 checks.balance.station(id, &station.body);
             }
             station.link(id, coordinator_up, now, &mut self.net);
-            station.observed(id, observation, now, &mut self.net, self.checks.as_mut());
+            let guests = guests_of(&self.robots, id);
+            station.observed(id, observation, now, &mut self.net, self.checks.as_mut(), &guests);
         }
         for (id, robot) in &mut self.robots {
             let Some(observation) = robot.body.advance(STEP_S) else { continue };
@@ -316,6 +325,12 @@ impl World {
         ];
         self.measured.finish(&totals, socs(&self.stations));
     }
+}
+
+/// Robots that are at a station, or on their way to it: they hear what it says.
+fn guests_of(robots: &BTreeMap<RobotId, Robot>, station: &StationId) -> Vec<RobotId> {
+    let is_guest = |robot: &&Robot| robot.agent.as_ref().and_then(robot_agent::Agent::station) == Some(station);
+    robots.iter().filter(|(_, robot)| is_guest(robot)).map(|(id, _)| id.clone()).collect()
 }
 
 /// True state of charge of every pack. Packs of several stations are told apart by the station.

@@ -45,6 +45,8 @@ pub enum What {
     Refused(String),
     /// A new plan was asked for.
     Replan(String),
+    /// A robot was said to be gone for good.
+    Forget(RobotId),
     /// A plan was made beside the core.
     Studied,
     /// The last plan of the coordinator before.
@@ -63,6 +65,7 @@ impl Heard {
             Input::Reply(reply) => What::Reply(reply),
             Input::Refused(_) => refused(came),
             Input::Replan(why) => What::Replan(why),
+            Input::Forget(robot) => What::Forget(robot),
             Input::Studied => What::Studied,
             Input::Before(schedule) => What::Before(schedule),
             Input::RobotGauge(robot, gauge) if came.iter().any(|record| matches!(record, Record::RobotGauge { .. })) => {

@@ -47,6 +47,7 @@ pub(super) fn row(heard: &Heard) -> Vec<Value> {
         What::Studied => ("studied", none),
         What::Before(schedule) => ("before", Line { body: Some(text(schedule.as_ref())), ..none }),
         What::Replan(why) => ("replan", Line { body: Some(why.clone()), ..none }),
+        What::Forget(robot) => ("forget", of_robot(robot)),
         What::Refused(text) => ("refused", Line { body: Some(text.clone()), ..none }),
     };
     vec![
@@ -87,6 +88,7 @@ pub(super) fn heard(row: &AnyRow) -> Result<Heard, sqlx::Error> {
         "reply" => What::Reply(decode::<CommandReply>(need("body")?.as_bytes()).map_err(|error| wrong(error.into()))?),
         "before" => What::Before(Arc::new(decode::<Schedule>(need("body")?.as_bytes()).map_err(|error| wrong(error.into()))?)),
         "replan" => What::Replan(need("body")?),
+        "forget" => What::Forget(robot()?),
         "studied" => What::Studied,
         "refused" => What::Refused(need("body")?),
         other => return Err(wrong(format!("inputs.kind is `{other}`").into())),

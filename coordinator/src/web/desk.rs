@@ -11,7 +11,7 @@ use tokio::sync::{mpsc, oneshot};
 use super::metrics;
 use super::past::Past;
 use super::view::{Ladder, View, Wanted};
-use crate::core::{Core, Input};
+use crate::core::{Core, Input, NotForgotten};
 use crate::store::Standing;
 
 /// Questions that may wait.
@@ -47,6 +47,8 @@ pub enum Question {
     Metrics,
     /// Make a new plan.
     Replan,
+    /// Forget a robot that is gone for good.
+    Forget(RobotId),
 }
 
 /// Why there is no answer.
@@ -54,6 +56,8 @@ pub enum Question {
 pub enum NoAnswer {
     /// What was asked for is not known.
     Unknown(String),
+    /// That cannot be done as things stand.
+    Conflict(String),
     /// The coordinator has no time, or has stopped.
     Busy,
 }
@@ -95,7 +99,7 @@ impl Desk {
 }
 
 /// Why there is a new plan when somebody asked for one.
-pub const REPLAN_WHY: &str = "asked for on the dashboard";
+const REPLAN_WHY: &str = "asked for on the dashboard";
 
 /// The newest word of a robot, as it came over the wire.
 #[derive(Serialize)]
@@ -129,17 +133,29 @@ pub struct Books<'a> {
 }
 
 impl Asked {
-    /// Answers from the core; what changes it must be drained by the caller.
-    pub fn answer(self, now: Timestamp, core: &mut Core, books: Books<'_>) {
+    /// Answers from the core. What the core was told with that is returned, and what it wants done must be drained by the caller.
+    pub fn answer(self, now: Timestamp, core: &mut Core, books: Books<'_>) -> Option<Input> {
+        let wish = self.question.wish();
         let answer = self.question.answer(now, core, books);
+        let told = wish.filter(|_| answer.is_ok());
         // Whoever asked may have gone.
         let _ = self.answer.send(answer);
+        told
     }
 }
 
 impl Question {
+    /// What it asks the core to do, where it is more than a question.
+    fn wish(&self) -> Option<Input> {
+        match self {
+            Question::Replan => Some(Input::Replan(REPLAN_WHY.to_owned())),
+            Question::Forget(robot) => Some(Input::Forget(robot.clone())),
+            _ => None,
+        }
+    }
+
     fn answer(self, now: Timestamp, core: &mut Core, books: Books<'_>) -> Answer {
-        let past = books.past;
+        let (past, wish) = (books.past, self.wish());
         match self {
             Question::View(wanted) => Ok(json(&View::new(now, core, books, &wanted))),
             Question::Robot(robot) => View::robot(now, core, past, &robot).map(|detail| json(&detail)).map_err(NoAnswer::Unknown),
@@ -158,8 +174,16 @@ impl Question {
                 None => "ok\n".to_owned(),
             }),
             Question::Replan => {
-                core.handle(now, Input::Replan(REPLAN_WHY.to_owned()));
+                wish.into_iter().for_each(|wish| core.handle(now, wish));
                 Ok(json(&serde_json::json!({ "asked": "replan", "plan": core.schedule().plan })))
+            }
+            Question::Forget(robot) => {
+                core.can_forget(&robot).map_err(|why| match why {
+                    NotForgotten::Unknown(why) => NoAnswer::Unknown(why),
+                    NotForgotten::Heard(why) => NoAnswer::Conflict(why),
+                })?;
+                wish.into_iter().for_each(|wish| core.handle(now, wish));
+                Ok(json(&serde_json::json!({ "asked": "forget", "robot": robot })))
             }
         }
     }

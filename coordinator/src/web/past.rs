@@ -100,6 +100,9 @@ impl Past {
     /// Takes in what happened.
     pub fn event(&mut self, event: &Event) {
         *self.counts.entry(event.kind).or_default() += 1;
+        if let (EventKind::Forgotten, Some(robot)) = (event.kind, &event.robot) {
+            self.robots.remove(robot);
+        }
         let status = match event.kind {
             EventKind::ServiceDone => Some(ServiceStatus::Done),
             EventKind::ServiceFailed => Some(ServiceStatus::Failed),

@@ -14,7 +14,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::{delete, get, post};
 use futures_util::Stream;
 use proto::{PackId, RobotId, StationId};
 use serde::Deserialize;
@@ -59,7 +59,10 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
     let own = if config.address.is_ipv6() { format!("[{}]", config.address) } else { config.address.to_string() };
     let local = config.address.is_loopback().then_some(own);
     let web = Web { desk, token: config.token.as_deref().map(Arc::from), live: Arc::default() };
-    let changes = Router::new().route("/replan", post(replan)).route_layer(from_fn_with_state(web.clone(), with_token));
+    let changes = Router::new()
+        .route("/replan", post(|web| tell(web, Question::Replan)))
+        .route("/robot/{robot}", delete(|web, Path(robot): Path<RobotId>| tell(web, Question::Forget(robot))))
+        .route_layer(from_fn_with_state(web.clone(), with_token));
     let api = Router::new()
         .route("/", get(index))
         .route("/schedule", get(|web| tell(web, Question::Schedule)))
@@ -107,6 +110,7 @@ fn as_json(answer: Answer) -> Response {
 fn refusal(why: NoAnswer) -> Response {
     match why {
         NoAnswer::Unknown(what) => error(StatusCode::NOT_FOUND, &what),
+        NoAnswer::Conflict(what) => error(StatusCode::CONFLICT, &what),
         NoAnswer::Busy => error(StatusCode::SERVICE_UNAVAILABLE, "the coordinator does not answer; ask again"),
     }
 }
@@ -133,10 +137,6 @@ async fn metrics_page(State(web): State<Web>) -> Response {
     }
 }
 
-async fn replan(web: State<Web>) -> Response {
-    tell(web, Question::Replan).await
-}
-
 async fn index() -> Response {
     let routes = [
         ("GET /api/v1/schedule", "the plan in force (tender.schedule/1)"),
@@ -149,6 +149,7 @@ async fn index() -> Response {
         ("GET /api/v1/view/pack/STATION/PACK", "energy of a pack over time"),
         ("GET /api/v1/live", "the view every second, as server-sent events; takes find, sort, rows"),
         ("POST /api/v1/replan", "makes a new plan; needs Authorization: Bearer TOKEN (web.token)"),
+        ("DELETE /api/v1/robot/ROBOT", "forgets a lost robot that is gone for good; needs the same"),
     ];
     let routes: Vec<_> = routes.iter().map(|(route, what)| serde_json::json!({ "route": route, "what": what })).collect();
     axum::Json(serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "routes": routes })).into_response()

@@ -140,8 +140,9 @@ impl<'a> Case<'a> {
         if let Some(held) = self.held.as_ref().and_then(|held| held.that_judges(&written.model)) {
             let found = compared(&written.model, &written.holdout);
             files.extend(FileErrors::of(&rms(given, &held.logs), &rms_of(&found), true));
-            holdout_unexplained = Unexplained::of(&discovery, &found);
+            holdout_unexplained = Unexplained::of(&discovery, &found, true);
         }
+        let unexplained = Unexplained::of(&discovery, &found, false);
         let (decision, left_out) = (self.decisions(written), learned::left_out(last));
         let mut doubted = Vec::new();
         let (mut other_starts, mut other_numbers, mut within_stated) = (Vec::new(), Vec::new(), Vec::new());
@@ -157,6 +158,7 @@ impl<'a> Case<'a> {
             left_out,
             file_rms,
             files,
+            unexplained,
             holdout_unexplained,
             holdout_unpredicted: written.unpredicted.clone(),
             other_starts,

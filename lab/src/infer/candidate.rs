@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
+use energy::document::nearest;
 use energy::units::S_PER_H;
 use energy::{Channel, EffectSpec, Facts, Model, Parameter, ParameterSpec, catalogue};
 
 use super::frame::Frame;
 use super::judges::Unjudged;
+use crate::measurement::{as_flag, conversion};
 use crate::prepare::Prepared;
 use crate::report::quantity::{quantity, unit_of};
 
@@ -88,10 +90,14 @@ pub fn candidates(frame: &Frame, x: &[f64]) -> (Vec<Candidate>, Vec<Untested>) {
         let needs = || spec.needs.iter().copied().filter(|&channel| !made(channel));
         let missing = frame.evidence.logs.iter().find_map(|log| {
             let input = |wanted| log.inputs.iter().any(|(channel, _)| *channel == wanted);
-            needs().find(|&channel| !input(channel)).map(|channel| (channel, log.name.as_str()))
+            needs().find(|&channel| !input(channel)).map(|channel| (channel, log))
         });
         if let Some((channel, log)) = missing {
-            unable.push(Untested::new(spec, format!("needs the column {}, which {log} lacks", channel.name())));
+            let named = nearest(channel.name(), log.others.iter().map(String::as_str));
+            let hint = named.map_or_else(String::new, |near| {
+                format!(" (is it `{near}`? {})", as_flag(channel.name(), near, conversion(channel.name(), near)))
+            });
+            unable.push(Untested::new(spec, format!("needs the column {}, which {} lacks{hint}", channel.name(), log.name)));
             continue;
         }
         if let Some(unjudged) = frame.evidence.unjudged(&base, &model) {

@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use energy::{Facts, Model};
+use energy::{EffectSpec, Facts, Model};
 use nalgebra::{DMatrix, DVector};
 
 use super::evidence::Evidence;
@@ -17,6 +17,7 @@ use super::frame::Frame;
 use super::lens::Lens;
 use super::state::State;
 use crate::fit::count::{NOTHING, STEP_SOC, steps};
+use crate::measurement::rows_after_gaps;
 use crate::prepare::Prepared;
 
 /// Parts of which a walk is made, about. That a part begins all at once, and not row by row, is a 24th of it early.
@@ -28,9 +29,13 @@ type Part = (f64, f64);
 impl State {
     /// What the walks of all logs add to the covariance of the unknowns; `influence` is what each innovation of the lens moves each of them by.
     pub(super) fn of_counts(&self, lens: &Lens, influence: &DMatrix<f64>) -> DMatrix<f64> {
+        let walks: Vec<Vec<Part>> = self.frame.evidence.logs.iter().map(|log| self.walk(log, true)).collect();
+        self.of_walks(&walks, lens, influence)
+    }
+
+    fn of_walks(&self, walks: &[Vec<Part>], lens: &Lens, influence: &DMatrix<f64>) -> DMatrix<f64> {
         let evidence = &self.frame.evidence;
         let mut sum = DMatrix::zeros(influence.nrows(), influence.nrows());
-        let walks: Vec<Vec<Part>> = evidence.logs.iter().map(|log| self.walk(log)).collect();
         if walks.iter().all(Vec::is_empty) {
             return sum;
         }
@@ -50,11 +55,38 @@ impl State {
         sum
     }
 
-    /// The walk of one log; empty where it comes to nothing beside the noise of its rows.
-    fn walk(&self, log: &Prepared) -> Vec<Part> {
+    /// Share of the evidence for an effect that is left where the walks of all logs count as well, 0..1: a walk looks like an offset of the
+    /// current, a leak or another capacity, and no row says that it is none. What flowed in gaps is what was said of them.
+    pub(super) fn share_beside_counts(&self, spec: &EffectSpec) -> f64 {
+        let frame = &self.frame;
+        let walks: Vec<Vec<Part>> = frame.evidence.logs.iter().map(|log| self.walk(log, false)).collect();
+        let size = |(place, &index): (usize, &usize)| {
+            let parameter = &frame.model.parameters()[index];
+            let own = spec.parameters.iter().find(|own| parameter.effect == spec.id && own.name == parameter.name);
+            Some((place, self.x[place] - own?.null?))
+        };
+        let sizes: Vec<(usize, f64)> = frame.free.iter().enumerate().filter_map(size).collect();
+        if walks.iter().all(Vec::is_empty) || sizes.is_empty() {
+            return 1.0;
+        }
+        let (lens, covariance) = (self.lens(&self.noise), self.covariance());
+        let counted = &covariance + self.of_walks(&walks, &lens, &(&covariance * &lens.design));
+        let off = DVector::from_iterator(sizes.len(), sizes.iter().map(|(_, off)| *off));
+        let distance = |covariance: &DMatrix<f64>| {
+            let of_sizes = DMatrix::from_fn(sizes.len(), sizes.len(), |i, j| covariance[(sizes[i].0, sizes[j].0)]);
+            of_sizes.cholesky().map(|factor| off.dot(&factor.solve(&off)))
+        };
+        distance(&counted).zip(distance(&covariance)).map_or(1.0, |(counted, plain)| (counted / plain.max(f64::MIN_POSITIVE)).min(1.0))
+    }
+
+    /// The walk of one log, perhaps without what the row after a gap says of that; empty where it comes to nothing beside the noise of its rows.
+    fn walk(&self, log: &Prepared, over_gaps: bool) -> Vec<Part> {
         let model: &Model = &self.frame.model;
         let Facts::Battery(facts) = &model.facts else { return Vec::new() };
-        let steps = steps(model, log, facts.capacity_ah);
+        let mut steps = steps(model, log, facts.capacity_ah);
+        if !over_gaps {
+            rows_after_gaps(&log.time_s, &log.readings).into_iter().for_each(|row| steps[row] = 0.0);
+        }
         let whole: f64 = steps.iter().map(|step| step * step).sum();
         let volts_per_soc = facts.stored_wh() / facts.capacity_ah;
         let most = |target: &crate::prepare::Target| whole.sqrt() * volts_per_soc / self.frame.evidence.floor(target.channel);

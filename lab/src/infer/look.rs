@@ -91,8 +91,8 @@ impl Step {
         Step { held: found.held.clone(), base_holdout: found.holdout.clone(), base, ..self }
     }
 
-    /// Whether a trial gains as much as the first, and was neither taken nor is among those that the logs cannot tell from it: it has more
-    /// numbers than it needs.
+    /// Whether a trial gains as much as the first, and was neither taken nor is among those that the logs cannot tell from it: another does as
+    /// well.
     #[must_use]
     pub fn passes_over(&self, place: usize) -> bool {
         let Outcome::Missing(alike) = &self.outcome else { return false };

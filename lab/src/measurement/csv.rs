@@ -1,6 +1,6 @@
 //! Logs as text: a header, then one row per moment, with commas between cells, or semicolons or tabs
 //! where the header has these and no comma; there a comma in a number is its decimal point. Lines that
-//! begin with `#` are comments. Read line by line, so that a long log is never in memory as text.
+//! begin with `#` are comments, and those before the header of an EC-Lab export (`.mpt`) are skipped. Read line by line, so that a long log is never in memory as text.
 
 use std::borrow::Cow;
 use std::io::BufRead;
@@ -10,7 +10,7 @@ use super::limits::{COLUMNS_MAX, Line, Lines, check_cells};
 use super::values::count;
 use super::{Cells, Format, LogError, LogFacts, Table, some_places};
 
-pub(super) const FORMAT: Format = Format { name: "CSV", extensions: &["csv"], parse };
+pub(super) const FORMAT: Format = Format { name: "CSV", extensions: &["csv", "txt", "tsv", "mpt"], parse };
 
 /// How loggers spell "nothing was measured". Numbers that a logger uses for it (such as -9999)
 /// differ by logger and are a fact of the log: `missing = [-9999]`.
@@ -22,10 +22,15 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
     let mut table = Table::default();
     let (mut headers, mut last_cells) = (Vec::new(), LastCells::default());
     let mut separator = ',';
+    let mut header_at = None;
     // Columns without a name at the end of the header, lines without anything, and whether a comma was a decimal point.
     let (mut unnamed, mut empty, mut commas) = (0, Vec::new(), false);
     while let Some(Line { number: line, text, whole }) = lines.next()? {
         if text.trim().is_empty() || text.starts_with('#') {
+            continue;
+        }
+        header_at = ec_lab_header(line, text, header_at);
+        if header_at.is_some_and(|header| line < header) {
             continue;
         }
         let broken = |message: String| LogError::Row { file: file.to_owned(), line, message };
@@ -107,6 +112,9 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             }
         }
     }
+    if lines.is_latin() {
+        table.notes.push("is not UTF-8: read as Latin-1".to_owned());
+    }
     if table.names.is_empty() {
         let message = "the log is empty; it needs a header row and measurements".to_owned();
         return Err(LogError::Whole { file: file.to_owned(), message });
@@ -126,6 +134,18 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         table.notes.push(format!("the header comes again and is skipped ({})", some_places("lines", &headers)));
     }
     Ok(table)
+}
+
+/// The line of the header of an EC-Lab export, whose first lines say how many there are before the data; as far as that is known.
+fn ec_lab_header(line: u64, text: &str, known: Option<u64>) -> Option<u64> {
+    match known {
+        None if line == 1 && ["EC-Lab ASCII FILE", "BT-Lab ASCII FILE"].iter().any(|sign| text.starts_with(sign)) => Some(u64::MAX),
+        Some(u64::MAX) => {
+            let count = text.strip_prefix("Nb header lines").and_then(|rest| rest.trim_start_matches([' ', ':']).trim().parse().ok());
+            count.or(known)
+        }
+        _ => known,
+    }
 }
 
 /// What stands between the names of a header, outside quotes: commas, or semicolons or tabs where there is none.
@@ -297,6 +317,22 @@ mod tests {
         assert!(message("Cycler: Arbin\ntime_s;current_a\n0;1\n").contains("and line 2 is the header (`time_s;current_a`)"));
         // A row that is merely too long is none.
         assert_eq!(message("time_s,a\n0,1,2\n"), "a.csv:2: 3 cells where the header has 2 columns");
+    }
+
+    #[test]
+    fn an_export_of_ec_lab_begins_where_it_says() {
+        let text = "EC-Lab ASCII FILE\nNb header lines : 6\n\nGalvanostatic cycling\nDevice : BCS-815\n\
+                    mode\ttime/s\tEcell/V\t<I>/mA\t\n1\t0,0E+0\t4,2\t-1,0\t\n";
+        let table = read(text).unwrap();
+        assert_eq!((&table.names[..], &table.lines[..]), (&["mode", "time/s", "Ecell/V", "<I>/mA"].map(str::to_owned)[..], &[7][..]));
+        assert_eq!(table.columns[2].numbers(), [4.2]);
+    }
+
+    #[test]
+    fn a_degree_sign_of_another_encoding_stops_nothing() {
+        let bytes = b"time_s,T/\xb0C\n0,25\n";
+        let table = parse("a.csv", &mut &bytes[..], &LogFacts::default()).unwrap();
+        assert_eq!((table.names[1].as_str(), &table.notes[..]), ("T/\u{b0}C", &["is not UTF-8: read as Latin-1".to_owned()][..]));
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub struct LogFacts {
     pub log: Option<PathBuf>,
     /// What its rows must hold to be read.
     pub rows: Vec<Selection>,
+    /// In which rows current flows into the battery, where the logger writes it without a sign; each of these says some.
+    pub charging: Vec<Selection>,
     /// Cell or robot.
     pub id: Option<String>,
     /// State of charge at the first row that is read, 0..1.
@@ -84,6 +86,8 @@ struct Raw {
     log: Option<PathBuf>,
     #[serde(default)]
     rows: Vec<Selection>,
+    #[serde(default)]
+    charging: Vec<Selection>,
     id: Option<String>,
     soc_initial: Option<toml::Spanned<f64>>,
     soc_initial_sigma: Option<toml::Spanned<f64>>,
@@ -132,6 +136,7 @@ impl LogFacts {
         Ok(LogFacts {
             log: raw.log,
             rows: raw.rows,
+            charging: raw.charging,
             id: raw.id,
             soc_initial: within("soc_initial", raw.soc_initial, SOC.0, SOC.1)?,
             soc_initial_sigma: within("soc_initial_sigma", raw.soc_initial_sigma, SOC.0, SOC.1)?,
@@ -179,6 +184,8 @@ pub struct Overrides {
     pub settling_s: Option<f64>,
     /// See [`LogFacts::rows`].
     pub rows: Vec<Selection>,
+    /// See [`LogFacts::charging`].
+    pub charging: Vec<Selection>,
     /// See [`LogFacts::missing`].
     pub missing: Vec<Mark>,
     /// See [`LogFacts::topic`].
@@ -231,6 +238,9 @@ impl Overrides {
         if !self.rows.is_empty() {
             facts.rows.retain(|known| self.rows.iter().all(|given| given.column != known.column));
             facts.rows.extend(self.rows.iter().cloned());
+        }
+        if !self.charging.is_empty() {
+            facts.charging.clone_from(&self.charging);
         }
         facts.missing.extend(self.missing.iter().cloned());
         facts.topic = self.topic.clone().or(facts.topic);

@@ -21,6 +21,8 @@ pub(super) struct Lines<'a> {
     bytes: u64,
     line: u64,
     buffer: Vec<u8>,
+    /// A line that is no UTF-8, as what it means in Latin-1; empty before there was one.
+    latin: String,
 }
 
 /// One line of text.
@@ -35,11 +37,16 @@ pub(super) struct Line<'a> {
 
 impl<'a> Lines<'a> {
     pub(super) fn of(file: &'a str, input: &'a mut dyn BufRead) -> Self {
-        Lines { file, input, bytes: 0, line: 0, buffer: Vec::new() }
+        Lines { file, input, bytes: 0, line: 0, buffer: Vec::new(), latin: String::new() }
     }
 
     fn error(&self, message: impl Into<String>) -> LogError {
         LogError::Row { file: self.file.to_owned(), line: self.line, message: message.into() }
+    }
+
+    /// Whether a line was no UTF-8. What else it may be, cyclers write Latin-1, in which every byte is a letter.
+    pub(super) fn is_latin(&self) -> bool {
+        !self.latin.is_empty()
     }
 
     pub(super) fn next(&mut self) -> Result<Option<Line<'_>>, LogError> {
@@ -64,11 +71,19 @@ impl<'a> Lines<'a> {
         }
         let bytes = bytes.strip_suffix(b"\n").unwrap_or(bytes);
         let bytes = bytes.strip_suffix(b"\r").unwrap_or(bytes);
-        match std::str::from_utf8(bytes) {
-            Ok(text) if text.contains('\r') => Err(self.error("lines end with a carriage return only; save the log with line feeds")),
-            Ok(text) if text.contains('\0') => Err(self.error("holds zero bytes, so it is not text")),
-            Ok(text) => Ok(Some(Line { number: self.line, text, whole })),
-            Err(error) => Err(self.error(format!("byte {} of the line is not UTF-8; save the log as UTF-8 text", error.valid_up_to() + 1))),
+        let text = match std::str::from_utf8(bytes) {
+            Ok(text) => text,
+            // A last line may be cut off within a letter.
+            Err(error) if !whole && error.error_len().is_none() => std::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
+            Err(_) => {
+                self.latin = bytes.iter().map(|&byte| char::from(byte)).collect();
+                &self.latin
+            }
+        };
+        match text {
+            text if text.contains('\r') => Err(self.error("lines end with a carriage return only; save the log with line feeds")),
+            text if text.contains('\0') => Err(self.error("holds zero bytes, so it is not text")),
+            text => Ok(Some(Line { number: self.line, text, whole })),
         }
     }
 }
@@ -131,7 +146,7 @@ mod tests {
     fn what_is_not_a_text_is_named() {
         assert!(first(b"\x1f\x8b\x08").unwrap_err().contains("gzip"));
         assert!(first(b"\xff\xfet\0").unwrap_err().contains("UTF-16"));
-        assert!(first(b"a\xb0C\n").unwrap_err().contains("byte 2 of the line is not UTF-8"));
+        assert_eq!(first(b"a\xb0C\n").unwrap(), "a\u{b0}C");
         assert!(first(b"a\0\n").unwrap_err().contains("zero bytes"));
         assert!(first(b"a,b\r1,2\r").unwrap_err().contains("carriage return"));
     }

@@ -3,16 +3,19 @@
 use std::collections::BTreeMap;
 
 use energy::Channel;
-use energy::document::hint;
 
+use super::charging::{rows_that_charge, sign};
 use super::facts::misspelt;
-use super::hints::{as_flag, conversion_of_time, odd_epoch};
+use super::hints::odd_epoch;
 use super::mapping::Source;
+use super::no_time::no_time;
 use super::selection::{Selected, select};
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
+use super::unread::unread;
 use super::values::{count, explaining_step, missing, plain, spikes, within_range, without_given, without_sentinels};
+use super::whose::{begins_another, of_several};
 use super::{GapCurrent, LogError, LogFacts, Mark, Table};
 
 /// The column that every log begins with, in seconds.
@@ -77,10 +80,12 @@ impl Log {
         let mapped = facts.columns.iter().map(|mapping| Ok((mapping.canonical.as_str(), mapping.resolve(&table.names)?)));
         let mapped: BTreeMap<&str, Source> = mapped.collect::<Result<_, String>>().map_err(whole)?;
         let Selected { table, compared, is_cut } = select(table, &facts.rows, &mapped).map_err(whole)?;
-        let mut reader =
-            Reader { file, table: &table, compared: &compared, missing: &facts.missing, notes: Vec::new(), places: Vec::new() };
-        reader.tell_what_is_not_read(&mapped);
-        let (time_s, rows) = reader.time_s(mapped.get(TIME).copied())?;
+        let (table, mapped, mut notes) = (&table, &mapped, Vec::new());
+        let charges = &rows_that_charge(table, &facts.charging, mapped, &mut notes).map_err(whole)?[..];
+        let (compared, missing, places) = (&compared[..], &facts.missing[..], Vec::new());
+        let mut reader = Reader { file, table, mapped, compared, charges, missing, notes, places };
+        reader.notes.extend(unread(&table.names, mapped, missing));
+        let (time_s, rows) = reader.time_s()?;
         let (mut channels, mut extra) = (BTreeMap::new(), BTreeMap::new());
         let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
         let unmapped = table.names.iter().enumerate().map(|(index, name)| (name.as_str(), own(index)));
@@ -104,7 +109,7 @@ impl Log {
                 }
             }
         }
-        reader.tell_spikes(&channels, &mapped);
+        reader.tell_spikes(&channels);
         let current_a = channels.get(&Channel::CurrentA).filter(|_| facts.gap_current != Some(GapCurrent::Stated));
         let unknown = facts.gap_current == Some(GapCurrent::Unknown) || is_cut && facts.gap_current.is_none();
         let (unmeasured, gaps) = current_a.map_or_else(Default::default, |current_a| unmeasured(&time_s, current_a, unknown));
@@ -123,7 +128,7 @@ impl Log {
         }
         let notes = notes.into_iter().map(|note| format!("{file}: {note}")).collect();
         let stem = std::path::Path::new(file).file_stem().map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        let compared = if compared.is_empty() { compared } else { rows.firsts(compared) };
+        let compared = if compared.is_empty() { Vec::new() } else { rows.firsts(compared.to_vec()) };
         let (file, readings) = (file.to_owned(), Vec::new());
         Ok(Log { file, name: stem, time_s, readings, compared, channels, unmeasured, extra, facts, notes })
     }
@@ -132,8 +137,11 @@ impl Log {
 struct Reader<'a> {
     file: &'a str,
     table: &'a Table,
+    mapped: &'a BTreeMap<&'a str, Source>,
     /// Which rows are compared; empty where all are.
     compared: &'a [bool],
+    /// In which rows a current flows into the battery; empty where it has its own sign.
+    charges: &'a [bool],
     missing: &'a [Mark],
     /// What the reader should know.
     notes: Vec<String>,
@@ -147,25 +155,22 @@ impl Reader<'_> {
     }
 
     /// Strictly increasing times, and which rows of the source they are.
-    fn time_s(&mut self, mapped: Option<Source>) -> Result<(Vec<f64>, Rows), LogError> {
+    fn time_s(&mut self) -> Result<(Vec<f64>, Rows), LogError> {
         let whole = |message: String| LogError::Whole { file: self.file.to_owned(), message };
         let names = &self.table.names;
-        let source = match (mapped, names.iter().position(|name| name == TIME)) {
+        let source = match (self.mapped.get(TIME).copied(), names.iter().position(|name| name == TIME)) {
             (Some(source), _) => source,
             (None, Some(0)) => Source::Column { index: 0, scale: 1.0, offset: 0.0 },
             (None, Some(index)) => {
                 return Err(whole(format!("`{TIME}` is column {}; it must be the first column, or say --column {TIME}={TIME}", index + 1)));
             }
             (None, None) => {
-                let near = hint(TIME, names.iter().map(String::as_str));
-                let first = names.first().map_or("SOURCE", String::as_str);
-                let began = self.table.columns.first().and_then(|column| column.numbers().iter().copied().find(|time| !time.is_nan()));
-                return Err(whole(format!(
-                    "no `{TIME}` column{near} The first column must be `{TIME}` in seconds, found `{first}`; map it: {}",
-                    as_flag(TIME, first, conversion_of_time(TIME, first, began))
-                )));
+                return Err(whole(no_time(self.table)));
             }
         };
+        if let Some(several) = of_several(self.table, self.mapped) {
+            return Err(whole(several));
+        }
         let time_s = match self.moments(source)? {
             Some(time_s) => time_s,
             None => self.numbers(TIME, source)?,
@@ -173,8 +178,10 @@ impl Reader<'_> {
         if let Source::Column { index, scale, .. } = source {
             self.notes.extend(odd_epoch(&time_s, &names[index], scale));
         }
-        let (rows, note) = Rows::of(&time_s, &self.table.lines, self.table.places)
-            .map_err(|(row, message)| self.row_error(row, format!("column `{TIME}`: {message}")))?;
+        let (rows, note) = Rows::of(&time_s, &self.table.lines, self.table.places).map_err(|(row, message)| {
+            let whose = begins_another(self.table, self.mapped, row).map_or_else(String::new, |whose| format!("; {whose}"));
+            self.row_error(row, format!("column `{TIME}`: {message}{whose}"))
+        })?;
         let time_s = rows.numbers(time_s);
         if time_s.len() < 2 {
             return Err(whole(format!("{} of different time; a log needs at least 2", count(time_s.len(), "row"))));
@@ -213,6 +220,7 @@ impl Reader<'_> {
             Source::Column { index, .. } => self.table.names[index].as_str(),
             Source::Constant(_) => channel.name(),
         };
+        sign(channel, &mut values, self.charges);
         let outside = within_range(channel, from, &mut values, lines, places).map_err(|(row, message)| self.row_error(row, message))?;
         self.notes.extend(outside);
         Ok(rows.numbers(values))
@@ -224,29 +232,7 @@ impl Reader<'_> {
         self.missing.iter().filter(|mark| mark.is_of(names)).map(|mark| mark.value).collect()
     }
 
-    /// Columns beside which one number was given for every row, and signs of columns that are not there.
-    fn tell_what_is_not_read(&mut self, mapped: &BTreeMap<&str, Source>) {
-        let names = &self.table.names;
-        let has = |name: &str| names.iter().any(|known| known == name);
-        for (name, source) in mapped.iter().filter(|(name, _)| has(name)) {
-            if let Source::Constant(value) = source {
-                self.notes.push(format!(
-                    "`{name}`: {} stands for every row, and the column of that name is not read; leave out --column {name}={} (or the \
-                     line in [columns]) to read it",
-                    plain(*value),
-                    plain(*value)
-                ));
-            }
-        }
-        for column in self.missing.iter().filter_map(|mark| mark.column.as_deref()) {
-            if !has(column) && !mapped.contains_key(column) {
-                let near = hint(column, names.iter().map(String::as_str));
-                self.notes.push(format!("--missing {column}=NUMBER (or `missing`): the log has no column `{column}`{near}"));
-            }
-        }
-    }
-
-    fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>, mapped: &BTreeMap<&str, Source>) {
+    fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>) {
         let input = channels.get(&Channel::CurrentA).or(channels.get(&Channel::PackCurrentA));
         let explains = input.map(|input| (input, explaining_step(input)));
         for (&channel, values) in channels {
@@ -254,7 +240,7 @@ impl Reader<'_> {
             let step = |input: &[f64], row: usize| (input[row] - input[row - 1]).abs();
             let moves = |row: usize| explains.is_some_and(|(input, least)| step(input, row).is_nan() || step(input, row) > least);
             // What the logger wrote is known for sure where it is of our unit, or nothing.
-            let as_written = |value: f64| match mapped.get(channel.name()) {
+            let as_written = |value: f64| match self.mapped.get(channel.name()) {
                 Some(Source::Column { scale, offset, .. }) if (*scale, *offset) != (1.0, 0.0) => *offset == 0.0 && value == 0.0,
                 _ => true,
             };

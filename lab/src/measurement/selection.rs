@@ -14,6 +14,7 @@ use super::mapping::Source;
 use super::table::{Cells, moment};
 use super::thin::thousands;
 use super::times::short;
+use super::whose::says_whose;
 
 /// What is shown of a column in which no row is as asked for.
 const SHOWN: usize = 6;
@@ -86,27 +87,20 @@ impl<'de> Deserialize<'de> for Selection {
 }
 
 impl Selection {
-    /// Whether its column tells of whose recording a row is.
-    fn says_whose(&self) -> bool {
-        let name = self.column.to_lowercase();
-        name.split(|letter: char| !letter.is_alphanumeric()).any(|word| WHOSE.contains(&word))
+    /// Which rows are as asked for.
+    ///
+    /// # Errors
+    /// Where there is no such column, or none.
+    fn rows(&self, table: &Table, mapped: &BTreeMap<&str, Source>) -> Result<Vec<bool>, String> {
+        let rows = self.marks(table, mapped)?;
+        if rows.contains(&true) { Ok(rows) } else { Err(self.no_row(table, mapped)) }
     }
 
-    /// Which rows are as asked for.
-    fn rows(&self, table: &Table, mapped: &BTreeMap<&str, Source>) -> Result<Vec<bool>, String> {
-        let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
-        let of_logger = || table.names.iter().position(|name| *name == self.column).map(own);
-        let source = mapped.get(self.column.as_str()).copied().or_else(of_logger);
-        let (cells, scale, offset) = match source {
-            Some(Source::Column { index, scale, offset }) => (&table.columns[index], scale, offset),
-            Some(Source::Constant(_)) => return Err(format!("{self}: `{}` is the same number in every row", self.column)),
-            None => {
-                let near = hint(&self.column, table.names.iter().map(String::as_str));
-                return Err(format!("{self}: the log has no column `{}`{near} Its columns: {}", self.column, table.names.join(", ")));
-            }
-        };
+    /// The same, where there may be none.
+    pub(super) fn marks(&self, table: &Table, mapped: &BTreeMap<&str, Source>) -> Result<Vec<bool>, String> {
+        let (cells, scale, offset) = self.column(table, mapped)?;
         let numbers = || cells.numbers().iter().map(|number| number * scale + offset);
-        let rows: Vec<bool> = match &self.wanted {
+        Ok(match &self.wanted {
             Wanted::Same(text) => {
                 let number = text.parse::<f64>().ok();
                 let mut rows: Vec<bool> = numbers().map(|value| Some(value) == number).collect();
@@ -120,10 +114,29 @@ impl Selection {
                 cells.moments().filter(|&(_, date)| within(date)).for_each(|(row, _)| rows[row] = true);
                 rows
             }
-        };
-        match rows.contains(&true) {
-            true => Ok(rows),
-            false => Err(format!("{self}: no row is like that; `{}` holds {}", self.column, held(cells, numbers()))),
+        })
+    }
+
+    /// That no row is as asked for, with what there is.
+    pub(super) fn no_row(&self, table: &Table, mapped: &BTreeMap<&str, Source>) -> String {
+        let holds = self.column(table, mapped).map_or_else(
+            |_| "nothing".to_owned(),
+            |(cells, scale, offset)| held(cells, cells.numbers().iter().map(|number| number * scale + offset)),
+        );
+        format!("{self}: no row is like that; `{}` holds {holds}", self.column)
+    }
+
+    /// Its column, and what makes our unit of its numbers.
+    fn column<'t>(&self, table: &'t Table, mapped: &BTreeMap<&str, Source>) -> Result<(&'t Cells, f64, f64), String> {
+        let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };
+        let of_logger = || table.names.iter().position(|name| *name == self.column).map(own);
+        match mapped.get(self.column.as_str()).copied().or_else(of_logger) {
+            Some(Source::Column { index, scale, offset }) => Ok((&table.columns[index], scale, offset)),
+            Some(Source::Constant(_)) => Err(format!("{self}: `{}` is the same number in every row", self.column)),
+            None => {
+                let near = hint(&self.column, table.names.iter().map(String::as_str));
+                Err(format!("{self}: the log has no column `{}`{near} Its columns: {}", self.column, table.names.join(", ")))
+            }
         }
     }
 }
@@ -146,9 +159,6 @@ fn held(cells: &Cells, numbers: impl Iterator<Item = f64>) -> String {
 /// Rows that are read belong to one recording with those between them where on average at least so many follow each other: columns that
 /// tell several recordings apart, such as a cell's number, change with every row. A guess.
 const RUN: usize = 3;
-/// Words in names of columns that tell of whose recording a row is, not of which part of one.
-const WHOSE: [&str; 10] = ["battery", "pack", "cell", "robot", "unit", "serial", "id", "name", "channel", "spare"];
-
 /// The rows that were asked for.
 pub(super) struct Selected {
     /// They, and with them those that lie between: what flowed then is part of the same recording.
@@ -176,7 +186,7 @@ pub(super) fn select(table: Table, selections: &[Selection], mapped: &BTreeMap<&
     }
     let mut note = format!("{} of {} rows are read, those with {asked}", thousands(rows), thousands(kept.len()));
     let begin_again = begin_again(&kept);
-    let of_one = !selections.iter().any(Selection::says_whose);
+    let of_one = !selections.iter().any(|selection| says_whose(&selection.column));
     let between = if of_one { between(&table, &kept, begin_again, mapped) } else { vec![false; kept.len()] };
     let read: Vec<bool> = kept.iter().zip(&between).map(|(kept, between)| *kept || *between).collect();
     let followed = between.iter().filter(|between| **between).count();

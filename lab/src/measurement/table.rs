@@ -1,10 +1,12 @@
 //! What a format delivers: named columns of equal length, and the place of every row.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
-use jiff::Timestamp;
+use energy::units::{S_PER_DAY, S_PER_H};
 use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
+use jiff::{SignedDuration, Timestamp};
 
 /// More different texts than this in one column are no categories but times or messages, which
 /// nothing here can use; they would only fill the memory.
@@ -70,9 +72,41 @@ pub struct Cells {
     odd: Vec<(u32, String)>,
 }
 
-/// A date with a time as in RFC 3339. One without a zone is taken as it stands, as if there were no others.
+/// A word or a whole number in a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Label<'a> {
+    Text(&'a str),
+    Number(i64),
+}
+
+impl fmt::Display for Label<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Label::Text(text) => formatter.write_str(text),
+            Label::Number(number) => number.fmt(formatter),
+        }
+    }
+}
+
+/// A date with a time as in RFC 3339, or the time since a test began as cyclers write it (`00:00:10`, `1d 02:03:04.5`). A date without a zone
+/// is taken as it stands, as if there were no others.
 pub(super) fn moment(text: &str) -> Option<Timestamp> {
-    text.parse().ok().or_else(|| text.parse::<DateTime>().ok()?.to_zoned(TimeZone::UTC).ok().map(|zoned| zoned.timestamp()))
+    text.parse()
+        .ok()
+        .or_else(|| since_the_start(text))
+        .or_else(|| text.parse::<DateTime>().ok()?.to_zoned(TimeZone::UTC).ok().map(|zoned| zoned.timestamp()))
+}
+
+/// `[DAYSd ]HOURS:MINUTES:SECONDS`, as if the test had begun at the epoch.
+fn since_the_start(text: &str) -> Option<Timestamp> {
+    let (days, clock) = text.split_once("d ").unwrap_or(("0", text));
+    let [hours, minutes, seconds] = clock.split(':').collect::<Vec<_>>().try_into().ok()?;
+    let whole = |text: &str| text.trim().parse::<u32>().ok();
+    let seconds: f64 = seconds.replacen(',', ".", 1).parse().ok().filter(|seconds| (0.0..60.0).contains(seconds))?;
+    let minutes = whole(minutes).filter(|minutes| *minutes < 60)?;
+    let (days, hours) = (f64::from(whole(days)?), f64::from(whole(hours)?));
+    let passed = SignedDuration::try_from_secs_f64(days * S_PER_DAY + hours * S_PER_H + f64::from(minutes) * 60.0 + seconds).ok()?;
+    Timestamp::UNIX_EPOCH.checked_add(passed).ok()
 }
 
 impl Cells {
@@ -192,6 +226,17 @@ impl Cells {
         }
     }
 
+    /// What each row holds as a label: a text, or a whole number; none where it holds neither.
+    pub(super) fn labels(&self) -> impl Iterator<Item = Option<Label<'_>>> {
+        let mut texts = self.at.iter().peekable();
+        self.numbers.iter().enumerate().map(move |(row, &number)| {
+            if let Some(&(_, id)) = texts.next_if(|(at, _)| *at as usize == row) {
+                return Some(Label::Text(&self.texts[id as usize]));
+            }
+            (number.fract() == 0.0).then_some(Label::Number(number as i64))
+        })
+    }
+
     /// Every cell as text; missing ones are empty.
     #[must_use]
     pub fn as_texts(&self) -> Vec<String> {
@@ -201,5 +246,22 @@ impl Cells {
             all[row as usize].clone_from(&self.texts[id as usize]);
         }
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_since_a_test_began_are_read_as_cyclers_write_them() {
+        let mut cells = Cells::default();
+        for text in ["00:00:00", "00:01:10,5", "26:00:00", "1d 02:00:01.00"] {
+            cells.push_text(text);
+        }
+        assert_eq!(cells.seconds().unwrap().unwrap(), [0.0, 70.5, 93_600.0, 93_601.0]);
+        for wrong in ["00:61:00", "1:2", "a:b:c", "-1:00:00", "10:00:75"] {
+            assert_eq!(moment(wrong), None, "{wrong}");
+        }
     }
 }

@@ -127,8 +127,10 @@ pub(super) fn solve(shown: &[Shown], step_ohm: Option<Estimate>, known: &Known) 
         (false, false) => Branch::Unknown,
     };
     let slow = shown.iter().any(|shown| shown.kind == Kind::Slow);
-    let left_v =
-        (shown.len() > volts.len()).then(|| (solved.off.iter().map(|off| off * off).sum::<f64>() / solved.off.len() as f64).sqrt());
+    // Where a table is steep a count that is a little off looks like volts, which say nothing of the rest.
+    let off: Vec<f64> = solved.off.iter().zip(shown).filter(|(_, shown)| shown.soc >= STEEP).map(|(off, _)| *off).collect();
+    let left_v = (off.len() > knots.iter().filter(|knot| **knot >= STEEP).count())
+        .then(|| (off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64).sqrt());
     // What was shown and lies elsewhere may be right: no table is known better.
     let rms_sigma_v = deviation_v(&knots, &volts, &sigma_v).max(KNOWN_V).max(left_v.unwrap_or(0.0));
     // Of one branch all points may be off together by half of a hysteresis: nothing that was shown contradicts that.

@@ -3,7 +3,7 @@
 use energy::{BatteryFacts, Channel, Facts, Model};
 
 use super::{Prepared, Target, prepare};
-use crate::measurement::Log;
+use crate::measurement::{Column, Log};
 use crate::report::quantity::digits;
 
 /// Charge beyond empty or full that no gain, offset or capacity explains, share of the capacity.
@@ -84,9 +84,17 @@ pub fn odd_current(model: &Model, log: &Log) -> Option<String> {
         ));
     }
     let odd = if low < -BEYOND { low } else { high };
+    // Cyclers that write no sign have a column with the direction.
+    let is_unsigned =
+        log.extra.values().any(|column| matches!(column, Column::Text(_))) && current_a.iter().all(|current_a| *current_a >= 0.0);
+    let unsigned = if is_unsigned {
+        ". It is never negative: where it has no sign, --charging COLUMN=VALUE says in which rows it charges"
+    } else {
+        ""
+    };
     (low < -BEYOND || high > 1.0 + BEYOND).then(|| {
         format!(
-            "{}: current_a takes the charge from {:.0} % to {:.0} % of {} Ah: it must be in A and positive while discharging, time_s in s, and soc_initial and capacity_ah those of this battery",
+            "{}: current_a takes the charge from {:.0} % to {:.0} % of {} Ah: it must be in A and positive while discharging, time_s in s, and soc_initial and capacity_ah those of this battery{unsigned}",
             log.file,
             100.0 * prepared.start.soc,
             100.0 * odd,

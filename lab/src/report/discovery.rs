@@ -21,7 +21,7 @@ use super::fitted::WORSE;
 use super::quantity::{digits, quantity, unit_of, with_sigma};
 use super::table::text;
 
-pub use holdout::{Unexplained, held_out};
+pub use holdout::{Unexplained, held_out, in_few_rows};
 pub use tables::{decisions, fall, floor_name, why_not};
 pub use words::{alike, effects, headline, left, other_numbers, other_starts, refusal, untested, within_stated};
 
@@ -49,6 +49,8 @@ pub struct DiscoveryReport {
     pub file_rms: ByChannel,
     /// The files of the model given and of the one found against each other, channel by channel.
     pub files: Vec<FileErrors>,
+    /// Channels of the logs that were learned from that the model found does not explain.
+    pub unexplained: Vec<Unexplained>,
     /// Channels of held-out logs that the model found does not explain.
     pub holdout_unexplained: Vec<Unexplained>,
     /// Held-out logs that lack a column which something found needs: they judged what came before it.
@@ -126,7 +128,7 @@ impl DiscoveryReport {
         parts.extend(section("Parameters", text(&tables::parameters(found)), !found.parameters.is_empty()));
         parts.extend(section("The files alone, as `lab compare` sees them", self.files(), !self.files.is_empty()));
         parts.extend(section("What it changes", text(&decisions(&self.decision)), !self.decision.0.is_empty()));
-        parts.extend(section("What is left", left(found) + &self.floors() + &self.beside(), true));
+        parts.extend(section("What is left", left(found) + &in_few_rows(&self.unexplained) + &self.floors() + &self.beside(), true));
         parts.extend(section("Not to be tested with these logs", untested(&found.untested), !found.untested.is_empty()));
         if !found.equivalent.is_empty() {
             parts.push(alike(found));

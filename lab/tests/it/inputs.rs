@@ -125,7 +125,7 @@ fn what_is_no_log_is_refused() {
     refuses(&run("dir.csv", &[]), "it is a directory");
     refuses(&run("none.csv", &[]), "cannot read the log none.csv");
     write(folder.path(), "run.xlsx", "PK");
-    refuses(&run("run.xlsx", &[]), "no log format for `.xlsx`; known: .csv, .mcap");
+    refuses(&run("run.xlsx", &[]), "no log format for `.xlsx`; known: .csv, .txt, .tsv, .mpt, .mcap");
     write(folder.path(), "run.csv", RUN);
     refuses(&run("run.csv", &["--every", "0"]), "must be a number of seconds above 0");
     refuses(&run("run.csv", &["--every", "1", "--no-decimation"]), "cannot be used with");

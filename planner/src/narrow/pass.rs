@@ -171,7 +171,8 @@ impl Pass<'_> {
         if first == i64::MAX || bound.saturating_add(first).saturating_add(site.relief[tick]) > site.room {
             return;
         }
-        let (charge, exchange) = (now.bays > 0, now.slot > 0 && now.spares > 0);
+        // An exchange that takes no time needs no place.
+        let (charge, exchange) = (now.bays > 0, (now.slot > 0 || site.swap_ticks == 0) && now.spares > 0);
         if charge || exchange {
             self.make_up(tick);
             self.begin(&after, now, 0);
@@ -235,7 +236,7 @@ impl Pass<'_> {
             }
             let is_lifted = taken.charges && site.lift_ticks[0] > 0;
             let charge = then.bays > 0 && (site.lift_ticks[0] == 0 || self.lift[now.tick] > i32::from(is_lifted));
-            if charge || (then.slot > 0 && then.spares > 0) {
+            if charge || ((then.slot > 0 || site.swap_ticks == 0) && then.spares > 0) {
                 self.occupy(taken, -1);
                 self.begin(&with, then, place + 1);
                 self.occupy(taken, 1);

@@ -101,8 +101,10 @@ impl Counted {
         for step in 0..6 {
             let mut more = self;
             match step {
-                0 => more.also[0] = unload,
-                1 => more.also[1] = swap,
+                // Nobody counts how many draw nothing.
+                0 if unload > 0 => more.also[0] = unload,
+                1 if swap > 0 => more.also[1] = swap,
+                0 | 1 => continue,
                 2 | 4 => more.least[1] = next(&draws.beside, self.least[1]).unwrap_or(self.least[1]),
                 _ => more.least[0] = next(&draws.bay, self.least[0]).unwrap_or(self.least[0]),
             }

@@ -2,6 +2,7 @@
 
 mod any;
 mod checker;
+mod costs;
 mod degenerate;
 mod mending;
 mod promises;

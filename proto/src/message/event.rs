@@ -15,6 +15,8 @@ pub enum EventKind {
     Joined,
     /// An agent is no longer alive.
     Lost,
+    /// A robot is gone for good: somebody has said so.
+    Forgotten,
     /// A robot does something else now.
     PhaseChanged,
     /// A robot ran empty, and cannot go on by itself.

@@ -72,7 +72,8 @@ impl Agent {
                     self.outputs.push_back(super::Output::Act(Act::TravelTo { station, bay: None }));
                 }
             }
-            (RobotPhase::Docked, Place::InBay) if observation.powered => {
+            // Some chargers give nothing before they are asked to. Who waits for an exchange stands in no bay, whatever its program calls it.
+            (RobotPhase::Docked | RobotPhase::Waiting, Place::InBay) if self.phase == RobotPhase::Docked || self.bay.is_some() => {
                 self.target_soc = Some(self.profile.alone.charge_to_soc);
                 self.charge = super::charge::Watch::default();
                 self.phase = RobotPhase::Charging;

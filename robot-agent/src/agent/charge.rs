@@ -11,6 +11,10 @@ const GIVES_NOTHING_HOLDS: f64 = 10.0;
 /// A current of less than so many times the cutoff is the last part of a taper: what holds a charge up cuts it off from above that.
 const LAST_PART: f64 = 3.0;
 
+/// A bay that has given nothing for so long, s, has no power, or its charger has ended: what gauges say seldom, they say every half minute.
+/// A guess.
+pub(super) const DARK_S: f64 = 30.0;
+
 /// What a charge has shown so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Watch {
@@ -22,6 +26,10 @@ pub(super) struct Watch {
     last_a: f64,
     /// How often such a current was cut off.
     cut_off: u32,
+    /// Whether the last that flowed was near the end of a charge.
+    is_ending: bool,
+    /// Since when the bay has given nothing, s since the agent's start.
+    dark_since_s: Option<f64>,
 }
 
 impl Watch {
@@ -43,8 +51,22 @@ impl Watch {
         let charger = Charger::for_pack(facts, PowerPath::Selected);
         let fell_off = self.last_a > 0.0 && self.last_a < LAST_PART * cutoff_a;
         let is_full = sample.voltage_v >= charger.recharge_below_v_per_cell * f64::from(facts.series);
+        if charges {
+            self.is_ending = fell_off;
+        }
         let gave_up = self.cut_off > 1 || self.nothing_s >= GIVES_NOTHING_HOLDS * charger.cutoff_hold_s;
         nothing && self.barred.is_none() && (fell_off || is_full || gave_up)
+    }
+
+    /// Takes in whether the bay gives nothing; for how long it has not, s.
+    pub(super) fn dark_s(&mut self, now_s: f64, is_dark: bool) -> f64 {
+        self.dark_since_s = if is_dark { Some(self.dark_since_s.unwrap_or(now_s)) } else { None };
+        self.dark_since_s.map_or(0.0, |since_s| (now_s - since_s).max(f64::MIN_POSITIVE))
+    }
+
+    /// Whether the charge was near its end when the bay gave something last, and its temperature did not hold it up.
+    pub(super) fn was_ending(&self) -> bool {
+        self.is_ending && self.barred.is_none()
     }
 
     /// What holds the charge up, in words.

@@ -36,6 +36,13 @@ impl Agent {
         Some(is.value - was.value > (RISE_SIGMAS * was.sigma.hypot(is.sigma)).max(RISE_SOC))
     }
 
+    /// Goes back to work with the other pack, once nothing of the station is at it any more.
+    pub(super) fn leave_after_exchange(&mut self) {
+        if self.phase == RobotPhase::Swapping && self.pack_seen && !self.is_still_exchanged() {
+            self.resume();
+        }
+    }
+
     /// Takes in what the device says of the charge, until an exchange is on.
     pub(super) fn remember_said(&mut self, seen: &Observation) {
         if self.phase != RobotPhase::Swapping || self.said_soc.is_none() {

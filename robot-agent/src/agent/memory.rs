@@ -19,10 +19,13 @@ pub struct Memory {
     /// What the device said last of the charge before an exchange.
     #[serde(default)]
     said_soc: Option<proto::Estimate>,
+    /// Whether another pack was seen in the robot, until the exchange is over.
+    #[serde(default)]
+    pack_seen: bool,
 }
 
 /// What is compared to see whether a new memory is due.
-pub(super) type Sketch = (RobotPhase, Option<StationId>, Option<BayId>, Option<f64>);
+pub(super) type Sketch = (RobotPhase, Option<StationId>, Option<BayId>, Option<f64>, bool);
 
 impl Memory {
     /// Where the robot stands by what was kept; nothing where it may have been moving.
@@ -40,16 +43,17 @@ impl Memory {
 impl Agent {
     /// Goes on from what was kept. To be called before the first input.
     pub fn restore(&mut self, memory: Memory) {
-        let Memory { ledger, phase, station, bay, target_soc, last_command, said_soc } = memory;
+        let Memory { ledger, phase, station, bay, target_soc, last_command, said_soc, pack_seen } = memory;
         self.ledger = ledger;
         (self.phase, self.station, self.bay, self.target_soc, self.last_command) = (phase, station, bay, target_soc, last_command);
         self.said_soc = said_soc.map(|soc| energy::Estimate::new(soc.value, soc.sigma));
+        self.pack_seen = pack_seen;
         self.restored = true;
         self.kept = Some(self.sketch());
     }
 
     fn sketch(&self) -> Sketch {
-        (self.phase, self.station.clone(), self.bay.clone(), self.target_soc)
+        (self.phase, self.station.clone(), self.bay.clone(), self.target_soc, self.pack_seen)
     }
 
     /// Asks for what has changed to be kept, before anybody hears of it and before the robot moves.
@@ -67,6 +71,7 @@ impl Agent {
             target_soc: self.target_soc,
             last_command: self.last_command.clone(),
             said_soc: self.said_soc.map(|soc| proto::Estimate::new(soc.value, soc.sigma)),
+            pack_seen: self.pack_seen,
         };
         self.outputs.retain(|output| !matches!(output, Output::Keep(_)));
         self.outputs.push_front(Output::Keep(Box::new(memory)));

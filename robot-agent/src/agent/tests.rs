@@ -1,6 +1,9 @@
 mod exchange;
+mod host;
 
 use std::sync::Arc;
+
+use self::host::says;
 
 use energy::gauge::Kind;
 use proto::{Command, CommandId, SpareId};
@@ -43,6 +46,7 @@ fn bench_at(soc: f64) -> Bench {
     let model = Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap());
     let travel = Travel { time_s: 60.0, energy_wh: Estimate::new(0.07, 0.01) };
     let profile = Profile {
+        id: RobotId::new("explorer-1").unwrap(),
         battery: model.name.clone(),
         load: None,
         cells_series: 3,
@@ -203,7 +207,8 @@ fn an_exchange_needs_the_robot_to_wait_at_that_station_and_restarts_its_gauge() 
     assert_eq!(bench.ask(swap()).0, Outcome::Accepted);
     assert_eq!(bench.agent.phase, RobotPhase::Swapping);
     let acts = bench.observe(|observation| observation.exchanged = Some(energy::Estimate::new(0.97, 0.01)));
-    assert_eq!((acts, bench.agent.phase), (vec![Act::Resume], RobotPhase::Working));
+    assert_eq!((acts, bench.agent.phase), (vec![], RobotPhase::Swapping));
+    assert_eq!((bench.hears(&says(None, false)), bench.agent.phase), (vec![Act::Resume], RobotPhase::Working));
     assert!((bench.agent.soc().value - 0.97).abs() < 1e-3 && bench.agent.soc().sigma < 0.011, "{:?}", bench.agent.soc());
 }
 
@@ -225,6 +230,9 @@ fn a_bay_without_power_is_reported_and_does_not_count_as_charged() {
     bench.enter_bay();
     bench.ask(RobotAction::ChargeTo { soc: 0.2 });
     // Above the target, but nothing flows: the station is dark.
+    for _ in 0..30 {
+        assert_eq!((bench.observe(|observation| observation.powered = false), bench.agent.note.as_deref()), (vec![], None));
+    }
     assert_eq!(bench.observe(|observation| observation.powered = false), []);
     assert_eq!((bench.agent.phase, bench.agent.note.as_deref()), (RobotPhase::Charging, Some("the bay has no power")));
 }
@@ -341,13 +349,13 @@ fn who_is_restarted_during_an_exchange_waits_for_its_pack() {
     after.place = memory.place().unwrap();
     after.agent.restore(memory);
     assert_eq!((after.observe(|_| {}), after.agent.phase), (vec![], RobotPhase::Swapping));
-    let acts = after.observe(|observation| observation.exchanged = Some(energy::Estimate::new(0.97, 0.01)));
-    assert_eq!((acts, after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
+    after.observe(|observation| observation.exchanged = Some(energy::Estimate::new(0.97, 0.01)));
+    assert_eq!((after.hears(&says(None, false)), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
 }
 
 #[test]
 fn a_gauge_that_begins_anew_with_the_old_pack_is_no_other_pack() {
-    let says = |bench: &mut Bench, soc: f64| {
+    let shows = |bench: &mut Bench, soc: f64| {
         bench.observe(|observation| {
             let soc = energy::Estimate::new(soc, 0.05);
             (observation.exchanged, observation.said_soc) = (Some(soc), Some(soc));
@@ -363,10 +371,12 @@ fn a_gauge_that_begins_anew_with_the_old_pack_is_no_other_pack() {
     after.agent.restore(memory);
     // The agent was restarted while the old pack was still in; then the network was away for a minute.
     for _ in 0..2 {
-        assert_eq!((says(&mut after, 0.21), after.agent.phase), (vec![], RobotPhase::Swapping));
+        assert_eq!((shows(&mut after, 0.21), after.agent.phase), (vec![], RobotPhase::Swapping));
+        assert_eq!((after.hears(&says(None, true)), after.agent.phase), (vec![], RobotPhase::Swapping));
         assert!((after.agent.soc().value - 0.21).abs() < 1e-3, "the gauge goes on from what the device says");
     }
-    assert_eq!((says(&mut after, 0.97), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
+    assert_eq!((shows(&mut after, 0.97), after.agent.phase), (vec![], RobotPhase::Swapping));
+    assert_eq!((after.hears(&says(None, false)), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
 }
 
 #[test]

@@ -134,8 +134,8 @@ impl SourceConfig {
     pub fn device(&self, network: &NetworkConfig, site: &SiteId, robot: &RobotId) -> anyhow::Result<Option<Box<dyn Device>>> {
         Ok(Some(match self {
             Self::Sim { .. } | Self::Replay { .. } => return Ok(None),
-            Self::PowerSupply(config) => config.open().context("source")?,
-            Self::Sbs(config) => config.open().context("source")?,
+            Self::PowerSupply(config) => config.open(false).context("source")?,
+            Self::Sbs(config) => config.open(false).context("source")?,
             Self::Ros2(config) => config.open(network, site).context("source")?,
             Self::Vda5050(config) => config.open(robot)?,
         }))

@@ -7,7 +7,7 @@ use device::{Program, Supply, Unmeasured};
 use serde::{Deserialize, Serialize};
 use tracing::warn;
 
-use super::{Act, Place};
+use super::{Act, Held, Place};
 
 /// The key of the configuration that names the program.
 const KEY: &str = "body.drive";
@@ -55,11 +55,15 @@ impl Body {
 
 /// Time for which something must feed a robot that may be moving before that is a bay, s: longer than brakes give current back. A guess.
 const FELT_S: f64 = 10.0;
-/// Time without being fed after which a robot whose charge was ended has left its bay, s: longer than a lift takes to let it down. A guess.
+/// Time without being fed after which a robot whose charge was ended has left its bay, s, where no station says so: longer than a lift takes to
+/// let it down. A guess.
 const LET_OUT_S: f64 = 120.0;
-/// Time without being fed after which a robot whose charge was not ended is elsewhere, s: longer than a hot pack cools or a station is
-/// dark. A guess.
+/// Time without being fed after which a robot whose charge was not ended is elsewhere, s, where no station says so: longer than a hot pack
+/// cools or a station is dark. A guess.
 const LEFT_S: f64 = 3600.0;
+/// A program that has been at an act for longer, s, or has failed so often, moves nothing any more: as long as stations give theirs. A guess.
+const DRIVES_S: f64 = 900.0;
+const FAILURES_MAX: u32 = 5;
 
 /// The program that makes the robot act. It is started anew for every act with the act as its last
 /// arguments: `travel_to STATION [BAY]`, `charge`, `stop_charging` or `resume`. It ends when that is
@@ -77,8 +81,15 @@ pub struct Hands {
     unheard_s: f64,
     /// Whether something has fed it where it is.
     was_fed: bool,
-    /// Whether its charge is over: what feeds it no more has been left.
+    /// Whether nothing of a charge goes on: what feeds it no more has been left.
     is_over: bool,
+    /// What its station says of it.
+    held: Held,
+    /// Whether that was once that it has the robot in the bay where it is, and that it lets it out.
+    was_held: bool,
+    is_let_out: bool,
+    /// For how long the program has been at what it was asked last, s.
+    driving_s: f64,
     trouble: Option<String>,
     /// What was asked last, until it is done.
     asked: Vec<String>,
@@ -95,15 +106,42 @@ impl Hands {
         let program = Program::new(KEY, drive);
         program.look_for();
         let (place, felt) = (Place::Mission, (Supply::Unknown, 0.0));
-        let (powered, was_fed, is_over) = (false, false, false);
+        let (powered, was_fed, is_over) = (false, false, true);
+        let (held, was_held, is_let_out, driving_s) = (Held::Unheard, false, false, 0.0);
         let (trouble, asked, again_in_s) = (None, Vec::new(), None);
-        Self { program, place, powered, felt, unheard_s: 0.0, was_fed, is_over, trouble, asked, again_in_s, failures: 0 }
+        Self {
+            program,
+            place,
+            powered,
+            felt,
+            unheard_s: 0.0,
+            was_fed,
+            is_over,
+            held,
+            was_held,
+            is_let_out,
+            driving_s,
+            trouble,
+            asked,
+            again_in_s,
+            failures: 0,
+        }
     }
 
-    /// Takes in where the robot stood when its agent was stopped; a bay feeds it until something else is felt.
+    /// Takes in where the robot stood when its agent was stopped; a bay feeds it until something else is felt. Whether its charge goes on
+    /// is not known.
     pub fn stand(&mut self, place: Place) {
         let is_fed = place == Place::InBay;
-        (self.place, self.powered, self.was_fed) = (place, is_fed, is_fed);
+        (self.place, self.powered, self.was_fed, self.is_over) = (place, is_fed, is_fed, !is_fed);
+    }
+
+    /// Takes in what its station says of it.
+    pub fn held(&mut self, held: Held) {
+        if held == Held::Unheard && self.held != Held::Unheard {
+            // For how long nothing has fed it counts from here: until now its station knew better.
+            self.felt.1 = 0.0;
+        }
+        self.held = held;
     }
 
     /// Begins an act.
@@ -125,6 +163,10 @@ impl Hands {
             _ => {}
         }
         self.is_over = matches!(act, Act::StopCharging | Act::Resume);
+        if matches!(act, Act::TravelTo { .. }) {
+            (self.was_held, self.is_let_out) = (false, false);
+        }
+        self.driving_s = 0.0;
         if self.is_over {
             // That nothing fed it before says nothing of where it is after.
             self.felt.1 = 0.0;
@@ -154,8 +196,8 @@ impl Hands {
     /// Takes in whether something feeds the robot.
     pub fn feel(&mut self, supply: Supply) {
         let passed_s = std::mem::take(&mut self.unheard_s);
-        // What stands at a station gives nothing back by its brakes.
-        if supply == Supply::Connected && self.place == Place::AtStation {
+        // What stands at a station, or in a bay by its program's word, gives nothing back by its brakes.
+        if supply == Supply::Connected && matches!(self.place, Place::AtStation | Place::InBay) {
             (self.powered, self.was_fed, self.place) = (true, true, Place::InBay);
         }
         match (supply, self.felt.0) {
@@ -167,22 +209,50 @@ impl Hands {
         }
     }
 
-    /// What feeds it for some time is a bay. Where that ends, it has left the bay if its charge was over; otherwise the bay may be dark, or
-    /// a hot or cold battery takes nothing for a while.
+    /// Whether its program moves it.
+    fn is_driven(&self) -> bool {
+        (self.program.is_running() || self.program.is_ending()) && self.driving_s < DRIVES_S
+    }
+
+    /// What feeds it for some time is a bay, and so is where its station says that it stands.
     fn locate(&mut self, dt_s: f64) {
         self.unheard_s += dt_s;
+        self.driving_s += dt_s;
         let (supply, for_s) = self.felt;
         let drives = self.program.is_set() && self.place == Place::Underway;
         match supply {
             _ if for_s < FELT_S => {}
             Supply::Connected if !drives => (self.powered, self.was_fed, self.place) = (true, true, Place::InBay),
             Supply::Connected | Supply::Unknown => {}
-            Supply::Absent => {
-                self.powered = false;
-                let has_left_s = if self.is_over { LET_OUT_S } else { LEFT_S };
-                if self.place == Place::InBay && self.was_fed && for_s >= has_left_s {
-                    (self.place, self.was_fed) = (Place::AtStation, false);
-                }
+            Supply::Absent => self.powered = false,
+        }
+        // Chargers that give only when they are asked to show nothing before.
+        if self.held == Held::InBay && self.place == Place::AtStation && !self.is_driven() && self.again_in_s.is_none() {
+            self.place = Place::InBay;
+        }
+        if self.place == Place::InBay {
+            self.was_held |= matches!(self.held, Held::InBay | Held::LetsOut);
+            self.is_let_out |= self.held == Held::LetsOut;
+            if self.has_left() {
+                (self.place, self.powered, self.was_fed, self.was_held, self.is_let_out) = (Place::AtStation, false, false, false, false);
+            }
+        }
+    }
+
+    /// Whether it is in its bay no longer, where it cannot drive out by itself: its station has let it out. Otherwise that nothing has fed it
+    /// for long must do, as of a station that has forgotten it; if its charge is not over, the bay may be dark, or a hot or cold battery take
+    /// nothing for a while, and where a station is not heard any more that had it in a bay, its lift may still hold it.
+    fn has_left(&self) -> bool {
+        let (supply, for_s) = self.felt;
+        match self.held {
+            Held::InBay | Held::TakesIn | Held::LetsOut => false,
+            _ if self.is_driven() => false,
+            Held::No if self.is_let_out => supply != Supply::Connected,
+            Held::No | Held::Unheard => {
+                let is_tried_again = self.again_in_s.is_some() && self.failures < FAILURES_MAX;
+                let is_soon = self.is_over && (self.held == Held::No || !self.was_held);
+                let has_left_s = if is_soon { LET_OUT_S } else { LEFT_S };
+                supply == Supply::Absent && self.was_fed && for_s >= has_left_s && !is_tried_again
             }
         }
     }
@@ -209,7 +279,7 @@ impl Hands {
 
     /// Sees whether the program has ended, and what it says.
     fn watch(&mut self) {
-        let Some(Ended { said, printed, result }) = self.program.ended() else { return };
+        let Some(Ended { said, printed, result, .. }) = self.program.ended() else { return };
         if let Err(what) = result {
             return self.fail(what);
         }
@@ -217,9 +287,9 @@ impl Hands {
         let travelled = said.starts_with("travel_to");
         let told = printed.lines().rev().find_map(|line| place_named(line.trim()));
         match told {
-            // What was felt was felt where it was before.
+            // What was felt was felt where it was before, but for what feeds it in the bay that it has come to.
             Some(place) => {
-                let is_fed = self.powered && place == Place::InBay;
+                let is_fed = place == Place::InBay && (self.powered || self.felt.0 == Supply::Connected);
                 (self.place, self.powered, self.was_fed, self.felt) = (place, is_fed, is_fed, (Supply::Unknown, 0.0));
             }
             // It has driven to where something feeds it.

@@ -7,7 +7,7 @@ use energy::Model;
 use node::Stride;
 
 use super::body::{Body, Hands};
-use super::{Act, Observation, Place, Source};
+use super::{Act, Held, Observation, Place, Source};
 
 /// A robot whose battery a device measures.
 pub struct Measured {
@@ -29,13 +29,17 @@ impl Source for Measured {
         match act {
             Act::Charge => self.reader.charge(true),
             Act::StopCharging => self.reader.charge(false),
-            Act::TravelTo { .. } | Act::GoOnTo { .. } | Act::Resume => {}
+            Act::TravelTo { .. } | Act::GoOnTo { .. } | Act::Resume => self.reader.leave(),
         }
         self.hands.begin(act);
     }
 
     fn stand(&mut self, place: Place) {
         self.hands.stand(place);
+    }
+
+    fn held(&mut self, held: Held) {
+        self.hands.held(held);
     }
 
     fn stride(&self) -> Stride {

@@ -6,6 +6,7 @@ mod message;
 mod mqtt;
 
 use anyhow::{anyhow, bail, ensure};
+use device::program::retry_s;
 use device::{Device, Report};
 use proto::RobotId;
 use serde::{Deserialize, Serialize};
@@ -42,6 +43,9 @@ fn default_version() -> String {
     "2.1.0".to_owned()
 }
 
+/// The two actions.
+const START: &str = "startCharging";
+const STOP: &str = "stopCharging";
 /// Looks at the vehicle after which an instant action is sent again that no state message mentions.
 const RESEND_LOOKS: u32 = 5;
 /// Times that an instant action is sent before somebody is told that the vehicle does not answer.
@@ -140,11 +144,19 @@ struct Pending {
     action: Action,
     looks: u32,
     sends: u32,
-    /// Why it cannot be done; told until something else is asked.
+    /// Why it could not be done; told until it is, or something else is asked.
     failed: Option<String>,
+    /// How often that was so.
+    failures: u32,
+    /// Time until it is asked for anew, s; none while it is not answered.
+    again_in_s: Option<f64>,
 }
 
 impl Pending {
+    fn new(action_type: &str) -> Self {
+        Self { action: named(action_type), looks: 0, sends: 0, failed: None, failures: 0, again_in_s: None }
+    }
+
     /// What somebody should know of it.
     fn trouble(&self) -> Option<String> {
         let unanswered = || format!("the vehicle does not answer {}, which was sent {} times", self.action.action_type, self.sends);
@@ -153,12 +165,17 @@ impl Pending {
     }
 }
 
+/// An action that the vehicle has not heard of.
+fn named(action_type: &str) -> Action {
+    Action::new(action_type, format!("{action_type}-{}", node::clock::unix_ms()))
+}
+
 impl Device for Vehicle {
     fn name(&self) -> String {
         format!("vda5050 {}/{}", self.config.manufacturer, self.config.serial_number)
     }
 
-    fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
+    fn read(&mut self, dt_s: f64) -> anyhow::Result<Vec<Report>> {
         let (mut reports, mut wrong) = (Vec::new(), None);
         while let Some((topic, bytes)) = self.broker.next() {
             if topic.ends_with("/connection") {
@@ -174,10 +191,10 @@ impl Device for Vehicle {
             }
         }
         self.any |= !reports.is_empty();
-        self.press();
+        self.press(dt_s);
         match wrong {
             Some(error) if reports.is_empty() => Err(error),
-            None if reports.is_empty() && !self.any => Err(anyhow!("{}", self.broker.status())),
+            None if reports.is_empty() && !(self.any && self.broker.is_connected()) => Err(anyhow!("{}", self.broker.status())),
             // State messages are up to 30 s apart.
             None if reports.is_empty() => match self.connection.as_deref() {
                 Some("ONLINE") | None => Ok(reports),
@@ -188,10 +205,13 @@ impl Device for Vehicle {
     }
 
     fn charge(&mut self, on: bool) {
-        let action_type = if on { "startCharging" } else { "stopCharging" };
-        let action_id = format!("{action_type}-{}", node::clock::unix_ms());
-        self.pending = Some(Pending { action: Action::new(action_type, action_id), looks: 0, sends: 0, failed: None });
+        let action_type = if on { START } else { STOP };
+        self.pending = Some(Pending::new(action_type));
         self.send();
+    }
+
+    fn leave(&mut self) {
+        self.pending = self.pending.take().filter(|pending| pending.action.action_type == STOP);
     }
 
     fn trouble(&self) -> Option<String> {
@@ -200,9 +220,9 @@ impl Device for Vehicle {
 }
 
 impl Vehicle {
-    /// Sends the action that is pending, with its own id each time: the vehicle knows a copy.
+    /// Sends the action that is pending, with its own id each time: the vehicle knows a copy. Without the broker it waits.
     fn send(&mut self) {
-        let Some(pending) = &mut self.pending else { return };
+        let Some(pending) = self.pending.as_mut().filter(|_| self.broker.is_connected()) else { return };
         (pending.looks, pending.sends) = (0, pending.sends + 1);
         let header = Header {
             header_id: self.headers,
@@ -219,11 +239,19 @@ impl Vehicle {
         }
     }
 
-    /// Sends again what nobody has answered.
-    fn press(&mut self) {
-        let Some(pending) = self.pending.as_mut().filter(|pending| pending.failed.is_none()) else { return };
+    /// Sends again what nobody has answered, and asks anew for what could not be done, later each time.
+    fn press(&mut self, dt_s: f64) {
+        let Some(pending) = &mut self.pending else { return };
+        if let Some(left_s) = &mut pending.again_in_s {
+            *left_s -= dt_s;
+            if *left_s <= 0.0 {
+                (pending.action, pending.again_in_s, pending.sends) = (named(&pending.action.action_type), None, 0);
+                self.send();
+            }
+            return;
+        }
         pending.looks += 1;
-        if pending.looks >= if pending.sends < SENDS { RESEND_LOOKS } else { RESEND_LATER_LOOKS } {
+        if pending.sends == 0 || pending.looks >= if pending.sends < SENDS { RESEND_LOOKS } else { RESEND_LATER_LOOKS } {
             self.send();
         }
     }
@@ -231,14 +259,22 @@ impl Vehicle {
     /// Sees in a state message what became of the pending action.
     fn answered(&mut self, state: &State) {
         let Some(pending) = &mut self.pending else { return };
+        // What was to be stopped does not go on, whatever became of the action.
+        if pending.action.action_type == STOP && pending.sends > 0 && !state.is_charging() {
+            self.pending = None;
+            return;
+        }
         let Some(answer) = state.action(&pending.action.action_id) else { return };
         match answer.action_status.as_str() {
             "FINISHED" => self.pending = None,
             "FAILED" | "RETRIABLE" => {
                 let why = answer.result().map(|why| format!(": {why}")).unwrap_or_default();
                 let what = format!("{} is {}{why}", pending.action.action_type, answer.action_status);
-                if pending.failed.replace(what.clone()).is_none() {
-                    warn!("{}/{}: {what}", self.config.manufacturer, self.config.serial_number);
+                if pending.again_in_s.is_none() {
+                    pending.failures += 1;
+                    let wait_s = retry_s(pending.failures);
+                    warn!("{}/{}: {what}; asked for again in {wait_s:.0} s", self.config.manufacturer, self.config.serial_number);
+                    (pending.failed, pending.again_in_s) = (Some(what), Some(wait_s));
                 }
             }
             // It is at it: nothing to send again.

@@ -1,8 +1,9 @@
 //! What a station has to hand out to robots.
 
+use device::UNKNOWN_SOC;
 use energy::Estimate;
 use node::wire;
-use proto::SpareId;
+use proto::{RobotId, SpareId};
 
 use super::Agent;
 use crate::source::Swapped;
@@ -14,6 +15,14 @@ impl Agent {
         if let Some(Swapped { spare, given_soc, .. }) = swapped.filter(own) {
             self.swapping = None;
             self.lie_there(vec![(spare, given_soc)], false);
+        }
+    }
+
+    /// Takes in that an exchange cannot be done. What is in the place of its spare is not known any more: something is wrong with it.
+    pub(super) fn called_off(&mut self, called_off: Option<(RobotId, SpareId)>) {
+        if let Some((_, spare)) = called_off.filter(|ended| self.swapping.as_ref() == Some(ended)) {
+            self.swapping = None;
+            self.lie_there(vec![(spare, UNKNOWN_SOC)], false);
         }
     }
 

@@ -52,6 +52,10 @@ impl Agent {
             self.arrives,
             self.away.clone(),
         );
+        // Who listens goes by what was said before: a station that calls itself dark breaks every promise.
+        if !self.known {
+            return;
+        }
         let changed = self.told.as_ref() != Some(&telling) || self.told_power.as_ref() != Some(&power);
         if changed || self.state_due.is(now) {
             (self.told, self.told_power) = (Some(telling), Some(power));

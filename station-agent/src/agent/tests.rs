@@ -81,6 +81,8 @@ fn bench() -> Bench {
         given_up: None,
         mended: Vec::new(),
         swapped: None,
+        called_off: None,
+        known: true,
         lift_active: false,
         charged: Vec::new(),
         uncharged: Vec::new(),

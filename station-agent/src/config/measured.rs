@@ -104,8 +104,8 @@ impl GaugeConfig {
                 let file = path.and_then(Path::parent).map_or_else(|| file.clone(), |folder| folder.join(file));
                 Ok(Box::new(Log::read(&file)?))
             }
-            Self::PowerSupply(config) => config.open(),
-            Self::Sbs(config) => config.open(),
+            Self::PowerSupply(config) => config.open(true),
+            Self::Sbs(config) => config.open(true),
             Self::Ros2(config) => config.open(&of.network, &of.site),
         }
     }

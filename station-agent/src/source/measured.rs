@@ -23,6 +23,9 @@ const SOC_STEP: f64 = 0.01;
 /// Of a spare whose device has said nothing for longer than this, s, nothing is known: somebody may have taken it away. The same time
 /// as for a pack.
 const SILENT_S: f64 = 60.0;
+/// A spare whose exchange was called off is not handed out for so long, s, unless its device falls silent before, as of one that is taken out:
+/// half an hour is not long for somebody to come and look. A guess.
+const JAMMED_S: f64 = 1800.0;
 
 /// A station whose packs devices measure, in the selector's order.
 pub struct MeasuredStation {
@@ -32,6 +35,8 @@ pub struct MeasuredStation {
     /// Where it is, of one that drives.
     place: Option<Place>,
     active: Option<PackId>,
+    /// For how long it has been looked at, s.
+    seen_s: f64,
 }
 
 /// One of its packs.
@@ -96,6 +101,8 @@ pub struct MeasuredSpare {
     told: Option<(f64, bool)>,
     /// For how long the device has said nothing, s.
     silent_s: f64,
+    /// Time until it is handed out again after an exchange that could not be done, s.
+    jammed_s: f64,
     trouble: Option<String>,
 }
 
@@ -103,11 +110,12 @@ impl MeasuredSpare {
     /// A spare that can be handed out from a state of charge of `ready_soc`, 0..1, on.
     #[must_use]
     pub fn new(id: SpareId, device: Box<dyn Device>, ready_soc: f64, soc_sigma: f64) -> Self {
-        Self { id, device, ready_soc, soc_sigma, told: None, silent_s: 0.0, trouble: None }
+        Self { id, device, ready_soc, soc_sigma, told: None, silent_s: 0.0, jammed_s: 0.0, trouble: None }
     }
 
     /// Its charge and whether it can be handed out, when that is new.
     fn advance(&mut self, dt_s: f64) -> Option<(Estimate, bool)> {
+        self.jammed_s -= dt_s;
         let read = self.device.read(dt_s).and_then(|reports| match reports.last() {
             Some(report) => {
                 report.soc.map(|soc| Some((soc, report.soc_sigma))).ok_or_else(|| anyhow::anyhow!("it tells no state of charge"))
@@ -137,12 +145,18 @@ impl MeasuredSpare {
     /// taken to be at most what the device may be off by, between two readings, and no more than [`NOISE_SOC`].
     fn is_charged(&self, soc: Estimate) -> bool {
         let was_charged = self.told.is_some_and(|(_, ready)| ready);
+        if self.jammed_s > 0.0 {
+            return false;
+        }
         let doubt_soc = if was_charged { soc.sigma.hypot(soc.sigma).min(NOISE_SOC) } else { 0.0 };
         soc.value >= self.ready_soc - doubt_soc
     }
 
     fn silent(&mut self, dt_s: f64) -> Option<(Estimate, bool)> {
         self.silent_s += dt_s;
+        if self.silent_s > SILENT_S {
+            self.jammed_s = 0.0;
+        }
         if self.silent_s > SILENT_S { self.news(UNKNOWN_SOC, false) } else { None }
     }
 
@@ -160,7 +174,7 @@ impl MeasuredStation {
     /// A station of these packs and spares, worked by `hands`, that stands where it is.
     #[must_use]
     pub fn new(packs: Vec<MeasuredPack>, spares: Vec<MeasuredSpare>, hands: Hands) -> Self {
-        Self { packs, spares, hands, place: None, active: None }
+        Self { packs, spares, hands, place: None, active: None, seen_s: 0.0 }
     }
 
     /// The same as one that drives.
@@ -209,8 +223,13 @@ impl Source for MeasuredStation {
         let done = self.hands.advance(dt_s);
         let Stand { arrives_s, away_s } = self.place.as_mut().map(|place| place.advance(dt_s)).unwrap_or_default();
         self.find_active(done.selected);
+        self.seen_s += dt_s;
+        let known = self.seen_s > SILENT_S || self.packs.iter().all(|pack| pack.last.is_some());
         let (mut charged, mut uncharged) = (Vec::new(), Vec::new());
         for spare in &mut self.spares {
+            if done.called_off.as_ref().is_some_and(|(_, jammed)| *jammed == spare.id) {
+                spare.jammed_s = JAMMED_S;
+            }
             let news = spare.advance(dt_s);
             // What lies in the place of a spare that is being exchanged is nobody's yet: it is told afterwards.
             if self.hands.is_exchanging(&spare.id) {
@@ -225,12 +244,14 @@ impl Source for MeasuredStation {
             uncharged,
             active_pack: self.active.clone(),
             powered: self.packs.iter().any(|pack| pack.last.is_some() && !pack.depleted),
+            known,
             arrives_s,
             away_s,
             lifted: done.lifted,
             given_up: done.given_up,
             mended: done.mended,
             swapped: done.swapped,
+            called_off: done.called_off,
             lift_active: self.hands.are_busy(),
             trouble: self.trouble(),
         })

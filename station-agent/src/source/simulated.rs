@@ -289,6 +289,8 @@ impl Source for StationBody {
             given_up: None,
             mended: Vec::new(),
             swapped,
+            called_off: None,
+            known: true,
             lift_active,
             charged: std::mem::take(&mut self.charged),
             uncharged: Vec::new(),

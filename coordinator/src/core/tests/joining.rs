@@ -118,3 +118,39 @@ fn who_is_gone_for_a_moment_keeps_what_it_was_promised_and_who_stays_away_gives_
             && !core.schedule().unserved.iter().any(|left| left.reasons[0].contains("lost"))
     );
 }
+
+#[test]
+fn who_is_gone_for_good_is_forgotten_with_what_it_was_promised_and_begins_anew_when_it_speaks_again() {
+    let mut core = core();
+    station_joins(&mut core, 0.0);
+    joins(&mut core, 0.0, 0);
+    core.handle(at(61.0), Input::Tick);
+    let planned = |core: &Core| core.plan.planned.iter().map(|planned| planned.robot.to_string()).collect::<Vec<_>>();
+    assert_eq!(planned(&core), ["r0"]);
+    let told = |core: &mut Core| -> Vec<(EventKind, String)> {
+        let told = std::iter::from_fn(|| core.poll()).filter_map(|output| match output {
+            Output::Record(Record::Event(event)) => Some((event.kind, event.robot?.to_string())),
+            _ => None,
+        });
+        told.collect()
+    };
+    told(&mut core);
+    // It is there: nothing is forgotten, and nobody else is either.
+    core.handle(at(62.0), Input::Forget(id("r0")));
+    core.handle(at(62.0), Input::Forget(id("nobody")));
+    assert_eq!(told(&mut core), []);
+    assert_eq!(core.can_forget(&id("r0")), Err(NotForgotten::Heard("r0 is there to be heard: end its agent first".to_owned())));
+    assert!(matches!(core.can_forget(&id("nobody")), Err(NotForgotten::Unknown(_))));
+    core.handle(at(63.0), Input::RobotAlive(id("r0"), false));
+    core.handle(at(64.0), Input::Forget(id("r0")));
+    core.handle(at(70.0), Input::Tick);
+    let of_r0 = |kind| (kind, "r0".to_owned());
+    assert_eq!(told(&mut core), [EventKind::Lost, EventKind::PromiseBroken, EventKind::Forgotten].map(of_r0));
+    assert!(planned(&core).is_empty() && core.fleet().robots.is_empty() && core.schedule().unserved.is_empty());
+    assert!(core.explain(at(70.0), &id("r0")).is_err());
+    // Its agent was only restarted after all.
+    joins(&mut core, 80.0, 0);
+    core.handle(at(81.0), Input::Tick);
+    assert_eq!(told(&mut core)[0], of_r0(EventKind::Joined));
+    assert_eq!(planned(&core), ["r0"]);
+}

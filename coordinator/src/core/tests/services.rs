@@ -23,6 +23,7 @@ fn waits(n: usize, start_s: f64) -> ServiceRun {
         asked: None,
         hands_over: None,
         takes_none_since: None,
+        called_off_since: None,
         cut_short: None,
         again: None,
     }

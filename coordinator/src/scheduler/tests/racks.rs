@@ -80,3 +80,25 @@ fn a_spare_as_full_as_those_that_are_charged_again_counts_beside_a_fuller_one() 
     assert_eq!(both(0.8), wanted.into());
     assert_eq!(both(0.98).len(), 1, "it waits for its turn");
 }
+
+#[test]
+fn that_nothing_fits_one_robot_says_nothing_of_others_of_its_model() {
+    let pack = battery();
+    let of = |name: &str, unfit: Vec<(usize, usize)>| RobotView { battery: Arc::clone(&pack), unfit, ..robot(name, 0.12, &[(0, 60.0)]) };
+    let rack = station("rack", 0, &[80.0], &[0.97, 0.97]);
+    let found = solved(vec![of("a", vec![(0, 0)]), of("b", vec![]), of("c", vec![])], vec![rack]);
+    assert_eq!(names(&found.plan).into_iter().collect::<BTreeSet<_>>(), ["b", "c"].into());
+}
+
+#[test]
+fn who_can_have_two_kinds_gets_the_second_where_the_first_is_gone() {
+    let pack = battery();
+    let of = |name: &str, unfit: Vec<(usize, usize)>| RobotView { battery: Arc::clone(&pack), unfit, ..robot(name, 0.12, &[(0, 60.0)]) };
+    // One of the first kind, into which fewer robots go; the second is far less full.
+    let mut rack = station("rack", 0, &[80.0], &[0.97, 0.6, 0.6]);
+    (rack.spares[1].kind, rack.spares[2].kind) = (1, 1);
+    let found = solved(vec![of("a", vec![]), of("b", vec![]), of("c", vec![(0, 0)])], vec![rack]);
+    assert_eq!(found.plan.planned.len(), 3, "{:?}", found.plan.rejected);
+    let quality = found.plan.quality;
+    assert!(quality.stranded == 0 && quality.missed_bound_s <= quality.missed_s, "{quality:?}");
+}

@@ -1,6 +1,6 @@
 //! A kind of battery for the planner: what it holds, and how each station charges it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use energy::forecast::TIME_MAX_S;
@@ -29,20 +29,46 @@ fn owed_s(table: &Table, station: &StationView, settings: &Settings, soc: f64) -
     table.at(soc).charge_s + part.clamp(0.0, 1.0) * (station.handling.load_s + station.handling.unload_s)
 }
 
-/// A battery like that of `robot`; `tables` says what charging it takes at the stations in reach.
+/// Robots whose batteries are alike to a plan, and so are the spares that they are given: the kind of each robot, and the robots of each kind.
+pub(super) fn kinds<'v>(view: &'v View, racks: &Racks) -> (Vec<usize>, Vec<Vec<&'v RobotView>>) {
+    // Where spares are all of one kind it does not matter who is given one.
+    let several: Vec<usize> = (0..view.stations.len()).filter(|station| racks.are_several(*station)).collect();
+    let mut keys: Vec<((usize, i32), Vec<Option<u16>>)> = Vec::new();
+    let mut members: Vec<Vec<&RobotView>> = Vec::new();
+    let kind_of = view.robots.iter().map(|robot| {
+        let pack = (Arc::as_ptr(&robot.battery).addr(), robot.charge_degc as i32);
+        let given = |&station: &usize| robot.way(station).and_then(|_| racks.given(view, robot, station));
+        let given: Vec<Option<u16>> = several.iter().map(given).collect();
+        let goes_with = |known: &[Option<u16>]| known.iter().zip(&given).all(|(a, b)| a == b || a.is_none() || b.is_none());
+        let kind = keys.iter().position(|(known, spares)| *known == pack && goes_with(spares)).unwrap_or_else(|| {
+            keys.push((pack, given.clone()));
+            members.push(Vec::new());
+            keys.len() - 1
+        });
+        keys[kind].1.iter_mut().zip(&given).for_each(|(known, given)| *known = known.or(*given));
+        members[kind].push(robot);
+        kind
+    });
+    (kind_of.collect(), members)
+}
+
+/// The battery of these robots, which are all alike; `tables` says what charging it takes at the stations in reach.
 pub(super) fn battery(
-    robot: &RobotView,
+    robots: &[&RobotView],
     tables: &BTreeMap<usize, Arc<Table>>,
     (view, racks): (&View, &Racks),
     settings: &Settings,
     tick_s: u32,
 ) -> Battery {
-    let capacity = robot.battery.battery().stored_wh() * UNITS_PER_WH;
+    let capacity = robots[0].battery.battery().stored_wh() * UNITS_PER_WH;
     let levels = levels_soc(settings);
     let stations = &view.stations;
     let chargers = (0..stations.len()).map(|station| {
-        let spares = racks.given(view, robot, station).map(|kind| racks.next(view, station, kind));
-        let swap_soc = spares.into_iter().flatten().map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
+        // Who is given none says nothing of the others.
+        let come = robots.iter().filter(|robot| robot.way(station).is_some());
+        let given: BTreeSet<u16> = come.filter_map(|robot| racks.given(view, robot, station)).collect();
+        let spares = given.into_iter().flat_map(|kind| racks.next(view, station, kind));
+        let swap_soc = spares.map(|spare| spare.soc).fold(f64::INFINITY, f64::min);
         let swap_energy = if swap_soc.is_finite() { (swap_soc.min(1.0) * capacity) as i64 } else { 0 };
         let again_energy = ((stations[station].ready_soc * capacity) as i64).max(swap_energy);
         let curve = tables.get(&station).map_or_else(Vec::new, |table| curve(table, capacity, again_energy as f64 / capacity, tick_s));

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use planner::problem::Tick;
 use planner::{Explained, Explainer, Mode, Session, Ways, explain::Other};
 use proto::{RobotId, StationId, Timestamp};
 
@@ -94,6 +95,23 @@ impl<'w, 'p> Accounts<'w, 'p> {
                     format!("no: it is wanted at {at}, when its charge falls to where [policy] serve_below_soc has it")
                 }
             }
+            None => self.what_it_waits_for(session, in_time),
+        }
+    }
+
+    /// Why there is no earlier way at all.
+    fn what_it_waits_for(&self, session: &Session, in_time: Tick) -> String {
+        let task = self.task;
+        let (robot, station) = (&task.problem.robots[session.robot], &task.problem.stations[session.station]);
+        let travel = robot.travel.iter().find(|travel| travel.station == session.station);
+        let there = travel.map_or(session.start, |travel| travel.ticks).max(robot.not_before);
+        let soonest = travel.map_or(session.start, |travel| task.problem.soonest(travel)).max(robot.not_before);
+        let name = &station.name;
+        let away = station.away.iter().rev().find(|away| away.end > in_time && away.end <= session.start);
+        match away {
+            Some(away) => format!("no: {name} is away until {}", on_clock(task, away.end)),
+            None if soonest > there => format!("no: {name} takes robots in from {} on", on_clock(task, soonest)),
+            None if session.start > soonest => "no: the robot would have too much charge left for a service to add enough".to_owned(),
             None => "no: the robot is on its way as soon as it can be".to_owned(),
         }
     }

@@ -54,7 +54,7 @@ function follow() {
   detail.live = true;
   detail.load = (robot) => ask(robotPath(robot));
   listenToFleetForm(open);
-  listenToReplan();
+  listenToChanges();
   open();
 }
 
@@ -66,28 +66,38 @@ function listenToFleetForm(changed) {
   byId("fleet-form").addEventListener("submit", (event) => event.preventDefault());
 }
 
-function listenToReplan() {
+/** Changes something, for which the server wants the token: it is asked for once. `done` follows what was done. */
+function change(name, path, method, done) {
   const keep = { get: () => { try { return sessionStorage.getItem("tender-token"); } catch { return null; } },
     set: (token) => { try { sessionStorage.setItem("tender-token", token); } catch { /* asked again next time */ } } };
-  const replan = (token) => ask("api/v1/replan", { method: "POST", headers: { Authorization: `Bearer ${token}` } });
+  const act = (token) => ask(path, { method, headers: { Authorization: `Bearer ${token}` } });
   const dialog = byId("token-dialog");
-  byId("replan").addEventListener("click", async () => {
-    const token = keep.get();
-    if (token && (await replan(token).then(() => true, () => false))) return;
-    setText(byId("token-error"), "");
+  const askForToken = (error) => {
+    setText(byId("token-title"), name);
+    setText(byId("token-submit"), name);
+    setText(byId("token-error"), error);
+    byId("token-form").onsubmit = async (event) => {
+      event.preventDefault();
+      try {
+        await act(byId("token").value);
+        keep.set(byId("token").value);
+        byId("token").value = "";
+        dialog.close();
+        done?.();
+      } catch (error) {
+        setText(byId("token-error"), error.message);
+      }
+    };
     dialog.showModal();
-  });
-  byId("token-form").addEventListener("submit", async (event) => {
-    event.preventDefault();
-    try {
-      await replan(byId("token").value);
-      keep.set(byId("token").value);
-      byId("token").value = "";
-      dialog.close();
-    } catch (error) {
-      setText(byId("token-error"), error.message);
-    }
-  });
+  };
+  const token = keep.get();
+  if (!token) return askForToken("");
+  return act(token).then(() => done?.(), (error) => askForToken(error.status === 401 ? "" : error.message));
+}
+
+function listenToChanges() {
+  byId("replan").addEventListener("click", () => change("Plan anew", "api/v1/replan", "POST"));
+  detail.forget = (robot) => change(`Forget ${robot}`, `api/v1/robot/${encodeURIComponent(robot)}`, "DELETE", () => byId("detail").close());
 }
 
 /** Colours: as the system says, or as was chosen here. */

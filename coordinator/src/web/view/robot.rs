@@ -31,6 +31,8 @@ pub struct RobotDetail {
     pub doubts: Vec<DoubtLine>,
     /// What its gauge says.
     pub facts: Vec<Fact>,
+    /// Whether it is lost, and may be forgotten.
+    pub lost: bool,
     /// Its state of charge over time, a fraction.
     pub charge: Series,
 }
@@ -97,6 +99,7 @@ pub(super) fn detail(now: Timestamp, core: &Core, past: &Past, id: &RobotId) -> 
         alternatives: alternatives.collect(),
         doubts: doubts.into_iter().map(|doubt| DoubtLine { text: doubt.text, command: doubt.command }).collect(),
         facts: facts(robot),
+        lost: robot.is_lost(),
         charge: past.robots.get(id).cloned().unwrap_or_default(),
     })
 }

@@ -19,6 +19,10 @@ pub(in crate::cmd) struct FactArgs {
     /// time_s=3600..7200; several must all be so.
     #[arg(long, value_name = "COLUMN=VALUE|FROM..TO")]
     rows: Vec<Selection>,
+    /// Takes the current to flow into the battery in rows in which this column holds this, e.g. State=C: for cyclers that write currents
+    /// without a sign. Given several times, each says some of these rows.
+    #[arg(long, value_name = "COLUMN=VALUE|FROM..TO")]
+    charging: Vec<Selection>,
     /// State of charge at the first row that is read, 0 to 1.
     #[arg(long, allow_negative_numbers = true)]
     soc_initial: Option<f64>,
@@ -89,6 +93,7 @@ impl FactArgs {
             gap_current: self.gap_current,
             settling_s: self.settling_s,
             rows: self.rows.clone(),
+            charging: self.charging.clone(),
             missing: self.missing.clone(),
             topic: self.topic.clone(),
             columns: self.columns.clone(),

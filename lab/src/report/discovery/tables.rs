@@ -91,7 +91,11 @@ pub fn why_not(ranked: &Ranked, found: &Discovery) -> Vec<&'static str> {
     match ranked.delta_bic {
         None => vec!["not worth a refit"],
         Some(_) if ranked.refused.is_empty() && rises(ranked) => vec!["accepted: falls beside slow noise"],
-        Some(_) if ranked.passed_over && !found.selected.contains(&ranked.effect) => vec!["more numbers than it needs"],
+        Some(_) if ranked.passed_over && !found.selected.contains(&ranked.effect) => {
+            let taken = found.ranking.iter().filter(|other| found.selected.contains(&other.effect));
+            let is_larger = taken.map(|other| other.epc.len()).max().is_some_and(|numbers| ranked.epc.len() > numbers);
+            vec![if is_larger { "more numbers than it needs" } else { "another does as well" }]
+        }
         Some(_) => ranked.refused.iter().map(|&one| refusal(one)).collect(),
     }
 }

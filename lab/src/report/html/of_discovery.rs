@@ -5,7 +5,7 @@ use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
 use crate::infer::judges::Unpredicted;
 use crate::infer::score::Score;
 use crate::report::discovery::{
-    DiscoveryReport, floor_name, headline, held_out, left, other_numbers, other_starts, untested, why_not, within_stated,
+    DiscoveryReport, floor_name, headline, held_out, in_few_rows, left, other_numbers, other_starts, untested, why_not, within_stated,
 };
 use crate::report::quantity::unit_of;
 
@@ -41,6 +41,7 @@ fn answer(report: &DiscoveryReport, compared: Option<Answer>) -> Answer {
     words.extend(other_starts(&report.other_starts));
     words.extend(within_stated(&report.within_stated));
     words.extend(other_numbers(&report.other_numbers));
+    words.extend(in_few_rows(&report.unexplained).lines().map(str::to_owned));
     words.extend(left(found).lines().map(|line| format!("At the end of the search: {line}.")));
     words.extend(compared.into_iter().flat_map(|compared| std::iter::once(compared.headline).chain(compared.words)));
     words.extend(untested(&found.untested).lines().map(|line| format!("Not to be tested with these logs: {line}.")));

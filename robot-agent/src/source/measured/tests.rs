@@ -2,7 +2,7 @@ use device::{Report, Script};
 use proto::StationId;
 
 use super::*;
-use crate::source::Place;
+use crate::source::{Held, Place};
 
 fn explorer() -> Arc<Model> {
     Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap())
@@ -93,6 +93,72 @@ fn what_is_given_back_by_brakes_on_the_way_is_no_bay() {
     let mut source = Measured::new(Script::new(seconds(&[(-2.0, 60)])), explorer(), Body { drive, ..Body::default() });
     source.act(&Act::TravelTo { station: StationId::new("mds-1").unwrap(), bay: None });
     assert_eq!(felt(&mut source, 60), (Place::Underway, false));
+}
+
+#[test]
+fn where_its_station_is_heard_a_robot_has_left_its_bay_when_that_says_so_and_not_before() {
+    let mut source = measured(seconds(&[(-1.0, 20), (1.0, 9000)]));
+    source.held(Held::InBay);
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
+    source.act(&Act::StopCharging);
+    // The lift is busy, or has failed, for longer than any timer; then the station is not heard for a while.
+    for (held, seconds) in [(Held::InBay, 4000), (Held::LetsOut, 4000), (Held::Unheard, 600), (Held::LetsOut, 10)] {
+        source.held(held);
+        assert_eq!(felt(&mut source, seconds), (Place::InBay, false));
+    }
+    source.held(Held::No);
+    assert_eq!(felt(&mut source, 1), (Place::AtStation, false));
+}
+
+#[test]
+fn a_station_that_has_forgotten_its_robot_has_not_let_it_out() {
+    let mut source = measured(seconds(&[(-1.0, 20), (1.0, 9000)]));
+    source.held(Held::InBay);
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
+    source.act(&Act::StopCharging);
+    source.held(Held::No);
+    assert_eq!(felt(&mut source, 100), (Place::InBay, false));
+    assert_eq!(felt(&mut source, 30), (Place::AtStation, false));
+}
+
+#[test]
+fn who_stands_where_its_station_says_that_it_has_it_is_in_that_bay_before_anything_feeds_it() {
+    let mut source = measured(seconds(&[(1.0, 60)]));
+    source.stand(Place::AtStation);
+    for (held, place) in [(Held::No, Place::AtStation), (Held::TakesIn, Place::AtStation), (Held::InBay, Place::InBay)] {
+        source.held(held);
+        assert_eq!(felt(&mut source, 5), (place, false), "{held:?}");
+    }
+    // On its way it is not there yet, whatever the station says of its bay.
+    source.act(&Act::TravelTo { station: StationId::new("mds-1").unwrap(), bay: None });
+    assert_eq!(felt(&mut source, 5).0, Place::Underway);
+}
+
+#[test]
+fn what_its_program_still_does_or_has_to_do_again_is_no_departure() {
+    let folder = tempfile::tempdir().unwrap();
+    let drive = driver(folder.path(), "if [ $1 = stop_charging ]; then exit 1; fi");
+    let mut source = Measured::new(Script::new(seconds(&[(-1.0, 20), (1.0, 9000)])), explorer(), Body { drive, ..Body::default() });
+    assert_eq!(felt(&mut source, 20), (Place::InBay, true));
+    source.act(&Act::StopCharging);
+    wait_for(&mut source, |seen| seen.why_down.is_some());
+    // It fails for the second time, and the third, and the lift lets the robot out all the same.
+    for _ in 0..3 {
+        assert_eq!(felt(&mut source, 50).0, Place::InBay);
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    for (held, place) in [(Held::LetsOut, Place::InBay), (Held::No, Place::AtStation)] {
+        source.held(held);
+        wait_for(&mut source, |seen| seen.place == place);
+    }
+}
+
+#[test]
+fn who_was_plugged_in_by_hand_is_free_two_minutes_after_it_was_pulled_out() {
+    let mut source = measured(seconds(&[(-1.0, 600), (1.0, 9000)]));
+    assert_eq!(felt(&mut source, 600), (Place::InBay, true));
+    assert_eq!(felt(&mut source, 110), (Place::InBay, false));
+    assert_eq!(felt(&mut source, 20), (Place::AtStation, false));
 }
 
 /// A program that notes its arguments, and prints where the robot is.

@@ -117,6 +117,11 @@ impl State {
         serde_json::from_slice(bytes).context("a state message that cannot be read")
     }
 
+    /// Whether it says that it is being charged.
+    pub(super) fn is_charging(&self) -> bool {
+        self.power_supply.as_ref().map(|now| now.charging).or(self.battery_state.as_ref().map(|now| now.charging)).unwrap_or(false)
+    }
+
     /// What became of an action, wherever the version puts it.
     pub(super) fn action(&self, id: &str) -> Option<&ActionState> {
         self.instant_action_states.iter().chain(&self.action_states).find(|state| state.action_id == id)

@@ -1,5 +1,6 @@
 //! An MQTT broker: a vehicle's messages into a queue, ours out.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -28,6 +29,7 @@ pub(super) struct Broker {
     client: AsyncClient,
     messages: mpsc::Receiver<Message>,
     status: Arc<Mutex<String>>,
+    connected: Arc<AtomicBool>,
 }
 
 /// Host and port of a broker's address.
@@ -63,6 +65,8 @@ impl Broker {
         };
         let topics = [config.topic("state")?, config.topic("connection")?];
         let (broker, ours) = (config.broker.clone(), client.clone());
+        let connected = Arc::new(AtomicBool::new(false));
+        let is_connected = Arc::clone(&connected);
         tokio::spawn(async move {
             while !messages_in.is_closed() {
                 match events.poll().await {
@@ -75,17 +79,19 @@ impl Broker {
                             }
                         }
                         say(format!("no message under {}", topics[0]));
+                        is_connected.store(true, Ordering::Relaxed);
                     }
                     Ok(Event::Incoming(Packet::Publish(publish))) => drop(messages_in.try_send((publish.topic, publish.payload.to_vec()))),
                     Ok(_) => {}
                     Err(error) => {
+                        is_connected.store(false, Ordering::Relaxed);
                         say(format!("{broker}: {error}"));
                         tokio::time::sleep(RETRY).await;
                     }
                 }
             }
         });
-        Ok(Self { client, messages, status })
+        Ok(Self { client, messages, status, connected })
     }
 
     /// The next message that has come.
@@ -96,6 +102,11 @@ impl Broker {
     /// How it stands with the connection, for people.
     pub(super) fn status(&self) -> String {
         self.status.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Whether the broker is there. What is sent meanwhile would wait, and leave no room for what makes us hear again.
+    pub(super) fn is_connected(&self) -> bool {
+        self.connected.load(Ordering::Relaxed)
     }
 
     /// Sends a message, once, as the standard wants it for everything but `connection`.

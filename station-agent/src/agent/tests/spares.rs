@@ -1,5 +1,7 @@
 //! What a station has to hand out.
 
+use device::UNKNOWN_SOC;
+
 use super::*;
 
 #[test]
@@ -27,4 +29,16 @@ fn a_spare_that_is_measured_is_not_ready_after_a_restart_before_its_device_has_s
     after.agent.spares[0].ready = false;
     after.agent.restore(*memory);
     assert_eq!(after.agent.spares.iter().map(|spare| spare.ready).collect::<Vec<_>>(), [false, true]);
+}
+
+#[test]
+fn an_exchange_that_is_called_off_leaves_station_and_robot_free_and_its_spare_unknown() {
+    let mut bench = bench();
+    assert_eq!(bench.ask(swap("a", 1)).0, Outcome::Accepted);
+    bench.observe(|seen| seen.called_off = Some((robot("a"), spare(2))));
+    assert!(bench.agent.state_message(bench.now).swapping.is_some(), "that is another one");
+    bench.observe(|seen| seen.called_off = Some((robot("a"), spare(1))));
+    let told = bench.agent.state_message(bench.now);
+    assert_eq!((told.swapping, told.spares[0].ready, told.spares[0].soc), (None, false, wire(UNKNOWN_SOC)));
+    assert_eq!(bench.ask(swap("a", 2)).0, Outcome::Accepted);
 }

@@ -49,3 +49,14 @@ fn a_reading_is_told_once_and_one_that_makes_no_sense_not_at_all() {
     );
     assert_eq!(told(&|_| {}), (2, None));
 }
+
+#[test]
+fn a_station_says_nothing_of_itself_before_it_knows_how_it_stands() {
+    let mut bench = bench();
+    let mut states = |known: bool| {
+        bench.now = bench.now.plus_s(30.0);
+        bench.agent.handle(bench.now, Input::Observed(Observation { known, ..bench.shown.clone() }));
+        std::iter::from_fn(|| bench.agent.poll()).filter(|output| matches!(output, Output::State(_))).count()
+    };
+    assert_eq!([states(false), states(false), states(true), states(true)], [0, 0, 1, 1]);
+}

@@ -8,7 +8,7 @@
 //! | `select PACK` | the pack feeds the station |
 //! | `check BAY` | a bay that was out of order can be used again |
 //!
-//! Exit status 0: done. Anything else, or no end within `operate_max_s`: it is tried again, later each time, and said in the station's note meanwhile. A lift that
+//! Exit status 0: done. [`NOTHING_MOVED`] of `swap`: it cannot be done, and the robot has its own pack still; it is called off. Anything else, or no end within `operate_max_s`: it is tried again, later each time, and said in the station's note meanwhile. A lift that
 //! fails for the last of [`LIFT_TRIES`] times puts its bay out of order: from then on `check`, or `unload` where a robot is still in
 //! it, is asked every [`CHECK_S`] seconds. Lift movements and checks come one after the other; an exchange or a change of packs may
 //! go on beside them. After a restart an act may be asked for again that was done: it ends with 0 then.
@@ -18,7 +18,7 @@ use std::collections::VecDeque;
 use device::program::retry_s;
 use device::{Program, UNKNOWN_SOC};
 use energy::Estimate;
-use proto::{BayId, PackId};
+use proto::{BayId, PackId, RobotId, SpareId};
 use tracing::{info, warn};
 
 use crate::source::{Act, Lifted, Swapped};
@@ -26,6 +26,8 @@ use crate::source::{Act, Lifted, Swapped};
 /// The key of the configuration that names the program.
 pub const KEY: &str = "source.operate";
 
+/// Exit status of a `swap` that has moved nothing: EX_TEMPFAIL of sysexits.h.
+const NOTHING_MOVED: i32 = 75;
 /// Lift movements are given up after so many failures: others want the lift.
 const LIFT_TRIES: u32 = 3;
 /// A step that is longer is one through which the machine has slept, s.
@@ -40,6 +42,7 @@ pub(super) struct Done {
     pub(super) given_up: Option<Lifted>,
     pub(super) mended: Vec<BayId>,
     pub(super) swapped: Option<Swapped>,
+    pub(super) called_off: Option<(RobotId, SpareId)>,
     pub(super) selected: Option<PackId>,
 }
 
@@ -55,6 +58,8 @@ pub struct Hands {
     mending: bool,
     /// A movement that is asked for while a bay is checked.
     next: Option<Act>,
+    /// The last exchange, where nothing came of it, in words.
+    called_off: Option<String>,
     /// How far a charge may be off that the program says without a sigma.
     soc_sigma: f64,
 }
@@ -69,7 +74,7 @@ impl Hands {
         if !lift.program.is_set() {
             info!("no {KEY}: robots are taken to get into and out of bays by themselves, as soon as they are asked to");
         }
-        Self { lift, swap, select, broken: VecDeque::new(), mending: false, next: None, soc_sigma }
+        Self { lift, swap, select, broken: VecDeque::new(), mending: false, next: None, called_off: None, soc_sigma }
     }
 
     /// Begins an act.
@@ -77,7 +82,10 @@ impl Hands {
         match act {
             Act::Lift(_) if self.mending => self.next = Some(act.clone()),
             Act::Lift(_) => self.lift.begin(act),
-            Act::Swap { .. } => self.swap.begin(act),
+            Act::Swap { .. } => {
+                self.called_off = None;
+                self.swap.begin(act);
+            }
             // Asked for again as long as it is wanted.
             Act::Select { .. } if self.select.is_at(act) => {}
             Act::Select { .. } => self.select.begin(act),
@@ -88,9 +96,18 @@ impl Hands {
     pub(super) fn advance(&mut self, dt_s: f64) -> Done {
         let mut done = Done::default();
         self.work_lift(dt_s, &mut done);
-        if let Some(Outcome::Done(Act::Swap { robot, spare }, printed)) = self.swap.advance(dt_s) {
-            let given_soc = soc_in(&printed, self.soc_sigma).unwrap_or(UNKNOWN_SOC);
-            done.swapped = Some(Swapped { robot, spare, given_soc });
+        match self.swap.advance(dt_s) {
+            Some(Outcome::Done(Act::Swap { robot, spare }, printed)) => {
+                let given_soc = soc_in(&printed, self.soc_sigma).unwrap_or(UNKNOWN_SOC);
+                done.swapped = Some(Swapped { robot, spare, given_soc });
+            }
+            Some(Outcome::Failed(Act::Swap { robot, spare }, _, Some(NOTHING_MOVED))) => {
+                self.swap.task = None;
+                warn!("the exchange of {robot} with {spare} is called off: nothing was moved");
+                self.called_off = Some(format!("the exchange of {robot} with {spare} was called off"));
+                done.called_off = Some((robot, spare));
+            }
+            _ => {}
         }
         if let Some(Outcome::Done(Act::Select { pack }, _)) = self.select.advance(dt_s) {
             // Where nobody can change packs, what gives current is what feeds the station.
@@ -111,14 +128,14 @@ impl Hands {
                     done.lifted = Some(moved);
                 }
             }
-            Some(Outcome::Failed(Act::Lift(moved), _)) if self.mending => {
+            Some(Outcome::Failed(Act::Lift(moved), ..)) if self.mending => {
                 self.mending = false;
                 self.lift.task = None;
                 self.broken.pop_front();
                 self.broken.push_back((moved, CHECK_S));
             }
             Some(Outcome::Done(Act::Lift(moved), _)) => done.lifted = Some(moved),
-            Some(Outcome::Failed(Act::Lift(moved), LIFT_TRIES)) => {
+            Some(Outcome::Failed(Act::Lift(moved), LIFT_TRIES, _)) => {
                 self.lift.task = None;
                 warn!("bay {} is out of order", moved.bay);
                 self.broken.push_back((moved.clone(), CHECK_S));
@@ -146,7 +163,7 @@ impl Hands {
     }
 
     /// Whether a spare is being handed out.
-    pub(super) fn is_exchanging(&self, spare: &proto::SpareId) -> bool {
+    pub(super) fn is_exchanging(&self, spare: &SpareId) -> bool {
         self.swap.task.as_ref().is_some_and(|task| matches!(&task.act, Act::Swap { spare: own, .. } if own == spare))
     }
 
@@ -155,7 +172,7 @@ impl Hands {
         let out = self.broken.iter().map(|(moved, _)| format!("bay {} is out of order", moved.bay));
         let tried = [&self.lift, &self.swap, &self.select].into_iter().filter(|_| !self.mending);
         let failing = tried.filter_map(|duty| duty.task.as_ref()?.failed.clone());
-        let all: Vec<String> = out.chain(failing).collect();
+        let all: Vec<String> = out.chain(failing).chain(self.called_off.clone()).collect();
         (!all.is_empty()).then(|| all.join("; "))
     }
 }
@@ -183,8 +200,8 @@ struct Task {
 enum Outcome {
     /// What was done, and what the program printed.
     Done(Act, String),
-    /// What failed, for how many times.
-    Failed(Act, u32),
+    /// What failed, for how many times, and the exit status.
+    Failed(Act, u32, Option<i32>),
 }
 
 impl Duty {
@@ -203,11 +220,15 @@ impl Duty {
 
     fn advance(&mut self, dt_s: f64) -> Option<Outcome> {
         let task = self.task.as_mut()?;
+        let mut code = None;
         let ended = if self.program.is_running() {
             // What the machine slept through, the program did too.
             task.at_it_s += if dt_s > SLEPT_S { 0.0 } else { dt_s };
             match self.program.ended() {
-                Some(ended) => ended.result.map(|()| ended.printed),
+                Some(ended) => {
+                    code = ended.code;
+                    ended.result.map(|()| ended.printed)
+                }
                 None if task.at_it_s <= self.max_s => return None,
                 None => {
                     self.program.stop();
@@ -233,7 +254,7 @@ impl Duty {
                 task.wait_s = retry_s(task.tries);
                 warn!("{what}; tried again in {:.0} s", task.wait_s);
                 task.failed = Some(what);
-                Some(Outcome::Failed(task.act.clone(), task.tries))
+                Some(Outcome::Failed(task.act.clone(), task.tries, code))
             }
         }
     }

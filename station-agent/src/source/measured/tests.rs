@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use device::{Report, Script, Unmeasured};
 use energy::Model;
-use proto::{BayId, RobotId};
+use proto::{BayId, RobotId, SpareId};
 
 use super::*;
 use crate::source::{Lifted, Swapped};
@@ -98,6 +98,17 @@ fn a_pack_that_gave_out_stays_so_until_it_is_charged_and_one_that_is_silent_is_a
     assert_eq!(seen.iter().take(5).map(|seen| seen.powered).collect::<Vec<_>>(), [true, true, false, false, true]);
     assert!(seen.iter().all(|seen| !seen.packs[1].connected && seen.packs[1].sample.is_none()));
     assert_eq!(seen[61].trouble.as_deref(), Some("pack-2: no reading of script for 62 s: unplugged"));
+}
+
+#[test]
+fn nothing_is_known_of_a_station_before_each_pack_has_spoken_or_been_silent_for_a_minute() {
+    let late = [vec![], vec![], vec![], shows(12.0, 1.0)];
+    let mut station = MeasuredStation::new(vec![pack(1, late.clone()), pack(2, [shows(12.0, 0.0)])], Vec::new(), no_hands());
+    let seen: Vec<_> = (0..4).map(|_| station.advance(1.0).unwrap()).map(|seen| seen.known).collect();
+    assert_eq!(seen, [false, false, false, true]);
+    let mut station = MeasuredStation::new(vec![pack(1, []), pack(2, [])], Vec::new(), no_hands());
+    let known = (1..100).find(|_| station.advance(1.0).unwrap().known);
+    assert_eq!(known, Some(61));
 }
 
 #[test]
@@ -237,6 +248,23 @@ fn what_a_robot_left_in_the_place_of_a_spare_is_told_when_the_exchange_is_done()
     std::fs::write(&done, "").unwrap();
     let seen = until(&mut station, 1.0, |seen| seen.swapped.is_some());
     assert_eq!(seen.uncharged, [(id, Estimate::new(0.2, 0.05))]);
+}
+
+#[test]
+fn an_exchange_that_has_moved_nothing_is_called_off_and_any_other_failure_is_tried_again() {
+    for (status, is_called_off) in [(75, true), (1, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let hands = operated(folder.path(), &format!("exit {status}"));
+        let mut station = MeasuredStation::new(vec![pack(1, [shows(12.0, 1.0)])], Vec::new(), hands);
+        let spare = SpareId::new("spare-1").unwrap();
+        station.act(&Act::Swap { robot: robot(), spare: spare.clone() });
+        let seen = until(&mut station, 0.1, |seen| seen.trouble.is_some());
+        assert_eq!(seen.called_off, is_called_off.then(|| (robot(), spare.clone())));
+        assert_eq!((seen.swapped, seen.lift_active), (None, !is_called_off));
+        let told =
+            if is_called_off { "the exchange of r1 with spare-1 was called off" } else { "`swap r1 spare-1` failed: exit status: 1" };
+        assert!(seen.trouble.as_ref().unwrap().contains(told), "{:?}", seen.trouble);
+    }
 }
 
 #[test]

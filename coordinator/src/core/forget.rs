@@ -1,0 +1,55 @@
+//! Who is gone for good, because somebody says so: a robot that was sold is lost for ever otherwise, and whoever is alerted of lost robots hears of
+//! it for ever too.
+
+use proto::{EventKind, RobotId, Timestamp};
+
+use super::Core;
+use crate::clocks::Agent;
+use crate::trust::Owner;
+
+/// Why a robot is not forgotten.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum NotForgotten {
+    /// It is not known.
+    Unknown(String),
+    /// It is there to be heard, and would be known again with its next word.
+    Heard(String),
+}
+
+impl Core {
+    /// Whether a robot can be forgotten: nobody hears it any more.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn can_forget(&self, id: &RobotId) -> Result<(), NotForgotten> {
+        match self.fleet.robots.get(id) {
+            None => Err(NotForgotten::Unknown(self.fleet.unknown(id))),
+            Some(robot) if !robot.is_lost() => Err(NotForgotten::Heard(format!("{id} is there to be heard: end its agent first"))),
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// Forgets a robot that can be, and what it was promised. Whatever it says after all makes it known again, as one that has just joined.
+    pub(super) fn forget(&mut self, now: Timestamp, id: &RobotId) {
+        if self.can_forget(id).is_err() {
+            return;
+        }
+        let why = "it is forgotten";
+        let is_in_service = self.give_up(now, id, why).is_some();
+        if !is_in_service && self.promised.remove(id) {
+            self.event(now, EventKind::PromiseBroken, Some(id), None, None, format!("{id}: {why}"));
+        }
+        self.before.is_settled(id);
+        self.plan.planned.retain(|planned| planned.robot != *id);
+        self.asked.retain(|_, asked| !asked.is_for(id));
+        self.watch.robot_gone(id);
+        self.trust.forget(&Owner::Robot(id.clone()));
+        self.clocks.forget(&Agent::Robot(id.clone()));
+        self.refusals.forget_all_of(id);
+        self.strays.remove(id);
+        self.changed.remove(id);
+        self.fleet.robots.remove(id);
+        self.event(now, EventKind::Forgotten, Some(id), None, None, format!("{id} is forgotten, as somebody has asked"));
+        self.replan(format!("{id} is forgotten"));
+    }
+}
