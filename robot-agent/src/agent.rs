@@ -216,6 +216,9 @@ impl Agent {
                 }
                 let there = self.phase != Working && self.station.as_ref() == Some(station);
                 let is_told = there && self.bay == *bay;
+                if !there {
+                    self.host = None;
+                }
                 (self.station, self.bay) = (Some(station.clone()), bay.clone());
                 let (station, bay) = (station.clone(), bay.clone());
                 if !there {
@@ -243,6 +246,9 @@ impl Agent {
                 self.stop_charging();
                 Outcome::Accepted
             }
+            (RobotAction::Undock, RobotPhase::Swapping) if self.is_in_hands() => {
+                refused(Rejection::Busy, "its station is exchanging its pack")
+            }
             (RobotAction::Undock, Travelling | Waiting | RobotPhase::Swapping) => {
                 self.resume();
                 Outcome::Accepted
@@ -259,7 +265,7 @@ impl Agent {
 
     fn resume(&mut self) {
         (self.phase, self.station, self.bay, self.target_soc) = (RobotPhase::Working, None, None, None);
-        self.pack_seen = false;
+        (self.pack_seen, self.host) = (false, None);
         self.outputs.push_back(Output::Act(Act::Resume));
     }
 
@@ -314,6 +320,8 @@ impl Agent {
             (Charging, Place::InBay) if dark_s >= charge::DARK_S && self.is_powered() == Some(true) => {
                 if self.charge.was_ending() && self.gauge.soc().value > 0.5 {
                     self.stop_charging();
+                } else if self.charge.is_to_be_asked_again(self.passed_s) {
+                    self.outputs.push_back(Output::Act(Act::Charge));
                 }
             }
             _ => {}

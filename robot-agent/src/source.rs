@@ -72,6 +72,8 @@ pub enum Held {
     InBay,
     /// It lets the robot out of its bay, or cannot.
     LetsOut,
+    /// It has let the robot out.
+    Out,
 }
 
 /// What an agent makes the robot do.

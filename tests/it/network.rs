@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use node::session::decoded;
 use node::{ClockConfig, Link, NetworkConfig, Tls};
 use proto::{EventKind, Key, Schedule};
-use tests::{Fleet, ask, free_port, workspace};
+use tests::{Fleet, ask, free_port, patiently, program, start, workspace};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_fleet_runs_through_a_router_of_its_own() -> anyhow::Result<()> {
@@ -70,6 +70,30 @@ fn a_coordinator_that_waits_for_its_router_can_be_stopped() -> anyhow::Result<()
     std::thread::sleep(Duration::from_secs(3));
     anyhow::ensure!(!coordinator.ended(), "it does not wait");
     assert_eq!(coordinator.stop(Duration::from_secs(10)), Some(0));
+    Ok(())
+}
+
+#[test]
+fn an_agent_looks_after_its_robot_before_there_is_a_network_and_joins_it_when_there_is() -> anyhow::Result<()> {
+    let mut fleet = Fleet::new(&workspace().join("tests/fixtures/short-fleet.toml"), 1.0)?;
+    let port = free_port()?;
+    fleet.deployment.coordinator.web.port = port;
+    fleet.write()?;
+    let (said, log) = (fleet.path("said"), fleet.path("telemetry"));
+    let mut command = program("robot-agent");
+    command.args(["run", "--config"]).arg(fleet.path("explorer-1.toml")).arg("--log").arg(&log);
+    let mut robot = start({
+        command.stderr(std::fs::File::create(&said)?);
+        command
+    })?;
+    let goes_on = || std::fs::read_to_string(&said).is_ok_and(|text| text.contains("goes on without the network"));
+    anyhow::ensure!(patiently(Duration::from_secs(60), goes_on) && !robot.ended(), "it waits, or has ended");
+    // Its gauge is fed, and what it shows is kept.
+    let rows = || std::fs::read_dir(&log).into_iter().flatten().flatten().filter_map(|file| std::fs::read_to_string(file.path()).ok());
+    anyhow::ensure!(patiently(Duration::from_secs(30), || rows().any(|text| text.lines().count() > 4)), "nothing was measured");
+    let _coordinator = fleet.coordinator()?;
+    let joined = || ask(port, "/api/v1/fleet").is_some_and(|fleet| fleet["robots"]["explorer-1"]["state"].is_object());
+    anyhow::ensure!(patiently(Duration::from_secs(60), joined), "it never joined");
     Ok(())
 }
 

@@ -256,7 +256,7 @@ impl Core {
         run.takes_none_since = none.then(|| run.takes_none_since.unwrap_or(now));
         let is_left = |state: &proto::StationState| state.swapping.as_ref() != Some(robot);
         let is_off = run.stage == Stage::Swapping
-            && belief.phase() == Some(RobotPhase::Swapping)
+            && belief.heard().is_some_and(|(_, state)| state.phase == RobotPhase::Swapping)
             && self.fleet.stations.get(&run.station).and_then(Station::heard).is_some_and(is_left);
         run.called_off_since = is_off.then(|| run.called_off_since.unwrap_or(now));
     }

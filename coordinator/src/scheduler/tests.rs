@@ -352,6 +352,15 @@ fn who_comes_late_is_told_who_stands_before_it_and_who_comes_early_what_it_lacks
     let alone = solved(vec![robot("a", 0.4, &[(0, 60.0)])], vec![station("s", 1, &[90.0], &[])]);
     let in_time = told(&alone, &alone.plan.planned[0].robot);
     assert!(in_time.earlier[0].starts_with("no: it is wanted at") && in_time.when_wanted.is_none(), "{in_time:?}");
+    // A station that is still on its way is waited for, and one that is away.
+    for (opens_s, away_s, what) in
+        [(600.0, Vec::new(), "s takes robots in from 00:10 on"), (0.0, vec![0.0..600.0], "s is away until 00:10")]
+    {
+        let place = StationView { opens_s, away_s, ..station("s", 1, &[90.0], &[]) };
+        let waits = solved(vec![robot("a", 0.15, &[(0, 60.0)])], vec![place]);
+        let told = told(&waits, &waits.plan.planned[0].robot).earlier.concat();
+        assert!(told.contains(what), "{told}");
+    }
     // One of two who would be wanted at the same time comes early, and later the other one has the bay.
     let queue = solved(["a", "b"].map(|name| robot(name, 0.3, &[(0, 60.0)])).into(), vec![station("s", 1, &[90.0], &[])]);
     let early = queue.plan.planned.iter().map(|planned| told(&queue, &planned.robot)).find_map(|told| told.when_wanted);

@@ -104,8 +104,8 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
         }
         Why::Taken { start, mode, ref lacks, .. } => {
             let in_words = |clash: &Clash| match *clash {
-                Clash::Energy(_, short) => {
-                    let (odds, asked) = odds(task, &plan.sessions, robot, station, (start, mode), short, confidence);
+                Clash::Energy(before, short) => {
+                    let (odds, asked) = odds(task, &plan.sessions, robot, station, (start, mode), (before, short), confidence);
                     let [odds, asked] = apart(odds * 100.0, asked * 100.0);
                     format!("{}: enough with probability {odds} %, asked for {asked} %", energy(task, station, short, (start, mode)))
                 }
@@ -147,11 +147,12 @@ fn odds(
     robot: usize,
     station: usize,
     (start, mode): (Tick, Mode),
-    short: i64,
+    (before, short): (Tick, i64),
     confidence: f64,
 ) -> (f64, f64) {
     let Some(chance) = &task.problem.stations[station].chance else { return (0.0, 1.0) };
-    let here = sessions.iter().filter(|session| session.station == station);
+    // What a pack that comes then has to do with is not short before.
+    let here = sessions.iter().filter(|session| session.station == station && session.start < before);
     let mut need = task.need(robot, station, start, mode);
     let mut last = start;
     for session in here.clone() {
@@ -159,7 +160,7 @@ fn odds(
         last = last.max(session.end);
     }
     let units = task.problem.units_per_wh as f64;
-    let sigma = chance.sigma(last, (need.mean_wh * units) as i64, need.own_variance * units * units).max(1.0);
+    let sigma = chance.sigma(last.min(before), (need.mean_wh * units) as i64, need.own_variance * units * units).max(1.0);
     let held = here.clone().all(|session| task.problem.robots[session.robot].held) && task.problem.robots[robot].held;
     let normal = Normal::standard();
     let (quantile, asked) = if held { (chance.quantile_held, normal.cdf(chance.quantile_held)) } else { (chance.quantile, confidence) };

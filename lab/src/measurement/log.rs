@@ -14,7 +14,7 @@ use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
 use super::unread::unread;
-use super::values::{count, explaining_step, missing, plain, spikes, within_range, without_given, without_sentinels};
+use super::values::{count, explaining_step, missing, spikes, within_range, without_given, without_sentinels};
 use super::whose::{begins_another, of_several};
 use super::{GapCurrent, LogError, LogFacts, Mark, Table};
 

@@ -15,6 +15,10 @@ const LAST_PART: f64 = 3.0;
 /// A guess.
 pub(super) const DARK_S: f64 = 30.0;
 
+/// A charger that gives only when it is asked to is asked again where its bay has power and it gives nothing, so long apart, s: as long as what
+/// fails is waited for at most.
+const ASKED_AGAIN_S: f64 = 300.0;
+
 /// What a charge has shown so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Watch {
@@ -30,6 +34,8 @@ pub(super) struct Watch {
     is_ending: bool,
     /// Since when the bay has given nothing, s since the agent's start.
     dark_since_s: Option<f64>,
+    /// When it was asked again for that, s since the agent's start.
+    asked_s: Option<f64>,
 }
 
 impl Watch {
@@ -62,6 +68,15 @@ impl Watch {
     pub(super) fn dark_s(&mut self, now_s: f64, is_dark: bool) -> f64 {
         self.dark_since_s = if is_dark { Some(self.dark_since_s.unwrap_or(now_s)) } else { None };
         self.dark_since_s.map_or(0.0, |since_s| (now_s - since_s).max(f64::MIN_POSITIVE))
+    }
+
+    /// Whether a charger that gives nothing is to be asked again, which is noted.
+    pub(super) fn is_to_be_asked_again(&mut self, now_s: f64) -> bool {
+        let is_due = self.barred.is_none() && self.asked_s.is_none_or(|asked_s| now_s - asked_s >= ASKED_AGAIN_S);
+        if is_due {
+            self.asked_s = Some(now_s);
+        }
+        is_due
     }
 
     /// Whether the charge was near its end when the bay gave something last, and its temperature did not hold it up.

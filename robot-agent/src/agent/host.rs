@@ -1,14 +1,16 @@
 //! What the station at which a robot is says of it. Without that nothing but currents tell whether it stands in a bay, or was let out of it.
 
-use proto::{BayId, BayPhase, StationId, StationState, Timestamp, newer};
+use proto::{BayId, BayPhase, RobotPhase, StationId, StationState, Timestamp, newer};
 
-use super::Agent;
-use crate::source::Held;
+use super::{Agent, Output};
+use crate::source::{Act, Held};
 
 /// A station's word counts for so long, s: longer than one that is restarted says nothing (a minute, and its period). A guess.
 const FRESH_S: f64 = 90.0;
 /// And for so many times as long as there was between two of its words.
 const FRESH_PERIODS: f64 = 3.0;
+/// No station speaks less often than this, s: between two words that follow each other it was not heard.
+const APART_MAX_S: f64 = 600.0;
 /// What passes between two looks is no more than this, s: else a clock was set, or the machine has slept.
 const LOOK_MAX_S: f64 = 10.0;
 
@@ -25,6 +27,8 @@ pub(super) struct Host {
     stamp: (Timestamp, u64),
     /// The bay that has to do with this robot, and what it does.
     bay: Option<(BayId, BayPhase)>,
+    /// Whether it has let the robot out since it had it in a bay.
+    let_out: bool,
     /// Whether this robot's pack is being exchanged.
     swaps: bool,
     powered: bool,
@@ -44,6 +48,7 @@ impl Agent {
             None => Held::Unheard,
             Some(Host { bay: Some((_, BayPhase::Occupied)), .. }) => Held::InBay,
             Some(Host { bay: Some((_, BayPhase::Unloading | BayPhase::Failed)), .. }) => Held::LetsOut,
+            Some(Host { bay: None, swaps: false, let_out: true, .. }) => Held::Out,
             Some(Host { bay: None, swaps: false, .. }) => Held::No,
             Some(_) => Held::TakesIn,
         }
@@ -63,17 +68,38 @@ impl Agent {
         }
         let robot = &self.profile.id;
         let bay = state.bays.iter().find(|bay| bay.robot.as_ref() == Some(robot)).map(|bay| (bay.bay.clone(), bay.phase));
-        self.host = Some(Host {
+        let swaps = state.swapping.as_ref() == Some(robot);
+        // Words that were lost are no measure of how often it speaks.
+        let apart_s = known.filter(|host| state.seq == host.stamp.1 + 1).map(|host| (self.passed_s - host.heard_s).min(APART_MAX_S));
+        let was_let_out = |host: &Host| host.let_out || matches!(host.bay, Some((_, BayPhase::Unloading | BayPhase::Failed)));
+        let host = Host {
             station: station.clone(),
             heard_s: self.passed_s,
-            apart_s: known.map_or(0.0, |host| host.apart_s.max(self.passed_s - host.heard_s)),
+            apart_s: apart_s.unwrap_or(0.0).max(known.map_or(0.0, |host| host.apart_s)),
             is_of_new_pack: true,
             stamp: (state.at, state.seq),
+            let_out: bay.is_none() && !swaps && known.is_some_and(was_let_out),
             bay,
-            swaps: state.swapping.as_ref() == Some(robot),
+            swaps,
             powered: state.powered,
-        });
+        };
+        self.host = Some(host);
+        self.hears_its_bay();
         self.leave_after_exchange();
+    }
+
+    /// A robot that waits without a bay is given one: where nothing moves it there, it has to go by itself.
+    fn hears_its_bay(&mut self) {
+        let (Some(bay), Some(station)) = (self.given_bay().cloned(), self.station.clone()) else { return };
+        if self.phase == RobotPhase::Waiting && self.bay.is_none() {
+            self.bay = Some(bay.clone());
+            self.outputs.push_back(Output::Act(Act::GoOnTo { station, bay: Some(bay) }));
+        }
+    }
+
+    /// Whether its station says that it is at this robot's exchange.
+    pub(super) fn is_in_hands(&self) -> bool {
+        self.word().is_some_and(|host| host.swaps)
     }
 
     /// Takes in that another pack is in the robot: what was said before says nothing of what is done with it.

@@ -85,9 +85,10 @@ pub struct Hands {
     is_over: bool,
     /// What its station says of it.
     held: Held,
-    /// Whether that was once that it has the robot in the bay where it is, and that it lets it out.
+    /// Whether that was once that it has the robot in the bay where it is.
     was_held: bool,
-    is_let_out: bool,
+    /// Whether its program has said that it has left a bay, since it was last sent to one.
+    has_come_out: bool,
     /// For how long the program has been at what it was asked last, s.
     driving_s: f64,
     trouble: Option<String>,
@@ -107,7 +108,7 @@ impl Hands {
         program.look_for();
         let (place, felt) = (Place::Mission, (Supply::Unknown, 0.0));
         let (powered, was_fed, is_over) = (false, false, true);
-        let (held, was_held, is_let_out, driving_s) = (Held::Unheard, false, false, 0.0);
+        let (held, was_held, has_come_out, driving_s) = (Held::Unheard, false, false, 0.0);
         let (trouble, asked, again_in_s) = (None, Vec::new(), None);
         Self {
             program,
@@ -119,7 +120,7 @@ impl Hands {
             is_over,
             held,
             was_held,
-            is_let_out,
+            has_come_out,
             driving_s,
             trouble,
             asked,
@@ -163,8 +164,10 @@ impl Hands {
             _ => {}
         }
         self.is_over = matches!(act, Act::StopCharging | Act::Resume);
-        if matches!(act, Act::TravelTo { .. }) {
-            (self.was_held, self.is_let_out) = (false, false);
+        match act {
+            Act::TravelTo { .. } | Act::GoOnTo { .. } => (self.was_held, self.has_come_out) = (false, false),
+            Act::Resume => self.was_held = false,
+            Act::Charge | Act::StopCharging => {}
         }
         self.driving_s = 0.0;
         if self.is_over {
@@ -227,14 +230,14 @@ impl Hands {
             Supply::Absent => self.powered = false,
         }
         // Chargers that give only when they are asked to show nothing before.
-        if self.held == Held::InBay && self.place == Place::AtStation && !self.is_driven() && self.again_in_s.is_none() {
+        let is_moved = self.is_driven() || self.again_in_s.is_some() || self.has_come_out;
+        if self.held == Held::InBay && self.place == Place::AtStation && !is_moved {
             self.place = Place::InBay;
         }
         if self.place == Place::InBay {
             self.was_held |= matches!(self.held, Held::InBay | Held::LetsOut);
-            self.is_let_out |= self.held == Held::LetsOut;
             if self.has_left() {
-                (self.place, self.powered, self.was_fed, self.was_held, self.is_let_out) = (Place::AtStation, false, false, false, false);
+                (self.place, self.powered, self.was_fed, self.was_held) = (Place::AtStation, false, false, false);
             }
         }
     }
@@ -247,12 +250,12 @@ impl Hands {
         match self.held {
             Held::InBay | Held::TakesIn | Held::LetsOut => false,
             _ if self.is_driven() => false,
-            Held::No if self.is_let_out => supply != Supply::Connected,
+            Held::Out => supply != Supply::Connected,
             Held::No | Held::Unheard => {
                 let is_tried_again = self.again_in_s.is_some() && self.failures < FAILURES_MAX;
                 let is_soon = self.is_over && (self.held == Held::No || !self.was_held);
                 let has_left_s = if is_soon { LET_OUT_S } else { LEFT_S };
-                supply == Supply::Absent && self.was_fed && for_s >= has_left_s && !is_tried_again
+                supply == Supply::Absent && (self.was_fed || self.was_held) && for_s >= has_left_s && !is_tried_again
             }
         }
     }
@@ -289,6 +292,8 @@ impl Hands {
         match told {
             // What was felt was felt where it was before, but for what feeds it in the bay that it has come to.
             Some(place) => {
+                self.has_come_out |= self.place == Place::InBay && place != Place::InBay;
+                self.was_held &= place == Place::InBay;
                 let is_fed = place == Place::InBay && (self.powered || self.felt.0 == Supply::Connected);
                 (self.place, self.powered, self.was_fed, self.felt) = (place, is_fed, is_fed, (Supply::Unknown, 0.0));
             }

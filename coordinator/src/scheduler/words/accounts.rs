@@ -111,7 +111,11 @@ impl<'w, 'p> Accounts<'w, 'p> {
         match away {
             Some(away) => format!("no: {name} is away until {}", on_clock(task, away.end)),
             None if soonest > there => format!("no: {name} takes robots in from {} on", on_clock(task, soonest)),
-            None if session.start > soonest => "no: the robot would have too much charge left for a service to add enough".to_owned(),
+            None if session.start > soonest && task.problem.strands(session.robot) => {
+                "no: the robot would have too much charge left for a service to add enough".to_owned()
+            }
+            None if session.start > soonest => "no: it would add too little, or cost more work than it gives".to_owned(),
+            None if soonest > travel.map_or(0, |travel| travel.ticks) => format!("no: it is not asked before {}", on_clock(task, soonest)),
             None => "no: the robot is on its way as soon as it can be".to_owned(),
         }
     }

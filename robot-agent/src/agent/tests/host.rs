@@ -84,7 +84,37 @@ fn a_word_that_was_overtaken_is_not_believed() {
     bench.hears(&says(Some(BayPhase::Unloading), false));
     assert_eq!(bench.agent.held(), Held::LetsOut);
     bench.hears(&says(None, false));
-    assert_eq!(bench.agent.held(), Held::No);
+    assert_eq!(bench.agent.held(), Held::Out);
+    bench.hears(&says(None, false));
+    assert_eq!(bench.agent.held(), Held::Out, "and stays so");
+}
+
+#[test]
+fn what_a_station_said_at_the_last_visit_says_nothing_of_this_one() {
+    let mut bench = bench();
+    for _ in 0..3 {
+        bench.arrive();
+        assert_eq!(bench.agent.held(), Held::Unheard);
+        bench.hears(&says(Some(BayPhase::Occupied), false));
+        assert_eq!(bench.agent.held(), Held::InBay);
+        // It falls silent: a minute and a half later it is not heard, at the third visit as at the first.
+        (0..91).for_each(|_| drop(bench.observe(|_| {})));
+        assert_eq!(bench.agent.held(), Held::Unheard);
+        assert_eq!(bench.ask(RobotAction::Undock).0, Outcome::Accepted);
+        bench.place = Place::Mission;
+        (0..7200).for_each(|_| drop(bench.observe(|_| {})));
+    }
+}
+
+#[test]
+fn a_robot_is_not_called_away_from_under_its_stations_hands() {
+    let mut bench = bench();
+    bench.arrive();
+    bench.ask(swap());
+    bench.hears(&says(None, true));
+    assert_eq!(reason(&bench.ask(RobotAction::Undock).0).0, Rejection::Busy);
+    bench.hears(&says(None, false));
+    assert_eq!(bench.ask(RobotAction::Undock), (Outcome::Accepted, vec![Act::Resume]));
 }
 
 #[test]
@@ -92,7 +122,10 @@ fn who_was_given_no_bay_learns_from_its_station_in_which_one_it_is() {
     let mut bench = bench();
     assert_eq!(bench.ask(RobotAction::Dock { station: station("mds-1"), bay: None }).0, Outcome::Accepted);
     bench.observe(|observation| observation.place = Place::AtStation);
-    bench.hears(&says(Some(BayPhase::Occupied), false));
+    // Where no lift moves it, it has to go there.
+    let goes = vec![Act::GoOnTo { station: station("mds-1"), bay: bay() }];
+    assert_eq!(bench.hears(&says(Some(BayPhase::Loading), false)), goes);
+    assert_eq!(bench.hears(&says(Some(BayPhase::Occupied), false)), []);
     bench.observe(|observation| observation.place = Place::InBay);
     assert_eq!((bench.agent.phase, bench.agent.bay.clone()), (RobotPhase::Docked, bay()));
 }
@@ -134,4 +167,22 @@ fn a_charge_whose_end_nobody_saw_has_ended_where_the_robot_runs_on_its_battery_a
         assert_eq!(acts, if ends { vec![Act::StopCharging] } else { vec![] });
         assert_eq!(bench.agent.phase, if ends { RobotPhase::Charged } else { RobotPhase::Charging });
     }
+}
+
+#[test]
+fn a_charger_that_gives_only_when_asked_is_asked_again_once_its_station_has_power_again() {
+    let mut bench = bench_at(0.4);
+    bench.enter_bay();
+    bench.ask(RobotAction::ChargeTo { soc: 0.9 });
+    let after = |bench: &mut Bench, powered: bool, seconds: usize| -> Vec<Act> {
+        let second = |_| {
+            bench.hears(&StationState { powered, ..says(Some(BayPhase::Occupied), false) });
+            bench.observe(|observation| observation.powered = false)
+        };
+        (0..seconds).flat_map(second).collect()
+    };
+    assert_eq!(after(&mut bench, false, 600), []);
+    assert_eq!(after(&mut bench, true, 10), [Act::Charge]);
+    assert_eq!(after(&mut bench, true, 300), [Act::Charge], "five minutes later");
+    assert_eq!(bench.agent.phase, RobotPhase::Charging);
 }

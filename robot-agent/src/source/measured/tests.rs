@@ -106,7 +106,7 @@ fn where_its_station_is_heard_a_robot_has_left_its_bay_when_that_says_so_and_not
         source.held(held);
         assert_eq!(felt(&mut source, seconds), (Place::InBay, false));
     }
-    source.held(Held::No);
+    source.held(Held::Out);
     assert_eq!(felt(&mut source, 1), (Place::AtStation, false));
 }
 
@@ -147,10 +147,26 @@ fn what_its_program_still_does_or_has_to_do_again_is_no_departure() {
         assert_eq!(felt(&mut source, 50).0, Place::InBay);
         std::thread::sleep(std::time::Duration::from_millis(50));
     }
-    for (held, place) in [(Held::LetsOut, Place::InBay), (Held::No, Place::AtStation)] {
+    for (held, place) in [(Held::LetsOut, Place::InBay), (Held::Out, Place::AtStation)] {
         source.held(held);
         wait_for(&mut source, |seen| seen.place == place);
     }
+}
+
+#[test]
+fn who_has_driven_out_by_its_programs_word_is_out_whatever_its_station_still_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let drive = driver(folder.path(), "if [ $1 = stop_charging ]; then echo at_station; fi");
+    let mut source = Measured::new(Script::new(seconds(&[(1.0, 9000)])), explorer(), Body { drive, ..Body::default() });
+    source.stand(Place::AtStation);
+    source.held(Held::InBay);
+    assert_eq!(felt(&mut source, 5).0, Place::InBay);
+    source.act(&Act::StopCharging);
+    wait_for(&mut source, |seen| seen.place == Place::AtStation);
+    assert_eq!(felt(&mut source, 5).0, Place::AtStation);
+    // Sent to a bay again, it is in it when the station says so.
+    source.act(&Act::GoOnTo { station: StationId::new("mds-1").unwrap(), bay: None });
+    wait_for(&mut source, |seen| seen.place == Place::InBay);
 }
 
 #[test]
