@@ -217,7 +217,7 @@ impl Agent {
                 let there = self.phase != Working && self.station.as_ref() == Some(station);
                 let is_told = there && self.bay == *bay;
                 if !there {
-                    self.host = None;
+                    self.leaves_host();
                 }
                 (self.station, self.bay) = (Some(station.clone()), bay.clone());
                 let (station, bay) = (station.clone(), bay.clone());
@@ -265,7 +265,8 @@ impl Agent {
 
     fn resume(&mut self) {
         (self.phase, self.station, self.bay, self.target_soc) = (RobotPhase::Working, None, None, None);
-        (self.pack_seen, self.host) = (false, None);
+        self.pack_seen = false;
+        self.leaves_host();
         self.outputs.push_back(Output::Act(Act::Resume));
     }
 
@@ -318,6 +319,9 @@ impl Agent {
             }
             // It runs on its battery beside a charger that has ended.
             (Charging, Place::InBay) if dark_s >= charge::DARK_S && self.is_powered() == Some(true) => {
+                if let Some(sample) = &observation.sample {
+                    self.charge.feels(sample, self.gauge.model().battery());
+                }
                 if self.charge.was_ending() && self.gauge.soc().value > 0.5 {
                     self.stop_charging();
                 } else if self.charge.is_to_be_asked_again(self.passed_s) {

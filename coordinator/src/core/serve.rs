@@ -10,6 +10,10 @@ use crate::models::from_wire;
 use crate::scheduler::Planned;
 use crate::service_run::{Again, How, ServiceRun, Stage, Step};
 
+/// A robot whose station is no longer at its exchange knows of it after so long, s, however seldom that speaks: it hears it, or takes it for granted
+/// where it does not. More than a robot's agent waits for that (`robot-agent/src/agent/host.rs`).
+const CALLED_OFF_S: f64 = 120.0;
+
 impl Core {
     /// Begins the services whose robots must leave now.
     pub(super) fn begin(&mut self, now: Timestamp) {
@@ -182,7 +186,7 @@ impl Core {
     /// Why a service is given up that nobody ends: an exchange, or a bay that is to be emptied.
     fn does_not_end(&self, now: Timestamp, run: &ServiceRun) -> Option<String> {
         // It may say so a moment later, or earlier, than its robot.
-        if run.called_off_since.is_some_and(|since| now.seconds_since(since) > self.settings.deadline_s) {
+        if run.called_off_since.is_some_and(|since| now.seconds_since(since) > self.settings.deadline_s.max(CALLED_OFF_S)) {
             return Some(format!("{} has called its exchange off", run.station));
         }
         let what = match run.stage {

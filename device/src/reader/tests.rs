@@ -161,7 +161,7 @@ fn without_a_charge_of_its_own_the_voltage_tells_less_of_it_the_more_current_flo
 }
 
 /// A device that cannot be read where it says nothing.
-struct Loose(std::vec::IntoIter<Option<Report>>);
+struct Loose(Vec<Option<Report>>);
 
 impl Device for Loose {
     fn name(&self) -> String {
@@ -169,7 +169,7 @@ impl Device for Loose {
     }
 
     fn read(&mut self, _dt_s: f64) -> anyhow::Result<Vec<Report>> {
-        Ok(vec![self.0.next().flatten().ok_or_else(|| anyhow::anyhow!("no battery answers"))?])
+        Ok(vec![self.0.remove(0).ok_or_else(|| anyhow::anyhow!("no battery answers"))?])
     }
 }
 
@@ -179,7 +179,7 @@ fn a_battery_that_is_put_in_while_its_device_cannot_be_read_is_another_one_if_it
         |soc: f64| Some(Report { voltage_v: Some(11.5), current_a: Some(1.0), soc: Some(soc), soc_sigma: Some(0.01), ..Report::default() });
     let begins = |says: &[Option<Report>]| {
         let model = Arc::new(energy::load_model("explorer-3s1p-1320mah", &|_| unreachable!("built in")).unwrap());
-        let mut reader = Reader::new(Box::new(Loose(says.to_vec().into_iter())), model, Unmeasured::default());
+        let mut reader = Reader::new(Box::new(Loose(says.to_vec())), model, Unmeasured::default());
         says.iter().map(|_| reader.advance(1.0).exchanged.map(|soc| soc.value)).collect::<Vec<_>>()
     };
     assert_eq!(begins(&[says(0.2), None, None, says(0.95), says(0.95)]), [Some(0.2), None, None, Some(0.95), None]);

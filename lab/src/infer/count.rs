@@ -23,6 +23,9 @@ use crate::prepare::Prepared;
 /// Parts of which a walk is made, about. That a part begins all at once, and not row by row, is a 24th of it early.
 const PARTS: usize = 24;
 
+/// Share of the squared distance that is left where walks are most of the deviations.
+const MOST: f64 = 0.5;
+
 /// A part of a walk: from when on its charge is counted, s, and its variance, as state of charge squared.
 type Part = (f64, f64);
 
@@ -55,9 +58,10 @@ impl State {
         sum
     }
 
-    /// Share of the evidence for an effect that is left where the walks of all logs count as well, 0..1: a walk looks like an offset of the
-    /// current, a leak or another capacity, and no row says that it is none. What flowed in gaps is what was said of them.
-    pub(super) fn share_beside_counts(&self, spec: &EffectSpec) -> f64 {
+    /// Whether an effect seems certain because the walks of all logs are not counted: with them in the deviations its sizes are together not far
+    /// enough from where it does nothing, `least` squared deviations beyond what so many numbers cost, and they are most of these deviations. A walk
+    /// looks like an offset of the current, a leak or another capacity, and no row says that it is none. What flowed in gaps is what was said of them.
+    pub(super) fn is_made_of_counts(&self, spec: &EffectSpec, least: f64) -> bool {
         let frame = &self.frame;
         let walks: Vec<Vec<Part>> = frame.evidence.logs.iter().map(|log| self.walk(log, false)).collect();
         let size = |(place, &index): (usize, &usize)| {
@@ -67,16 +71,18 @@ impl State {
         };
         let sizes: Vec<(usize, f64)> = frame.free.iter().enumerate().filter_map(size).collect();
         if walks.iter().all(Vec::is_empty) || sizes.is_empty() {
-            return 1.0;
+            return false;
         }
         let (lens, covariance) = (self.lens(&self.noise), self.covariance());
         let counted = &covariance + self.of_walks(&walks, &lens, &(&covariance * &lens.design));
         let off = DVector::from_iterator(sizes.len(), sizes.iter().map(|(_, off)| *off));
+        let cost = sizes.len() as f64 * (frame.evidence.rows() as f64).ln();
         let distance = |covariance: &DMatrix<f64>| {
             let of_sizes = DMatrix::from_fn(sizes.len(), sizes.len(), |i, j| covariance[(sizes[i].0, sizes[j].0)]);
             of_sizes.cholesky().map(|factor| off.dot(&factor.solve(&off)))
         };
-        distance(&counted).zip(distance(&covariance)).map_or(1.0, |(counted, plain)| (counted / plain.max(f64::MIN_POSITIVE)).min(1.0))
+        let both = distance(&counted).zip(distance(&covariance));
+        both.is_some_and(|(counted, plain)| counted - cost < least && counted < MOST * plain)
     }
 
     /// The walk of one log, perhaps without what the row after a gap says of that; empty where it comes to nothing beside the noise of its rows.

@@ -123,7 +123,7 @@ pub fn refusals(base: &State, trial: &Trial, before: &[(Channel, f64)], court: C
     };
     let (trains, holds) = (trains(base.told(), trial.state.told()), holds(before, &trial.holdout));
     if trains && holds && (strong || explained(base)) || likely() {
-        if trial.delta_bic * trial.state.share_beside_counts(trial.spec) < threshold(tried) {
+        if trial.state.is_made_of_counts(trial.spec, threshold(tried)) {
             all.push(Refusal::Evidence);
         }
         return all;

@@ -103,6 +103,42 @@ fn what_the_noise_of_a_current_adds_up_to_is_no_effect() {
     assert_eq!(named, 0, "of 20 worlds");
 }
 
+/// A capacity that is off by so much stands out of that.
+#[test]
+fn what_is_more_than_the_noise_adds_up_to_is_found() {
+    let free =
+        |name: &str, value: f64| format!("[[effect]]\nid = \"{name}\"\nPARAMETER = {{ value = {value}, source = \"t\", free = true }}\n");
+    let sensors = format!("[sensor.voltage_v]\nsigma = {VOLTAGE_SIGMA_V}\n[sensor.current_a]\nsigma = {CURRENT_SIGMA_A}\n");
+    let ohmic = free("ohmic", 0.04).replace("PARAMETER", "resistance_ohm");
+    let base = made_up::model(&format!("{sensors}{ohmic}"));
+    for share in [0.95, 0.9] {
+        let truth = made_up::model(&format!("{sensors}{ohmic}{}", free("capacity_health", share).replace("PARAMETER", "capacity_share")));
+        let facts = LogFacts { soc_initial: Some(0.9), ..LogFacts::default() };
+        let read = |text: &str| read_log("slow.csv", text.as_bytes(), facts.clone()).unwrap();
+        // Two hours out at 0.6 A, a row every ten seconds, with rests.
+        let rows = || (0..720_usize).map(|row| (10 * row, if row % 60 < 45 { 0.6 } else { 0.0 }));
+        let felt: String = rows().map(|(second, amps)| format!("{second},{amps},3.7\n")).collect();
+        let felt = prepare(&truth, &read(&format!("time_s,current_a,voltage_v\n{felt}"))).unwrap();
+        let volts = predict(&truth, &felt, &truth.values()).of(Channel::VoltageV).unwrap().to_vec();
+        let mut random = Pcg64::new(5, 0);
+        let mut noisy = |value: f64, sigma: f64| value + Normal::new(0.0, sigma).unwrap().sample(&mut random);
+        let shown: String = rows()
+            .zip(volts)
+            .map(|((second, amps), volts)| format!("{second},{},{}\n", noisy(amps, CURRENT_SIGMA_A), noisy(volts, VOLTAGE_SIGMA_V)))
+            .collect();
+        let log = prepare(&base, &read(&format!("time_s,current_a,voltage_v\n{shown}"))).unwrap();
+        let found = Discovery::of(&search(Arc::clone(&base), Arc::new(Evidence::new(&base, vec![log])), None));
+        let is_named = found.selected.iter().chain(&found.equivalent).any(|effect| *effect == "capacity_health");
+        assert!(
+            matches!(found.verdict, Verdict::Missing | Verdict::Ambiguous) && is_named,
+            "{share}: {:?} {:?} {:?}",
+            found.verdict,
+            found.selected,
+            found.equivalent
+        );
+    }
+}
+
 /// The floor hangs on a resistance that the base has wrong, and its fit without the pair as well.
 #[test]
 fn what_is_missing_is_found_and_the_rest_is_explained() {

@@ -46,7 +46,7 @@ impl Watch {
     /// nothing for the battery as well.) Where it is cut off once more, something is wrong that nobody here knows of, such as one
     /// cell that is full before the others.
     pub(super) fn sees(&mut self, sample: &Sample, facts: &BatteryFacts, cutoff_a: f64) -> bool {
-        self.barred = facts.protection.no_charge_at(sample.temperature_degc, self.barred);
+        self.feels(sample, facts);
         let (nothing, charges) = (sample.current_a.abs() < cutoff_a, -sample.current_a >= cutoff_a);
         self.nothing_s = if nothing && self.barred.is_none() { self.nothing_s + sample.dt_s } else { 0.0 };
         if charges {
@@ -62,6 +62,11 @@ impl Watch {
         }
         let gave_up = self.cut_off > 1 || self.nothing_s >= GIVES_NOTHING_HOLDS * charger.cutoff_hold_s;
         nothing && self.barred.is_none() && (fell_off || is_full || gave_up)
+    }
+
+    /// Takes in how warm the battery is.
+    pub(super) fn feels(&mut self, sample: &Sample, facts: &BatteryFacts) {
+        self.barred = facts.protection.no_charge_at(sample.temperature_degc, self.barred);
     }
 
     /// Takes in whether the bay gives nothing; for how long it has not, s.

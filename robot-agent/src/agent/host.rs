@@ -70,7 +70,8 @@ impl Agent {
         let bay = state.bays.iter().find(|bay| bay.robot.as_ref() == Some(robot)).map(|bay| (bay.bay.clone(), bay.phase));
         let swaps = state.swapping.as_ref() == Some(robot);
         // Words that were lost are no measure of how often it speaks.
-        let apart_s = known.filter(|host| state.seq == host.stamp.1 + 1).map(|host| (self.passed_s - host.heard_s).min(APART_MAX_S));
+        let apart_s = known.filter(|host| state.seq == host.stamp.1 + 1 && host.heard_s.is_finite());
+        let apart_s = apart_s.map(|host| (self.passed_s - host.heard_s).min(APART_MAX_S));
         let was_let_out = |host: &Host| host.let_out || matches!(host.bay, Some((_, BayPhase::Unloading | BayPhase::Failed)));
         let host = Host {
             station: station.clone(),
@@ -78,7 +79,8 @@ impl Agent {
             apart_s: apart_s.unwrap_or(0.0).max(known.map_or(0.0, |host| host.apart_s)),
             is_of_new_pack: true,
             stamp: (state.at, state.seq),
-            let_out: bay.is_none() && !swaps && known.is_some_and(was_let_out),
+            // A station that was restarted meanwhile may have forgotten whom it holds.
+            let_out: bay.is_none() && !swaps && known.filter(|host| state.seq > host.stamp.1).is_some_and(was_let_out),
             bay,
             swaps,
             powered: state.powered,
@@ -90,10 +92,20 @@ impl Agent {
 
     /// A robot that waits without a bay is given one: where nothing moves it there, it has to go by itself.
     fn hears_its_bay(&mut self) {
-        let (Some(bay), Some(station)) = (self.given_bay().cloned(), self.station.clone()) else { return };
-        if self.phase == RobotPhase::Waiting && self.bay.is_none() {
+        let Some((bay, phase)) = self.word().and_then(|host| host.bay.clone()) else { return };
+        let is_new = self.phase == RobotPhase::Waiting && self.bay.is_none();
+        if is_new && matches!(phase, BayPhase::Loading | BayPhase::Occupied) {
             self.bay = Some(bay.clone());
+        }
+        if let Some(station) = self.station.clone().filter(|_| is_new && phase == BayPhase::Loading) {
             self.outputs.push_back(Output::Act(Act::GoOnTo { station, bay: Some(bay) }));
+        }
+    }
+
+    /// What a station said until now says nothing of the next visit, but for how often it speaks.
+    pub(super) fn leaves_host(&mut self) {
+        if let Some(host) = &mut self.host {
+            (host.heard_s, host.bay, host.swaps, host.let_out) = (f64::NEG_INFINITY, None, false, false);
         }
     }
 

@@ -147,6 +147,11 @@ impl Hands {
 
     /// Begins an act.
     pub fn begin(&mut self, act: &Act) {
+        // It is at it already, or tries again: begun anew it would only take longer.
+        let is_at_it = self.program.is_running() || self.program.is_ending() || self.again_in_s.is_some();
+        if *act == Act::Charge && self.asked == ["charge"] && is_at_it {
+            return;
+        }
         let arguments: Vec<String> = match act {
             Act::TravelTo { station, bay } | Act::GoOnTo { station, bay } => {
                 let bay = bay.iter().map(ToString::to_string);

@@ -206,6 +206,9 @@ impl Device for Vehicle {
 
     fn charge(&mut self, on: bool) {
         let action_type = if on { START } else { STOP };
+        if on && self.pending.as_ref().is_some_and(|pending| pending.action.action_type == START) {
+            return;
+        }
         self.pending = Some(Pending::new(action_type));
         self.send();
     }
@@ -259,8 +262,9 @@ impl Vehicle {
     /// Sees in a state message what became of the pending action.
     fn answered(&mut self, state: &State) {
         let Some(pending) = &mut self.pending else { return };
-        // What was to be stopped does not go on, whatever became of the action.
-        if pending.action.action_type == STOP && pending.sends > 0 && !state.is_charging() {
+        // It does as it was to, whatever became of the action.
+        let is_done = state.is_charging() == (pending.action.action_type == START);
+        if is_done && pending.sends > 0 {
             self.pending = None;
             return;
         }

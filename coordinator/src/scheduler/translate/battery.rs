@@ -29,11 +29,14 @@ fn owed_s(table: &Table, station: &StationView, settings: &Settings, soc: f64) -
     table.at(soc).charge_s + part.clamp(0.0, 1.0) * (station.handling.load_s + station.handling.unload_s)
 }
 
+/// A pack's model and the temperature at which it is charged.
+type Pack = (usize, i32);
+
 /// Robots whose batteries are alike to a plan, and so are the spares that they are given: the kind of each robot, and the robots of each kind.
 pub(super) fn kinds<'v>(view: &'v View, racks: &Racks) -> (Vec<usize>, Vec<Vec<&'v RobotView>>) {
     // Where spares are all of one kind it does not matter who is given one.
     let several: Vec<usize> = (0..view.stations.len()).filter(|station| racks.are_several(*station)).collect();
-    let mut keys: Vec<((usize, i32), Vec<Option<u16>>)> = Vec::new();
+    let mut keys: Vec<(Pack, Vec<Option<u16>>)> = Vec::new();
     let mut members: Vec<Vec<&RobotView>> = Vec::new();
     let kind_of = view.robots.iter().map(|robot| {
         let pack = (Arc::as_ptr(&robot.battery).addr(), robot.charge_degc as i32);

@@ -31,7 +31,8 @@ impl Bench {
     /// Half a second later the robot hears that.
     pub(super) fn hears(&mut self, state: &StationState) -> Vec<Act> {
         self.now = self.now.plus_s(SECOND / 2.0);
-        self.agent.handle(self.now, Input::Station(station("mds-1"), StationState { at: self.now, ..state.clone() }));
+        let seq = if state.seq == 0 { u64::try_from(self.now.unix_ms()).unwrap() } else { state.seq };
+        self.agent.handle(self.now, Input::Station(station("mds-1"), StationState { at: self.now, seq, ..state.clone() }));
         std::iter::from_fn(|| self.agent.poll()).filter_map(|output| if let Output::Act(act) = output { Some(act) } else { None }).collect()
     }
 }
@@ -90,6 +91,15 @@ fn a_word_that_was_overtaken_is_not_believed() {
 }
 
 #[test]
+fn a_station_that_is_restarted_without_its_robot_has_not_let_it_out() {
+    let mut bench = bench();
+    bench.enter_bay();
+    bench.hears(&StationState { seq: 700, ..says(Some(BayPhase::Failed), false) });
+    bench.hears(&StationState { seq: 1, ..says(None, false) });
+    assert_eq!(bench.agent.held(), Held::No);
+}
+
+#[test]
 fn what_a_station_said_at_the_last_visit_says_nothing_of_this_one() {
     let mut bench = bench();
     for _ in 0..3 {
@@ -124,6 +134,7 @@ fn who_was_given_no_bay_learns_from_its_station_in_which_one_it_is() {
     bench.observe(|observation| observation.place = Place::AtStation);
     // Where no lift moves it, it has to go there.
     let goes = vec![Act::GoOnTo { station: station("mds-1"), bay: bay() }];
+    assert_eq!(bench.hears(&says(Some(BayPhase::Failed), false)), []);
     assert_eq!(bench.hears(&says(Some(BayPhase::Loading), false)), goes);
     assert_eq!(bench.hears(&says(Some(BayPhase::Occupied), false)), []);
     bench.observe(|observation| observation.place = Place::InBay);
@@ -185,4 +196,22 @@ fn a_charger_that_gives_only_when_asked_is_asked_again_once_its_station_has_powe
     assert_eq!(after(&mut bench, true, 10), [Act::Charge]);
     assert_eq!(after(&mut bench, true, 300), [Act::Charge], "five minutes later");
     assert_eq!(bench.agent.phase, RobotPhase::Charging);
+}
+
+#[test]
+fn a_charger_that_heat_stopped_is_asked_again_when_the_battery_has_cooled() {
+    let mut bench = bench_at(0.4);
+    bench.enter_bay();
+    bench.ask(RobotAction::ChargeTo { soc: 0.9 });
+    let second = |bench: &mut Bench, powered: bool, temperature_degc: f64| {
+        bench.hears(&says(Some(BayPhase::Occupied), false));
+        bench.observe(|observation| {
+            observation.powered = powered;
+            observation.sample = Some(Sample { dt_s: SECOND, current_a: 0.1, voltage_v: 12.0, temperature_degc });
+        })
+    };
+    assert_eq!(second(&mut bench, true, 46.0), []);
+    let hot: Vec<Act> = (0..300).flat_map(|_| second(&mut bench, false, 44.0)).collect();
+    let cool: Vec<Act> = (0..10).flat_map(|_| second(&mut bench, false, 30.0)).collect();
+    assert_eq!((hot, cool), (vec![], vec![Act::Charge]));
 }

@@ -170,6 +170,21 @@ fn who_has_driven_out_by_its_programs_word_is_out_whatever_its_station_still_say
 }
 
 #[test]
+fn a_charge_that_is_asked_for_again_while_its_program_is_at_it_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let drive = driver(folder.path(), "if [ $1 = charge ]; then sleep 1; fi");
+    let mut source = Measured::new(Script::new(std::iter::repeat_n(Vec::new(), 5000)), explorer(), Body { drive, ..Body::default() });
+    let acts = || std::fs::read_to_string(folder.path().join("acts")).unwrap_or_default();
+    source.act(&Act::Charge);
+    wait_for(&mut source, |_| !acts().is_empty());
+    source.act(&Act::Charge);
+    wait_for(&mut source, |_| acts().lines().count() == 1);
+    source.act(&Act::StopCharging);
+    source.act(&Act::Charge);
+    wait_for(&mut source, |_| acts().lines().last() == Some("charge") && acts().lines().count() >= 2);
+}
+
+#[test]
 fn who_was_plugged_in_by_hand_is_free_two_minutes_after_it_was_pulled_out() {
     let mut source = measured(seconds(&[(-1.0, 600), (1.0, 9000)]));
     assert_eq!(felt(&mut source, 600), (Place::InBay, true));
