@@ -357,7 +357,7 @@ fn who_comes_late_is_told_who_stands_before_it_and_who_comes_early_what_it_lacks
         [(600.0, Vec::new(), "s takes robots in from 00:10 on"), (0.0, vec![0.0..600.0], "s is away until 00:10")]
     {
         let place = StationView { opens_s, away_s, ..station("s", 1, &[90.0], &[]) };
-        let waits = solved(vec![robot("a", 0.15, &[(0, 60.0)])], vec![place]);
+        let waits = solved(vec![robot("a", 0.12, &[(0, 60.0)])], vec![place]);
         let told = told(&waits, &waits.plan.planned[0].robot).earlier.concat();
         assert!(told.contains(what), "{told}");
     }
