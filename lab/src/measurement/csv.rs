@@ -116,7 +116,10 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         table.notes.push("is not UTF-8: read as Latin-1".to_owned());
     }
     if table.names.is_empty() {
-        let message = "the log is empty; it needs a header row and measurements".to_owned();
+        let message = match header_at {
+            Some(_) => "an EC-Lab export whose `Nb header lines : N` is missing, or counts more lines than there are".to_owned(),
+            None => "the log is empty; it needs a header row and measurements".to_owned(),
+        };
         return Err(LogError::Whole { file: file.to_owned(), message });
     }
     if commas && let Some(note) = table.notes.iter_mut().find(|note| note.starts_with("columns are separated")) {
@@ -326,6 +329,9 @@ mod tests {
         let table = read(text).unwrap();
         assert_eq!((&table.names[..], &table.lines[..]), (&["mode", "time/s", "Ecell/V", "<I>/mA"].map(str::to_owned)[..], &[7][..]));
         assert_eq!(table.columns[2].numbers(), [4.2]);
+        for cut in ["EC-Lab ASCII FILE\nNb header lines : 90\n", "EC-Lab ASCII FILE\nmode\ttime/s\n1\t0\n"] {
+            assert!(read(cut).unwrap_err().contains("`Nb header lines : N` is missing, or counts more"));
+        }
     }
 
     #[test]
