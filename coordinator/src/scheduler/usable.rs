@@ -26,12 +26,14 @@ pub struct Usable {
 
 impl Usable {
     /// Energy that a pack gives at this power, Wh, between the points of the grid. The doubt of its state of
-    /// charge counts by what a deviation up and one down would change; neither full nor empty is passed.
+    /// charge counts by what a deviation up and one down would change; beside full and empty, where one of them is cut short, by what is left of them.
     #[must_use]
     pub fn wh(&self, pack: &Arc<Model>, soc: Estimate, temperature_degc: f64, power_w: f64) -> Estimate {
-        let at = |soc: f64| self.exact(pack, soc.clamp(0.0, 1.0), temperature_degc, power_w);
-        let usable = at(soc.value);
-        let by_soc_wh = (at(soc.value + soc.sigma).value - at(soc.value - soc.sigma).value) / 2.0;
+        let at = |soc: f64| self.exact(pack, soc, temperature_degc, power_w);
+        let middle = soc.value.clamp(0.0, 1.0);
+        let (low, high) = ((middle - soc.sigma).max(0.0), (middle + soc.sigma).min(1.0));
+        let usable = at(middle);
+        let by_soc_wh = if high > low { (at(high).value - at(low).value) / (high - low) * soc.sigma } else { 0.0 };
         Estimate::new(usable.value, usable.sigma.hypot(by_soc_wh))
     }
 

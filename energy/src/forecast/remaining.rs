@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{discharge, uncertain};
-use crate::{Estimate, Facts, Model, Pack, Start, ocv_error, propagate};
+use crate::{Estimate, Facts, Model, Pack, Start, estimate::propagate_within, ocv_error};
 
 /// Energy that a rested pack of this temperature, °C, still delivers at `power_w`, Wh, with its deviation from those of state of charge,
 /// parameters, capacity and open-circuit table.
@@ -20,14 +20,14 @@ pub fn remaining_wh(model: &Arc<Model>, soc: Estimate, temperature_degc: f64, po
 #[must_use]
 pub fn remaining_from(model: &Arc<Model>, soc: Estimate, from: Start, power_w: f64) -> Estimate {
     let energy_wh = |model: &Arc<Model>, x: &[f64]| {
-        let start = Start { soc: x[0].clamp(0.0, 1.0), ..from };
+        let start = Start { soc: x[0], ..from };
         let parameters = x[2..].iter().zip(model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
         let mut pack = Pack::with_parameters(Arc::clone(model), parameters, start);
-        // A pack of more capacity delivers the same power as that much of a pack more.
-        x[1] * discharge(&mut pack, power_w / x[1]).energy_wh
+        x[1] * discharge(&mut pack, power_w).energy_wh
     };
     let inputs = uncertain(model, soc);
-    let known = propagate(&inputs, |x| energy_wh(model, x));
+    let ranges = |input: usize| if input == 0 { (0.0, 1.0) } else { (f64::NEG_INFINITY, f64::INFINITY) };
+    let known = propagate_within(&inputs, ranges, |x| energy_wh(model, x));
     let expected: Vec<f64> = inputs.iter().map(|input| input.value).collect();
     let by_table = tables(model).into_iter().map(|pair| pair.map(|model| energy_wh(&model, &expected)));
     let variance_wh2: f64 = by_table.map(|[above_wh, below_wh]| (0.5 * (above_wh - below_wh)).powi(2)).sum();

@@ -70,9 +70,7 @@ impl Believed for Pack<'_> {
     }
 
     fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64 {
-        // A pack of more capacity delivers the same power as that much of a pack more.
-        let capacity = 1.0 + inputs[1];
-        capacity * forecast::discharge(&mut self.run(inputs, rested), power_w / capacity).energy_wh
+        (1.0 + inputs[1]) * forecast::discharge(&mut self.run(inputs, rested), power_w).energy_wh
     }
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {

@@ -257,9 +257,8 @@ impl Believed for Pack<'_> {
     fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64 {
         let facts = self.model.battery();
         let of_pack = self.factor * f64::from(facts.series) / f64::from(facts.parallel);
-        let capacity = 1.0 + inputs[1];
         let more_ohm = |soc: f64| of_pack * resistance::at(&inputs[2..], soc);
-        capacity * forecast::discharge_behind(&mut self.run(inputs, rested), power_w / capacity, more_ohm).energy_wh
+        (1.0 + inputs[1]) * forecast::discharge_behind(&mut self.run(inputs, rested), power_w, more_ohm).energy_wh
     }
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {

@@ -20,6 +20,11 @@ use crate::{Channel, Estimate, Model, forecast};
 const FRESH_SOC: f64 = 0.005;
 /// A prediction is made anew when the power has changed by this share of itself.
 const FRESH_POWER: f64 = 0.05;
+/// A prediction is made anew when the pack is this much warmer or colder, K: cold cells resist by some 4 % more per kelvin, which
+/// of the energy is a tenth of that.
+const FRESH_K: f64 = 2.0;
+/// A prediction is made anew after this many full cycles, in which a pack wears by some ten-thousandths.
+const FRESH_CYCLES: f64 = 5.0;
 /// Slopes are taken anew when the power has changed by this share of itself.
 const FRESH_SLOPE_POWER: f64 = 0.2;
 /// Slopes are taken anew when the state of charge has moved by this share of itself.
@@ -56,6 +61,8 @@ pub(crate) trait Believed {
     fn inputs(&self) -> (DVector<f64>, DMatrix<f64>);
 
     /// Energy to the end of discharge at that power and those inputs, Wh: of the pack as its load has left it, or of one that has rested.
+    /// A pack that holds more than the model's gives that much more at the same power: its ohms are those that the gauge knows, so its
+    /// voltage goes the same way over its charge, only longer.
     fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64;
 
     /// Time to full on the pack's own charger at those inputs, s, of the pack as it is.
@@ -73,15 +80,35 @@ pub(crate) struct Predictor {
     to_full: Option<Line>,
 }
 
+/// What a prediction is made for beside its inputs.
+#[derive(Debug, Clone, Copy)]
+struct Conditions {
+    power_w: f64,
+    /// Change of the power that is none, W.
+    idle_w: f64,
+    temperature_degc: f64,
+    cycles: f64,
+}
+
+impl Conditions {
+    fn power_moved(&self, from: &Conditions, share: f64) -> bool {
+        (from.power_w - self.power_w).abs() > share * from.power_w.abs() + self.idle_w
+    }
+
+    fn pack_changed(&self, from: &Conditions) -> bool {
+        (from.temperature_degc - self.temperature_degc).abs() > FRESH_K || self.cycles - from.cycles > FRESH_CYCLES
+    }
+}
+
 /// A prediction with its slopes, and where each was made.
 #[derive(Debug, Clone)]
 struct Line {
     at: DVector<f64>,
-    power_w: f64,
+    under: Conditions,
     value: f64,
     slopes: DVector<f64>,
     slopes_soc: f64,
-    slopes_power_w: f64,
+    slopes_under: Conditions,
 }
 
 impl Line {
@@ -92,43 +119,37 @@ impl Line {
 }
 
 /// The line of a prediction at these inputs, from what is kept or made anew.
-fn line<'a>(
-    kept: &'a mut Option<Line>,
-    x: &DVector<f64>,
-    p: &DMatrix<f64>,
-    power_w: f64,
-    idle_w: f64,
-    f: impl Fn(&[f64]) -> f64,
-) -> &'a Line {
-    let moved = |from_w: f64, share: f64| (from_w - power_w).abs() > share * from_w.abs() + idle_w;
+fn line<'a>(kept: &'a mut Option<Line>, x: &DVector<f64>, p: &DMatrix<f64>, under: Conditions, f: impl Fn(&[f64]) -> f64) -> &'a Line {
     let (mut value, mut slopes) = (true, true);
     if let Some(line) = kept {
-        value = (line.at[0] - x[0]).abs() > FRESH_SOC || moved(line.power_w, FRESH_POWER);
+        value = (line.at[0] - x[0]).abs() > FRESH_SOC || under.power_moved(&line.under, FRESH_POWER) || under.pack_changed(&line.under);
         slopes = (line.slopes_soc - x[0]).abs() > (FRESH_SLOPE_SOC * line.slopes_soc).max(FRESH_SOC)
-            || moved(line.slopes_power_w, FRESH_SLOPE_POWER);
+            || under.power_moved(&line.slopes_under, FRESH_SLOPE_POWER);
     }
     let line = kept.get_or_insert_with(|| Line {
         at: x.clone(),
-        power_w,
+        under,
         value: 0.0,
         slopes: DVector::zeros(x.len()),
         slopes_soc: x[0],
-        slopes_power_w: power_w,
+        slopes_under: under,
     });
     if value || slopes {
-        (line.at, line.power_w, line.value) = (x.clone(), power_w, f(x.as_slice()));
+        (line.at, line.under, line.value) = (x.clone(), under, f(x.as_slice()));
     }
     if slopes {
-        (line.slopes_soc, line.slopes_power_w) = (x[0], power_w);
+        (line.slopes_soc, line.slopes_under) = (x[0], under);
         let mut nudged = x.clone();
         for index in 0..x.len() {
             let sigma = p[(index, index)].max(0.0).sqrt();
             line.slopes[index] = if sigma > 1e-12 {
+                let held = |value: f64| if index == 0 { value.clamp(0.0, 1.0) } else { value };
                 let mut at = |side: f64| {
-                    nudged[index] = x[index] + side * sigma;
-                    f(nudged.as_slice())
+                    nudged[index] = held(held(x[index]) + side * sigma);
+                    (nudged[index], f(nudged.as_slice()))
                 };
-                (at(1.0) - at(-1.0)) / (2.0 * sigma)
+                let ((high, above), (low, below)) = (at(1.0), at(-1.0));
+                (above - below) / (high - low)
             } else {
                 0.0
             };
@@ -179,17 +200,19 @@ impl Watch {
         // Near rest, noise is most of the power: there only a change that matters to the forecast
         // counts, which takes no power below this for one.
         let idle_w = CURRENT_SHARE * facts.stored_wh();
-        let remaining = line(&mut self.predictor.remaining, &x, &p, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w, false));
+        let under = Conditions { power_w: drawn_w, idle_w, temperature_degc: self.temperature_degc, cycles: self.cycles.full() };
+        let remaining = line(&mut self.predictor.remaining, &x, &p, under, |x| believed.discharge_wh(x, drawn_w, false));
         let remaining_wh = remaining.estimate(&x, &p);
         let remaining_slopes = remaining.slopes.clone();
         let mut at_full = (x.clone(), p.clone());
         at_full.0[0] = 1.0;
         at_full.1.row_mut(0).fill(0.0);
         at_full.1.column_mut(0).fill(0.0);
-        let full = line(&mut self.predictor.full, &at_full.0, &at_full.1, drawn_w, idle_w, |x| believed.discharge_wh(x, drawn_w, true));
+        let full = line(&mut self.predictor.full, &at_full.0, &at_full.1, under, |x| believed.discharge_wh(x, drawn_w, true));
         let full_wh = full.estimate(&at_full.0, &at_full.1);
+        let charged = Conditions { power_w: 0.0, ..under };
         let time_to_full_s =
-            (power_w < -idle_w).then(|| line(&mut self.predictor.to_full, &x, &p, 0.0, idle_w, |x| believed.charge_s(x)).estimate(&x, &p));
+            (power_w < -idle_w).then(|| line(&mut self.predictor.to_full, &x, &p, charged, |x| believed.charge_s(x)).estimate(&x, &p));
         let time_to_empty_s = (power_w > idle_w).then(|| {
             // t = E / P: dt P is dE, and E by as much as the current was shown too high.
             let energy_wh = remaining_wh.value;

@@ -120,6 +120,16 @@ impl Model {
             if !numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
                 return Err(document.error_at(given.span(), "uncertainty: every number must be finite and >= 0"));
             }
+            let shares = [
+                ("soc_initial_sigma", u.soc_initial_sigma),
+                ("capacity_relative_sigma", u.capacity_relative_sigma),
+                ("resistance_relative_sigma", u.resistance_relative_sigma),
+                ("bay_current_relative_sigma", u.bay_current_relative_sigma),
+            ];
+            if let Some((name, value)) = shares.into_iter().find(|(_, value)| *value > 1.0) {
+                let words = format!("uncertainty.{name} = {value}: it is a share, at most 1 (5 % is 0.05)");
+                return Err(document.error_at(given.span(), words));
+            }
             if !(0.02..=1.0).contains(&u.ocv_length_soc) {
                 return Err(
                     document.error_at(given.span(), format!("uncertainty.ocv_length_soc = {}: allowed are 0.02 to 1", u.ocv_length_soc))
@@ -191,6 +201,11 @@ fn battery_facts(raw: RawBattery, read: &dyn Fn(&str) -> Result<String, String>)
     allowed("soc", ends(soc), (-0.5, 1.5), "a share of the charge of a full cell")?;
     allowed("voltage_v", ends(voltage_v), (-1.0, 10.0), "volts of one cell")?;
     let eod_v_per_cell = within("eod_v_per_cell", raw.eod_v_per_cell, 0.1, 10.0)?;
+    let full_cell_v = ocv.voltage_v(1.0);
+    if eod_v_per_cell >= full_cell_v {
+        let words = format!("its OCV table ends at {full_cell_v} V for a full cell, so that no charge is left above it");
+        return Err(format!("battery.eod_v_per_cell = {eod_v_per_cell}: {words}"));
+    }
     Ok(BatteryFacts {
         series: count("series", raw.series)?,
         parallel: count("parallel", raw.parallel)?,

@@ -280,3 +280,69 @@ fn what_is_no_reading_changes_nothing() {
         assert_eq!(disturbed.reading(), undisturbed.reading(), "{kind:?}");
     }
 }
+
+/// A pack that holds a quarter less and resists as ever goes the same way over its charge, in three quarters of the time.
+#[test]
+fn a_pack_that_was_found_to_hold_less_is_not_thought_to_resist_more() {
+    let with_doubt = || {
+        let mut model = model(PACK);
+        model.uncertainty.capacity_relative_sigma = 0.2;
+        Arc::new(model)
+    };
+    for kind in [Kind::ImpedanceTrack, Kind::SigmaPoint] {
+        let mut pack = pack(0.75, 1.0, 0.95);
+        let mut gauge = kind.open(with_doubt(), Estimate::new(0.95, 0.002), 25.0);
+        watch(&mut pack, gauge.as_mut(), 0.0, 1800.0);
+        assert!(watch(&mut pack, gauge.as_mut(), 6.0, 4200.0));
+        watch(&mut pack, gauge.as_mut(), 0.0, 1800.0);
+        assert!(watch(&mut pack, gauge.as_mut(), 20.0, 120.0));
+        let told = gauge.reading();
+        let full_wh = energy::forecast::discharge(&mut Run::new(Arc::clone(pack.model()), Start::at_soc(1.0)), 20.0).energy_wh;
+        // How much it holds is learned to some 2 %; what it gives of that is the point.
+        let (told_share, share) = (told.full_wh.value / told.soh.value, full_wh / 0.75);
+        assert!((told_share / share - 1.0).abs() < 0.015, "{kind:?}: {told_share} Wh per capacity, {share} came");
+    }
+}
+
+/// A pack is charged in the warmth and stands in the cold: what it would give from full is that of a cold one, though neither its
+/// charge nor its load has changed.
+#[test]
+fn what_a_full_pack_would_give_follows_the_temperature() {
+    let cell = Arc::new(model("samsung-inr18650-30q-3ah"));
+    for &kind in Kind::ALL {
+        let full_wh = |temperatures_degc: &[f64]| {
+            let mut gauge = kind.open(Arc::clone(&cell), Estimate::new(0.6, 0.01), temperatures_degc[0]);
+            for &temperature_degc in temperatures_degc {
+                for _ in 0..20 {
+                    gauge.update(&Sample { dt_s: 1.0, current_a: 3.0, voltage_v: 3.5, temperature_degc });
+                }
+                gauge.reading();
+            }
+            gauge.reading().full_wh.value
+        };
+        let (warm, cooled, cold) = (full_wh(&[25.0]), full_wh(&[25.0, -5.0]), full_wh(&[-5.0]));
+        assert!((cooled / cold - 1.0).abs() < 0.005 && cold < 0.98 * warm, "{kind:?}: {warm} Wh warm, {cooled} cooled, {cold} cold");
+    }
+}
+
+#[test]
+fn the_charge_of_a_full_pack_is_as_uncertain_as_that_of_any_other() {
+    let model = believed();
+    // Per share of charge, from the model itself: what it gives more from full than from a twentieth less.
+    let from = |soc: f64| energy::forecast::discharge(&mut Run::new(Arc::clone(&model), Start::at_soc(soc)), 5.0).energy_wh;
+    let by_charge_wh = 0.02 * (from(1.0) - from(0.95)) / 0.05;
+    let beside = |soc: Estimate| {
+        let of = |soc| energy::forecast::remaining_wh(&model, soc, 25.0, 5.0).sigma;
+        (of(soc).powi(2) - of(Estimate::exact(soc.value)).powi(2)).sqrt()
+    };
+    let told_wh = beside(Estimate::new(1.0, 0.02));
+    assert!((told_wh / by_charge_wh - 1.0).abs() < 0.1, "{told_wh} Wh, by hand {by_charge_wh}");
+    let sigma_of = |soc: Estimate| {
+        let mut gauge = Kind::CoulombCounter.open(Arc::clone(&model), soc, 25.0);
+        // 5 W until the mean knows it: 5 Ws of 15 Wh move no charge to speak of.
+        (0..600).for_each(|_| gauge.update(&Sample { dt_s: 0.01, current_a: 0.4, voltage_v: 12.5, temperature_degc: 25.0 }));
+        gauge.reading().remaining_wh.sigma
+    };
+    let told_wh = (sigma_of(Estimate::new(1.0, 0.02)).powi(2) - sigma_of(Estimate::new(1.0, 1e-4)).powi(2)).sqrt();
+    assert!((told_wh / by_charge_wh - 1.0).abs() < 0.1, "gauge: {told_wh} Wh, by hand {by_charge_wh}");
+}

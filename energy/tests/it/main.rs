@@ -171,6 +171,11 @@ fn bad_models_are_refused_with_place_and_near_match() {
     };
     assert!(refused(("capacity_ah = 1.32", "capacity_ah = -1.32")).contains("capacity_ah = -1.32: must be between"));
     assert!(refused(("capacity_ah = 1.32", "capacity_ah = nan")).contains("capacity_ah = NaN"));
+    // A cell of cobalt that is empty where it is full.
+    assert!(refused(("eod_v_per_cell = 3.0", "eod_v_per_cell = 4.3")).contains("battery.eod_v_per_cell = 4.3: its OCV table ends at"));
+    assert!(
+        refused(("capacity_relative_sigma = 0.01", "capacity_relative_sigma = 1.5")).contains("it is a share, at most 1 (5 % is 0.05)")
+    );
     assert!(refused(("schema = 1", "schema = 9")).contains("this program reads schema = 1"));
     assert!(refused(("id = \"thermal\"", "id = \"thermall\"")).contains("did you mean `thermal`?"));
     assert!(refused(("heat_share", "heat_shear")).contains("did you mean `heat_share`?"));

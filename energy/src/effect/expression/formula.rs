@@ -162,6 +162,8 @@ fn two<S: Real>(op: Op, a: S, b: S) -> S {
                 b
             }
         }
+        // As [`power`]: beside a standstill a logarithm has no slope.
+        _ if a.re() == 0.0 && b.re() > 0.0 => S::from(0.0),
         _ => (a.ln() * b).exp(),
     }
 }

@@ -145,3 +145,21 @@ fn one_definition_is_kept_once_however_often_it_is_read() {
     let spec = || parse("battery", RESISTANCE).unwrap().effects().next().unwrap().spec();
     assert!(std::ptr::eq(spec(), spec()));
 }
+
+/// `0^n` is 0 for every n above 0: at a standstill neither the factor before it nor the exponent changes anything, whoever is free.
+#[test]
+fn a_standstill_has_no_slope_by_a_free_exponent() {
+    let text = "[[effect]]\nid = \"expression\"\nchannel = \"power_w\"\nformula = \"k * abs(speed_mps) ^ n\"\nk = { value = 2.0, source = \"t\" }\nn = { value = 1.5, source = \"t\" }\n";
+    let model = Arc::new(parse("robot", text).unwrap());
+    let duals: Vec<Dual> = model.values().iter().enumerate().map(|(lane, &value)| variable(value, lane)).collect();
+    let mut run = Run::with_parameters(Arc::clone(&model), duals, Start::at_soc(0.5).lifted());
+    let mut power = |speed_mps: f64| {
+        run.channels[Channel::SpeedMps] = Dual::from(speed_mps);
+        run.step(1.0);
+        run.channels[Channel::PowerW]
+    };
+    let (standing, driving) = (power(0.0), power(0.5));
+    assert_eq!([standing.re, derivative(&standing, 0), derivative(&standing, 1)], [0.0; 3]);
+    // By hand: 0.5^1.5 = 0.353553; 2 x 0.353553 x ln 0.5 = -0.490129.
+    assert!((derivative(&driving, 0) - 0.353_553).abs() < 1e-6 && (derivative(&driving, 1) + 0.490_129).abs() < 1e-6, "{driving:?}");
+}

@@ -51,10 +51,9 @@ impl Believed for Pack<'_> {
     fn discharge_wh(&self, inputs: &[f64], power_w: f64, rested: bool) -> f64 {
         let facts = self.gauge.model.battery();
         let of_pack = inputs[2] * self.gauge.warmth.1 * f64::from(facts.series) / f64::from(facts.parallel);
-        let capacity = 1.0 + inputs[1];
         let length = self.gauge.resistance_length();
         let more_ohm = |soc: f64| of_pack * (-(inputs[0] - soc).abs() / length).exp();
-        capacity * forecast::discharge_behind(&mut self.run(inputs, rested), power_w / capacity, more_ohm).energy_wh
+        (1.0 + inputs[1]) * forecast::discharge_behind(&mut self.run(inputs, rested), power_w, more_ohm).energy_wh
     }
 
     fn charge_s(&self, inputs: &[f64]) -> f64 {
