@@ -134,7 +134,8 @@ pub struct Core {
     untold: Untold,
     /// Why a new plan is due, if it is.
     trigger: Option<String>,
-    refused: BTreeSet<String>,
+    /// Kinds of inputs that were refused, the oldest first.
+    refused: VecDeque<String>,
     watch: Watch,
     trust: Trust,
     clocks: Clocks,
@@ -182,7 +183,7 @@ impl Core {
             studying: None,
             untold: Untold::default(),
             trigger: None,
-            refused: BTreeSet::new(),
+            refused: VecDeque::new(),
             watch: Watch::default(),
             trust: Trust::default(),
             clocks: Clocks::default(),

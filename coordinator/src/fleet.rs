@@ -10,10 +10,12 @@
 //!
 //! Its next word, or its token, ends both.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use energy::Estimate;
-use proto::{BayId, BayPhase, BayState, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
+use proto::{
+    BayId, BayPhase, BayState, Gauge, PackId, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp, newer,
+};
 
 /// What is believed of a robot.
 #[derive(Debug, Clone, Default)]
@@ -28,6 +30,15 @@ pub struct Robot {
     pub lost_since: Option<Timestamp>,
     /// Whether it is written off.
     pub written_off: bool,
+    /// Whether it was lost since its last gauge message, and since its last state: see [`is_news`].
+    pub is_anew: [bool; 2],
+}
+
+/// Whether a message is to be heard: it is newer than the one that is known, or its sender was lost since that one. Who was lost may have
+/// been started anew with another clock, and is not to be deaf until that has caught up; what was on its way when it was lost is long here.
+#[must_use]
+pub fn is_news(now: Timestamp, said: (Timestamp, u64), known: Option<(Timestamp, u64)>, is_anew: bool) -> bool {
+    is_anew && known != Some(said) || newer(now, said, known)
 }
 
 /// Who is lost for longer is written off, s: an agent that is restarted is back within seconds, and so is everybody after a pause of the
@@ -105,6 +116,9 @@ pub struct Station {
     pub lost_since: Option<Timestamp>,
     /// Whether it is written off.
     pub written_off: bool,
+    /// Whether it was lost since its last state, and the packs whose gauges have not been heard since it was: see [`is_news`].
+    pub is_anew: bool,
+    pub packs_anew: BTreeSet<PackId>,
 }
 
 /// A pack that a robot left.

@@ -204,6 +204,19 @@ impl Intake {
         self.changes += 1;
     }
 
+    /// Who says this is gone: what waits of it is dropped, since it would be thought to be there again with that. What was refused stays.
+    pub fn withdraw(&mut self, key: &str) {
+        let Some(&place) = self.places.get(key) else { return };
+        let slot = &mut self.slots[place];
+        (slot.waiting, slot.payload, slot.told) = (Waiting::Nothing, Vec::new(), None);
+        let waited = slot.changes.len();
+        slot.changes.retain(is_refusal);
+        self.changes -= waited - slot.changes.len();
+        if slot.changes.is_empty() {
+            self.changed.retain(|turn| !matches!(turn, Turn::Sender(of) if *of == place));
+        }
+    }
+
     /// Sees to it that a sender whose newest word waits has its turn, once its changes are told.
     fn queue(&mut self, now: Duration, place: usize) {
         let slot = &mut self.slots[place];

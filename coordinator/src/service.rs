@@ -222,6 +222,7 @@ impl Service {
         let now = self.clock.now();
         if input == Input::Tick {
             self.past.look(now, &self.core);
+            self.past.keep_a_day(now);
         }
         let (before, begin, name) = (self.outbox.records().len(), monotonic(), input.name());
         self.outbox.handle(&mut self.core, now, input);

@@ -51,7 +51,7 @@ use place::{Content, Format};
 pub struct Store {
     path: PathBuf,
     epoch: u64,
-    /// One connection: SQLite takes one writer at a time anyway, and batches have an order.
+    /// One connection for what is kept: SQLite takes one writer at a time anyway, and batches have an order.
     writer: AnyPool,
     reader: Reader,
     right: Right,
@@ -62,8 +62,9 @@ pub struct Store {
 enum Right {
     /// It holds the lock of a file.
     File(#[allow(dead_code, reason = "held, not asked")] Lock),
-    /// It holds the lease of a server's store under this name.
-    Server(String),
+    /// It holds the lease of a server's store under this name, and renews it over a connection of its own: a long batch, or a lock on a
+    /// table that somebody builds an index of, must not cost it the lead.
+    Server { holder: String, lease: AnyPool },
 }
 
 impl Store {
@@ -118,13 +119,14 @@ impl Store {
         let failed = |source| StoreError::database(path, "connecting", source);
         let options = place::any(address).map_err(failed)?;
         server::reach(&options, path).await?;
-        let pool = AnyPoolOptions::new().max_connections(1).acquire_timeout(PATIENCE);
-        let writer = pool.connect_with(options).await.map_err(failed)?;
+        let pool = || AnyPoolOptions::new().max_connections(1).acquire_timeout(PATIENCE);
+        let lease = pool().connect_with(options.clone()).await.map_err(failed)?;
+        let writer = pool().connect_with(options).await.map_err(failed)?;
         place::MIGRATOR.run(&writer).await.map_err(|error| StoreError::migration(path, error))?;
         let holder = server::holder();
         let (mut told, mut warned) = (false, false);
         loop {
-            match server::lease(&writer, path, &holder).await {
+            match server::lease(&lease, path, &holder).await {
                 Ok(true) => break,
                 Ok(false) if !std::mem::replace(&mut told, true) => {
                     tracing::info!("standing by: another coordinator leads with store {}", shown(path).display());
@@ -140,7 +142,7 @@ impl Store {
             }
             tokio::time::sleep(RENEWAL / 2).await;
         }
-        Self::begun(writer, address, path, Right::Server(holder)).await
+        Self::begun(writer, address, path, Right::Server { holder, lease }).await
     }
 
     /// Counts the start.
@@ -185,18 +187,18 @@ impl Store {
     /// How often [`Store::renew`] has to be called: never for a file, whose lock lasts as long as the
     /// process.
     pub fn renewal(&self) -> Option<std::time::Duration> {
-        matches!(self.right, Right::Server(_)).then_some(RENEWAL)
+        matches!(self.right, Right::Server { .. }).then_some(RENEWAL)
     }
 
     /// How long this process may lead without having renewed.
     pub fn lease(&self) -> Option<std::time::Duration> {
-        matches!(self.right, Right::Server(_)).then_some(LEASE)
+        matches!(self.right, Right::Server { .. }).then_some(LEASE)
     }
 
     /// Goes on leading. When another has taken over that is [`StoreError::Deposed`].
     pub async fn renew(&self) -> Result<(), StoreError> {
-        let Right::Server(holder) = &self.right else { return Ok(()) };
-        let renewed = tokio::time::timeout(PATIENCE, server::lease(&self.writer, &self.path, holder)).await;
+        let Right::Server { holder, lease } = &self.right else { return Ok(()) };
+        let renewed = tokio::time::timeout(PATIENCE, server::lease(lease, &self.path, holder)).await;
         match renewed.unwrap_or_else(|_| Err(StoreError::database(&self.path, "renewing the lease", sqlx::Error::PoolTimedOut)))? {
             true => Ok(()),
             false => Err(StoreError::Deposed { path: shown(&self.path) }),
@@ -228,7 +230,7 @@ impl Store {
         // server the row of the count is held, so that nobody counts a start meanwhile.
         let (begin, count) = match self.right {
             Right::File(_) => ("BEGIN IMMEDIATE", "SELECT value FROM meta WHERE name = 'epoch'"),
-            Right::Server(_) => ("BEGIN", "SELECT value FROM meta WHERE name = 'epoch' FOR SHARE"),
+            Right::Server { .. } => ("BEGIN", "SELECT value FROM meta WHERE name = 'epoch' FOR SHARE"),
         };
         let mut transaction = connection.begin_with(begin).await.map_err(failed)?;
         let epoch: i64 = sqlx::query_scalar(count).fetch_one(&mut *transaction).await.map_err(failed)?;
@@ -242,8 +244,9 @@ impl Store {
     /// Closes in an orderly way: when it returns, the file holds everything and another
     /// process may open it. Dropping the store is safe too, only less tidy.
     pub async fn close(self) {
-        if let Right::Server(holder) = &self.right {
-            server::release(&self.writer, holder).await;
+        if let Right::Server { holder, lease } = &self.right {
+            server::release(lease, holder).await;
+            lease.close().await;
         }
         self.reader.close().await;
         self.writer.close().await;

@@ -45,6 +45,9 @@ pub struct Tls {
     pub key: PathBuf,
 }
 
+/// Sessions that one who listens takes in: twice the robots and stations of the largest fleets that are planned.
+const SESSIONS_MAX: usize = 20_000;
+
 impl NetworkConfig {
     /// Where coordinator and agents meet when nothing is said: the port of a Zenoh router.
     pub const DEFAULT_ENDPOINT: &'static str = "tcp/127.0.0.1:7447";
@@ -122,6 +125,8 @@ impl NetworkConfig {
         set("connect/endpoints", self.connect.clone().into())?;
         set("scouting/multicast/enabled", false.into())?;
         set("scouting/gossip/enabled", false.into())?;
+        // The library's own limit is 1,000, and whoever comes after that is turned away without a word. Memory is taken by who is there.
+        set("transport/unicast/max_sessions", SESSIONS_MAX.into())?;
         set("transport/link/tx/lease", ((self.lease_s * 1000.0) as u64).into())?;
         if let Some(tls) = &self.tls {
             tls.check()?;

@@ -171,7 +171,7 @@ mod tests {
         let store = starts(&path, 3_600.0, None).await;
         let sweep = async |until_s: f64| {
             let retention = Retention { fine: at(until_s), coarse_s: 60.0, keep: at(-1e6) };
-            store.retire(&retention, &mut Sweep::default()).await.unwrap();
+            store.retire(&retention, &mut Sweep::default(), || false).await.unwrap();
         };
         assert_eq!(replayed(Some(1)).await, same);
         sweep(30.0).await;

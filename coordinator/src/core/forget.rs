@@ -5,7 +5,11 @@ use proto::{EventKind, RobotId, Timestamp};
 
 use super::Core;
 use crate::clocks::Agent;
+use crate::fleet::Robot;
 use crate::trust::Owner;
+
+/// Who gives no sign of life may be forgotten when it has not been heard for this long, s: ten times as long as agents say nothing at most.
+const SILENT_S: f64 = 600.0;
 
 /// Why a robot is not forgotten.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,9 +28,18 @@ impl Core {
     pub fn can_forget(&self, id: &RobotId) -> Result<(), NotForgotten> {
         match self.fleet.robots.get(id) {
             None => Err(NotForgotten::Unknown(self.fleet.unknown(id))),
-            Some(robot) if !robot.is_lost() => Err(NotForgotten::Heard(format!("{id} is there to be heard: end its agent first"))),
+            Some(robot) if !robot.is_lost() && !self.is_silent(id, robot) => {
+                Err(NotForgotten::Heard(format!("{id} is there to be heard: end its agent first")))
+            }
             Some(_) => Ok(()),
         }
+    }
+
+    /// Whether nothing was heard of a robot for long enough that it may be gone: one that gives no sign of life is never found lost.
+    fn is_silent(&self, id: &RobotId, robot: &Robot) -> bool {
+        let said = robot.state.iter().map(|state| state.at).chain(robot.gauge.iter().map(|gauge| gauge.at)).max();
+        let ahead_s = self.clocks.told_ahead_s(&Agent::Robot(id.clone()));
+        said.zip(self.last).is_some_and(|(said, now)| now.seconds_since(said) + ahead_s > SILENT_S)
     }
 
     /// Forgets a robot that can be, and what it was promised. Whatever it says after all makes it known again, as one that has just joined.

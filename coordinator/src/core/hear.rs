@@ -2,13 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use proto::{
-    BayPhase, EventKind, Gauge, PackId, PackState, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp, newer,
-};
+use proto::{BayPhase, EventKind, Gauge, PackId, PackState, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
 use super::{Core, REFUSED_MAX};
 use crate::clocks::Agent;
-use crate::fleet::{LeftPack, Robot, Station};
+use crate::fleet::{LeftPack, Robot, Station, is_news};
 use crate::models::from_wire;
 use crate::service_run::{How, ServiceRun, Stage};
 use crate::store::Record;
@@ -20,11 +18,12 @@ use crate::when::{self, minute_from};
 impl Core {
     pub(super) fn robot_gauge(&mut self, now: Timestamp, id: &RobotId, gauge: Gauge) -> bool {
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if !newer(now, (gauge.at, gauge.seq), robot.gauge.as_ref().map(|known| (known.at, known.seq))) {
+        let known = robot.gauge.as_ref().map(|known| (known.at, known.seq));
+        if !is_news(now, (gauge.at, gauge.seq), known, robot.is_anew[0]) {
             return false;
         }
         let first = robot.gauge.is_none();
-        robot.gauge = Some(gauge.clone());
+        (robot.gauge, robot.is_anew[0]) = (Some(gauge.clone()), false);
         let phase = robot.phase();
         let swapped = phase == Some(RobotPhase::Swapping)
             || self.running.get(id).is_some_and(|run| matches!(run.how, How::Swap { .. }) && run.stage == Stage::Swapping);
@@ -56,13 +55,15 @@ impl Core {
             return false;
         }
         let robot = self.fleet.robots.entry(id.clone()).or_default();
-        if !newer(now, (state.at, state.seq), robot.state.as_ref().map(|known| (known.at, known.seq))) {
+        let known = robot.state.as_ref().map(|known| (known.at, known.seq));
+        if !is_news(now, (state.at, state.seq), known, robot.is_anew[1]) {
             return false;
         }
         let before = robot.phase();
         let phase = state.phase;
         robot.says(state.clone());
         self.robot_alive(now, id, true);
+        self.fleet.robots.entry(id.clone()).or_default().is_anew[1] = false;
         let news = self.watch.robot_state(id, &state);
         self.doubted(now, news);
         self.record(Record::RobotState { robot: id.clone(), state: state.clone() });
@@ -110,7 +111,8 @@ impl Core {
             return false;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if !newer(now, (state.at, state.seq), station.state.as_ref().map(|known| (known.at, known.seq))) {
+        let known = station.state.as_ref().map(|known| (known.at, known.seq));
+        if !is_news(now, (state.at, state.seq), known, station.is_anew) {
             return false;
         }
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
@@ -119,6 +121,7 @@ impl Core {
         let before = station.state.replace(state.clone());
         self.station_alive(now, id, true);
         let station = self.fleet.stations.entry(id.clone()).or_default();
+        station.is_anew = false;
         if let Some(before) = &before {
             station.is_brought(before, &state);
             let relieved = before.active_pack.clone().filter(|_| before.active_pack != state.active_pack);
@@ -231,9 +234,11 @@ impl Core {
             return false;
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
-        if !newer(now, (gauge.at, gauge.seq), station.packs.get(&pack).map(|known| (known.at, known.seq))) {
+        let known = station.packs.get(&pack).map(|known| (known.at, known.seq));
+        if !is_news(now, (gauge.at, gauge.seq), known, station.packs_anew.contains(&pack)) {
             return false;
         }
+        station.packs_anew.remove(&pack);
         let was_known = station.known().is_some();
         let feeds = station.state.as_ref().is_some_and(|state| state.powered && state.active_pack.as_ref() == Some(&pack));
         station.gauged(pack.clone(), gauge.clone());
@@ -320,10 +325,42 @@ impl Core {
 
     /// Says once what is wrong with an input, however often it comes and with whatever numbers.
     pub(super) fn refuse(&mut self, now: Timestamp, what: String) {
-        let is_number = |word: &&str| word.trim_matches([',', ';', ':', ')', '(']).parse::<f64>().is_ok();
-        let kind: Vec<&str> = what.split(' ').filter(|word| !is_number(word)).collect();
-        if self.refused.len() < REFUSED_MAX && self.refused.insert(kind.join(" ")) {
-            self.event(now, EventKind::InputRefused, None, None, None, what);
+        let kind = kind_of_refusal(&what);
+        if self.refused.contains(&kind) {
+            return;
         }
+        // The oldest kinds make room: nobody can keep what others do wrong from being told.
+        if self.refused.len() >= REFUSED_MAX {
+            self.refused.pop_front();
+        }
+        self.refused.push_back(kind);
+        self.event(now, EventKind::InputRefused, None, None, None, what);
+    }
+}
+
+/// What is wrong, without what is another in every message: numbers, and the bytes of the message that are quoted.
+fn kind_of_refusal(what: &str) -> String {
+    let is_of_a_message = |place: usize, part: &str| place % 2 == 1 && part.contains([':', '{', '"']);
+    let said = what.split('`').enumerate().filter(|(place, part)| !is_of_a_message(*place, part)).map(|(_, part)| part);
+    let is_number = |word: &&str| word.trim_matches([',', ';', ':', ')', '(']).parse::<f64>().is_ok();
+    let words = said.flat_map(|part| part.split(' ')).filter(|word| !is_number(word));
+    words.collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::kind_of_refusal;
+
+    #[test]
+    fn what_is_another_in_every_message_is_no_other_refusal() {
+        let told = |seq: u32, near: &str| format!("site/robot/r1/gauge: field soc at line 1 column {seq}, near `{near}`; a number");
+        let null = |ms: u32| format!("{ms},\"seq\":77,\"soc\":{{\"value\":null");
+        assert_eq!(kind_of_refusal(&told(101, &null(600_123))), kind_of_refusal(&told(9, &null(612_345))));
+        assert_ne!(
+            kind_of_refusal("robot a is not configured, and its battery `x` is"),
+            kind_of_refusal("robot a is not configured, and its battery `y` is")
+        );
+        assert_ne!(kind_of_refusal("robot r1 is not configured"), kind_of_refusal("robot r2 is not configured"));
+        assert_ne!(kind_of_refusal("station north is not configured"), kind_of_refusal("station south is not configured"));
     }
 }

@@ -21,6 +21,7 @@ impl Core {
             self.event(now, kind, Some(id), None, None, format!("{id} {verb}"));
             if alive {
                 self.trust.back(now, &Owner::Robot(id.clone()));
+                self.fleet.robots.entry(id.clone()).or_default().is_anew = [true; 2];
             }
             if was_written_off {
                 self.replan(format!("{id} {verb}"));
@@ -40,6 +41,8 @@ impl Core {
             let (kind, verb) = if alive { (EventKind::Joined, "is back") } else { (EventKind::Lost, "was lost") };
             self.event(now, kind, None, Some(id), None, format!("{id} {verb}"));
             if alive {
+                let station = self.fleet.stations.entry(id.clone()).or_default();
+                (station.is_anew, station.packs_anew) = (true, packs.iter().cloned().collect());
                 packs.into_iter().for_each(|pack| self.trust.back(now, &Owner::Pack(id.clone(), pack)));
             }
             if was_written_off {

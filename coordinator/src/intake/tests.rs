@@ -217,3 +217,25 @@ fn whoever_rests_is_taken_when_it_is_due_whoever_spoke_first() {
     assert_eq!(drained(&mut intake, ms(500)), [gauge(0, 2)]);
     assert_eq!((intake.ready_at(), drained(&mut intake, ms(600))), (Some(ms(600)), vec![gauge(1, 2)]));
 }
+
+#[test]
+fn who_is_gone_is_not_there_again_with_a_word_that_waited() {
+    let (mut intake, key) = (Intake::new(EVERY), Key::RobotState(robot(0)).build(&"site".parse().unwrap()));
+    let says = |intake: &mut Intake, phase, seq| (0..2).for_each(|n| offer(intake, ms(10 * seq), &state_of(n, phase, seq)));
+    says(&mut intake, RobotPhase::Working, 0);
+    assert_eq!(drained(&mut intake, ms(0)).len(), 2);
+    // A state like the last waits for its time, and one that differs for its turn.
+    says(&mut intake, RobotPhase::Working, 1);
+    intake.withdraw(&key);
+    assert_eq!(drained(&mut intake, ms(1000)), [state_of(1, RobotPhase::Working, 1)]);
+    says(&mut intake, RobotPhase::Charging, 200);
+    intake.hear(ms(2000), &key, b"nonsense");
+    intake.withdraw(&key);
+    let left = drained(&mut intake, ms(3000));
+    assert_eq!(left.len(), 2, "{left:?}");
+    assert!(left.contains(&state_of(1, RobotPhase::Charging, 200)) && left.iter().any(is_refusal), "{left:?}");
+    assert_eq!((intake.changes, intake.changed.len()), (0, 0));
+    // Back, it is heard at once, though it says what it said before.
+    offer(&mut intake, ms(3001), &state_of(0, RobotPhase::Charging, 301));
+    assert_eq!(drained(&mut intake, ms(3001)), [state_of(0, RobotPhase::Charging, 301)]);
+}

@@ -65,14 +65,18 @@ pub(super) async fn subscribe(link: &Link, gate: &Gate, news: &mpsc::UnboundedSe
         let gate = gate.clone();
         kept.push(Box::new(link.listen(&pattern, move |sample| gate.hear(&sample)).await?));
     }
-    let news = news.clone();
+    let (gate, site, news) = (gate.clone(), link.site.clone(), news.clone());
     let lives = link.session.liveliness().declare_subscriber(Pattern::AllAlive.build(&link.site)).history(true).callback(move |sample| {
         let alive = sample.kind() == SampleKind::Put;
-        let input = match Key::parse(sample.key_expr().as_str()) {
-            Ok((_, Key::RobotAlive(robot))) => Input::RobotAlive(robot, alive),
-            Ok((_, Key::StationAlive(station))) => Input::StationAlive(station, alive),
+        let (input, says) = match Key::parse(sample.key_expr().as_str()) {
+            Ok((_, Key::RobotAlive(robot))) => (Input::RobotAlive(robot.clone(), alive), Key::RobotState(robot)),
+            Ok((_, Key::StationAlive(station))) => (Input::StationAlive(station.clone(), alive), Key::StationState(station)),
             _ => return,
         };
+        // Its last word was heard before this, and may still wait for its turn: after this it would be a sign of life.
+        if !alive {
+            gate.with(|intake, _| intake.withdraw(&says.build(&site)));
+        }
         let _ = news.send(input);
     });
     kept.push(Box::new(lives.await.map_err(|e| anyhow!("{e}"))?));

@@ -17,6 +17,8 @@ use crate::store::{Failing, Record, Retention, Standing, Store, StoreError, Swee
 
 /// Longest that commands wait for a store that neither writes nor fails: a disk that hangs, a file that somebody locks.
 const HANGING: Duration = Duration::from_secs(2);
+/// A step of deleting what is old takes on no further sender after this.
+const SWEEPING: Duration = Duration::from_millis(200);
 /// Longest that a coordinator which is told to stop waits for it.
 const STOPPING: Duration = Duration::from_secs(20);
 
@@ -211,9 +213,11 @@ impl Service {
         let ago = |days: f64| self.clock.now().plus_s(-days * energy::units::S_PER_DAY);
         let retention = Retention { fine: ago(keeping.fine_days), coarse_s: keeping.coarse_s, keep: ago(keeping.keep_days) };
         let (store, mut sweep) = (Arc::clone(&self.store), std::mem::take(&mut self.keeping.sweep));
-        self.keeping.since = Some(monotonic());
+        let begin = monotonic();
+        self.keeping.since = Some(begin);
         self.keeping.task = Some(tokio::spawn(async move {
-            if let Err(failure) = store.retire(&retention, &mut sweep).await {
+            // Rows of months lie far apart on a disk, and what is to be kept waits meanwhile.
+            if let Err(failure) = store.retire(&retention, &mut sweep, || begin.elapsed() > SWEEPING).await {
                 debug!("{failure}");
             }
             Done::Swept(sweep)

@@ -62,15 +62,15 @@ pub struct Sweep {
 }
 
 impl Store {
-    /// One step of a sweep. Call it about once a second.
+    /// One step of a sweep. Call it about once a second: it goes from sender to sender until some have been looked at, or it is `enough`.
     ///
     /// # Errors
     /// When the store cannot be written; the step may be made again.
-    pub async fn retire(&self, retention: &Retention, sweep: &mut Sweep) -> Result<(), StoreError> {
+    pub async fn retire(&self, retention: &Retention, sweep: &mut Sweep, enough: impl Fn() -> bool) -> Result<(), StoreError> {
         let failed = |source| StoreError::database(&self.path, "deleting what is old", source);
         let mut connection = self.writer.acquire().await.map_err(failed)?;
         forget(&mut connection, retention).await.map_err(failed)?;
-        sweep.step(&mut connection, retention).await.map_err(failed)
+        sweep.step(&mut connection, retention, enough).await.map_err(failed)
     }
 }
 
@@ -106,7 +106,7 @@ async fn forget(connection: &mut AnyConnection, retention: &Retention) -> Result
 }
 
 impl Sweep {
-    async fn step(&mut self, connection: &mut AnyConnection, retention: &Retention) -> Result<(), sqlx::Error> {
+    async fn step(&mut self, connection: &mut AnyConnection, retention: &Retention, enough: impl Fn() -> bool) -> Result<(), sqlx::Error> {
         let (from_ms, to_ms) = match self.window {
             Some(window) => window,
             None => *self.window.insert(window(connection, retention).await?),
@@ -139,6 +139,9 @@ impl Sweep {
                 }
             }
             self.after = sender;
+            if enough() {
+                break;
+            }
         }
         Ok(())
     }

@@ -86,6 +86,12 @@ pub fn desk() -> (Desk, mpsc::Receiver<Asked>) {
 }
 
 impl Desk {
+    /// Whether nobody will ever answer again.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.asked.is_closed()
+    }
+
     /// Asks, and waits a little.
     ///
     /// # Errors
@@ -135,6 +141,10 @@ pub struct Books<'a> {
 impl Asked {
     /// Answers from the core. What the core was told with that is returned, and what it wants done must be drained by the caller.
     pub fn answer(self, now: Timestamp, core: &mut Core, books: Books<'_>) -> Option<Input> {
+        // Who was told meanwhile that nobody has time must not find done what it will ask again.
+        if self.answer.is_closed() {
+            return None;
+        }
         let wish = self.question.wish();
         let answer = self.question.answer(now, core, books);
         let told = wish.filter(|_| answer.is_ok());

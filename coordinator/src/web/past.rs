@@ -119,8 +119,15 @@ impl Past {
     /// Looks at the core; to be called about once a second of its time.
     pub fn look(&mut self, now: Timestamp, core: &Core) {
         self.remember_running(core.schedule());
-        if self.sampled.is_some_and(|sampled| now.seconds_since(sampled) < self.period_s) {
+        let passed_s = self.sampled.map_or(f64::INFINITY, |sampled| now.seconds_since(sampled));
+        if (0.0..self.period_s).contains(&passed_s) {
             return;
+        }
+        // The clock was set back: what lies ahead of it would only be drawn over.
+        if passed_s < 0.0 {
+            self.robots.clear();
+            self.packs.clear();
+            self.points = 0;
         }
         self.sampled = Some(now);
         for (id, robot) in &core.fleet().robots {
@@ -134,6 +141,13 @@ impl Past {
             }
         }
         self.make_room(now);
+    }
+
+    /// Lets go of services that ended before a day: on a site that runs for months a plan's few bars would drown among them.
+    pub fn keep_a_day(&mut self, now: Timestamp) {
+        while self.services.front().is_some_and(|service| now.seconds_since(service.end) > SPAN_S) {
+            self.services.pop_front();
+        }
     }
 
     /// A sample was taken: where the series are full, every second point goes, or what is older than they span.
@@ -180,12 +194,10 @@ fn push_bounded<T>(queue: &mut VecDeque<T>, item: T, most: usize) {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_service_becomes_past_when_it_is_done_whatever_else_its_robot_did_before() {
+    fn service() -> Service {
         let at = Timestamp::from_unix_ms;
-        let robot: RobotId = "r".parse().unwrap();
-        let service = Service {
-            robot: robot.clone(),
+        Service {
+            robot: "r".parse().unwrap(),
             station: "s".parse().unwrap(),
             mode: proto::Mode::Recharge { to_soc: 1.0 },
             bay: None,
@@ -197,7 +209,14 @@ mod tests {
             probability: None,
             status: ServiceStatus::Charging,
             why: Vec::new().into(),
-        };
+        }
+    }
+
+    #[test]
+    fn a_service_becomes_past_when_it_is_done_whatever_else_its_robot_did_before() {
+        let at = Timestamp::from_unix_ms;
+        let service = service();
+        let robot = service.robot.clone();
         let mut past = Past::default();
         past.running.insert(robot.clone(), service.clone());
         let event =
@@ -207,6 +226,19 @@ mod tests {
         past.event(&event(EventKind::ServiceDone, 85));
         assert_eq!(past.services, [Service { status: ServiceStatus::Done, end: at(80), ..service }]);
         assert_eq!(past.counts[&EventKind::ServiceDone], 2);
+    }
+
+    #[test]
+    fn a_site_shows_the_services_of_a_day() {
+        let mut past = Past::default();
+        let end = |hours: f64| Timestamp::from_unix_ms(0).plus_s(3600.0 * hours);
+        for hour in 0..100 {
+            let (at, robot) = (end(f64::from(hour)), format!("r{hour}").parse().unwrap());
+            past.services.push_back(Service { robot, end: at, ..service() });
+        }
+        past.keep_a_day(end(99.5));
+        assert_eq!(past.services.iter().map(|service| service.robot.to_string()).next().unwrap(), "r76");
+        assert_eq!(past.services.len(), 24);
     }
 
     #[test]

@@ -178,6 +178,10 @@ fn pages(desk: Desk, wanted: Wanted, watching: Watching) -> impl Stream<Item = R
     let beats = tokio::time::interval(BEAT);
     futures_util::stream::unfold((desk, wanted, watching, beats), |(desk, wanted, watching, mut beats)| async move {
         beats.tick().await;
+        // Whoever led here does so no more: the page asks again, and finds who does.
+        if desk.is_closed() {
+            return None;
+        }
         let event = match desk.ask(Question::View(wanted.clone())).await {
             Ok(view) => Event::default().event("view").data(view),
             Err(_) => Event::default().event("busy").data("the coordinator does not answer"),

@@ -154,3 +154,43 @@ fn who_is_gone_for_good_is_forgotten_with_what_it_was_promised_and_begins_anew_w
     assert_eq!(told(&mut core)[0], of_r0(EventKind::Joined));
     assert_eq!(planned(&core), ["r0"]);
 }
+
+/// A computer without a battery for its clock starts again forty minutes behind.
+#[test]
+fn who_was_lost_is_heard_again_whatever_its_clock_says_now() {
+    let mut core = core();
+    station_joins(&mut core, 3_000.0);
+    joins(&mut core, 3_000.0, 1);
+    let (robot, station): (RobotId, StationId) = (id("r1"), id("s"));
+    core.handle(at(3_030.0), Input::RobotAlive(robot.clone(), false));
+    core.handle(at(3_030.0), Input::StationAlive(station.clone(), false));
+    let back = at(3_060.0);
+    core.handle(back, Input::RobotAlive(robot.clone(), true));
+    core.handle(back, Input::StationAlive(station.clone(), true));
+    let phase = |core: &Core| core.fleet().robots[&robot].phase();
+    let waits = RobotState { seq: 1, phase: RobotPhase::Waiting, station: Some(station.clone()), ..working(660.0, &["s"]) };
+    core.handle(back, Input::RobotState(robot.clone(), waits.clone()));
+    core.handle(back, Input::RobotGauge(robot.clone(), Gauge { seq: 1, ..gauge(660.0, 0.2, 14.6) }));
+    core.handle(back, Input::StationState(station.clone(), StationState { powered: false, ..ready(660.0) }));
+    core.handle(back, Input::PackGauge(station.clone(), id("p"), Gauge { seq: 1, ..gauge(660.0, 0.7, 84.0) }));
+    assert_eq!((phase(&core), core.fleet().robots[&robot].gauge.as_ref().unwrap().soc.value), (Some(RobotPhase::Waiting), 0.2));
+    let belief = &core.fleet().stations[&station];
+    assert_eq!((belief.state.as_ref().unwrap().powered, belief.packs[&id("p")].soc.value), (false, 0.7));
+    // From then on its own order counts again.
+    core.handle(back, Input::RobotState(robot.clone(), RobotState { phase: RobotPhase::Working, ..waits.clone() }));
+    assert_eq!(phase(&core), Some(RobotPhase::Waiting), "a copy");
+    core.handle(back, Input::RobotState(robot.clone(), RobotState { seq: 2, at: at(661.0), phase: RobotPhase::Working, ..waits }));
+    assert_eq!(phase(&core), Some(RobotPhase::Working));
+}
+
+#[test]
+fn who_never_gives_a_sign_of_life_is_forgotten_once_nothing_is_heard_of_it() {
+    let mut core = core();
+    joins(&mut core, 0.0, 1);
+    core.handle(at(300.0), Input::Tick);
+    assert!(core.can_forget(&id("r1")).is_err());
+    core.handle(at(700.0), Input::Tick);
+    assert!(core.can_forget(&id("r1")).is_ok());
+    core.handle(at(700.0), Input::Forget(id("r1")));
+    assert!(core.fleet().robots.is_empty());
+}

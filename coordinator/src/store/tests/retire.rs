@@ -11,7 +11,7 @@ async fn swept(store: &Store, now_s: i64) {
     let retention = Retention { fine: at(now_s - HOUR), coarse_s: 60.0, keep: at(now_s - 10 * HOUR) };
     let mut sweep = Sweep::default();
     for _ in 0..40 {
-        store.retire(&retention, &mut sweep).await.unwrap();
+        store.retire(&retention, &mut sweep, || false).await.unwrap();
     }
 }
 

@@ -117,3 +117,27 @@ async fn two_that_start_at_once_do_not_both_lead() {
     let leads = [one.await.unwrap(), two.await.unwrap()].into_iter().filter(|opened| matches!(opened, Ok(Ok(_)))).count();
     assert_eq!(leads, 1);
 }
+
+/// Somebody builds an index, or looks after the database otherwise: what is to be kept waits for that, and the lead does not.
+#[tokio::test]
+async fn a_table_that_is_locked_keeps_records_waiting_and_costs_nobody_the_lead() {
+    let Some(cluster) = Cluster::start() else { return };
+    let path = cluster.database().await;
+    let store = Arc::new(open(&path).await);
+    let options = crate::store::place::any(path.to_str().unwrap()).unwrap();
+    let mut somebody = <sqlx::AnyConnection as sqlx::Connection>::connect_with(&options).await.unwrap();
+    let mut lock = sqlx::Connection::begin(&mut somebody).await.unwrap();
+    sqlx::query("LOCK TABLE events IN SHARE MODE").execute(&mut *lock).await.unwrap();
+    let waiting = {
+        let store = Arc::clone(&store);
+        tokio::spawn(async move { store.append(&events(1..=3)).await })
+    };
+    for _ in 0..3 {
+        tokio::time::sleep(RENEWAL).await;
+        store.renew().await.unwrap();
+    }
+    assert!(!waiting.is_finished());
+    lock.commit().await.unwrap();
+    waiting.await.unwrap().unwrap();
+    assert_eq!(store.events(9).await.unwrap().len(), 3);
+}

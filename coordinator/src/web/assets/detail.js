@@ -8,7 +8,9 @@ async function openDetail(robot) {
   setText(byId("detail-doing"), "");
   byId("detail-body").replaceChildren(h("p", { class: "muted" }, "Asking the coordinator …"));
   byId("detail").showModal();
+  clearInterval(detail.timer);
   await refreshDetail();
+  if (detail.robot !== robot || !byId("detail").open) return;
   clearInterval(detail.timer);
   if (detail.live) detail.timer = setInterval(refreshDetail, 2000);
 }
@@ -19,6 +21,7 @@ async function refreshDetail() {
   try {
     shown = await detail.load(robot);
   } catch (error) {
+    if (detail.robot !== robot) return;
     byId("detail-body").replaceChildren(h("p", { class: "bad-text" }, error.message));
     return;
   }
