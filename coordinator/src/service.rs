@@ -249,7 +249,8 @@ impl Service {
     async fn show(&mut self, asked: Asked, config: &Config, path: Option<&Path>) {
         let now = self.clock.now();
         let standing = self.standing();
-        let books = Books { site: &self.link.site, title: "", past: &self.past, store: Some(&standing), ladder: config.web.ladder(path) };
+        let ladder = asked.shows_ladder().then(|| config.web.ladder(path)).flatten();
+        let books = Books { site: &self.link.site, title: "", past: &self.past, store: Some(&standing), ladder };
         let told = asked.answer(now, &mut self.core, books);
         if let Some(wish) = told {
             let before = self.outbox.records().len();

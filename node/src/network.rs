@@ -184,6 +184,14 @@ mod tests {
         assert!(NetworkConfig { tls: Some(tls), ..bare }.check().is_ok());
     }
 
+    /// The library's own limit is 1,000.
+    #[test]
+    fn who_listens_takes_in_the_largest_fleets() {
+        let config = NetworkConfig { listen: vec!["tcp/0.0.0.0:7447".to_owned()], ..NetworkConfig::to("tcp/127.0.0.1:7448") };
+        let zenoh = config.zenoh_config(&"site".parse().unwrap()).unwrap();
+        assert_eq!(zenoh.get_json("transport/unicast/max_sessions").unwrap(), SESSIONS_MAX.to_string());
+    }
+
     #[test]
     fn an_address_without_a_port_is_refused() {
         for (address, is_one) in [

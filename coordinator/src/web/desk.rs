@@ -139,6 +139,12 @@ pub struct Books<'a> {
 }
 
 impl Asked {
+    /// Whether the answer tells of the lab's last search: it is in a file, which nothing else need wait for.
+    #[must_use]
+    pub fn shows_ladder(&self) -> bool {
+        matches!(self.question, Question::View(_))
+    }
+
     /// Answers from the core. What the core was told with that is returned, and what it wants done must be drained by the caller.
     pub fn answer(self, now: Timestamp, core: &mut Core, books: Books<'_>) -> Option<Input> {
         // Who was told meanwhile that nobody has time must not find done what it will ask again.
