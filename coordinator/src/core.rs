@@ -18,6 +18,7 @@ mod input;
 mod leave;
 mod lost;
 mod plan;
+mod refused;
 mod serve;
 mod strays;
 mod study;
@@ -52,9 +53,7 @@ use crate::store::Record;
 use crate::trust::Trust;
 use crate::view::Basis;
 use crate::watch::{Standing, Watch};
-
-/// How many different refusals are told; a flood of bad messages must not fill the memory.
-const REFUSED_MAX: usize = 1000;
+use refused::Refused;
 
 /// Whose services a message may carry on.
 enum Concerned {
@@ -134,8 +133,7 @@ pub struct Core {
     untold: Untold,
     /// Why a new plan is due, if it is.
     trigger: Option<String>,
-    /// Kinds of inputs that were refused, the oldest first.
-    refused: VecDeque<String>,
+    refused: Refused,
     watch: Watch,
     trust: Trust,
     clocks: Clocks,
@@ -183,7 +181,7 @@ impl Core {
             studying: None,
             untold: Untold::default(),
             trigger: None,
-            refused: VecDeque::new(),
+            refused: Refused::default(),
             watch: Watch::default(),
             trust: Trust::default(),
             clocks: Clocks::default(),

@@ -166,6 +166,8 @@ pub async fn run(config: &Config, path: Option<&Path>, stop: impl Future<Output 
     drop(alive);
     let _ = service.link.session.close().await;
     if deposed {
+        // A write that hangs keeps the store alive: nobody may take the lease again for it.
+        service.leading.end().await;
         let path = shown(&place);
         let is_replaced = service.leading.is_replaced();
         return Err(if is_replaced { StoreError::Deposed { path } } else { StoreError::Lapsed { path } }.into());

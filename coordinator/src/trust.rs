@@ -137,8 +137,10 @@ impl Trust {
             *track = Track { told: track.told, ..Track::default() };
         }
         if let Some(last) = &track.last {
-            // A clock that was set back says nothing of how long it has been.
-            let hours = gauge.at.seconds_since(last.at).max(0.0) / energy::units::S_PER_H;
+            // A clock that was set back says nothing of how long it has been: then by when it was heard.
+            let by_its_own_s = gauge.at.seconds_since(last.at);
+            let passed_s = if by_its_own_s < 0.0 { track.arrived.map_or(0.0, |arrived| now.seconds_since(arrived)) } else { by_its_own_s };
+            let hours = passed_s.max(0.0) / energy::units::S_PER_H;
             let by = gauge.soc.value - last.soc.value;
             track.gaps_s = [track.arrived.map(|arrived| now.seconds_since(arrived)), track.gaps_s[0]];
             let possible = RATE_MAX_PER_H * hours + JUMP_SIGMAS * last.soc.sigma.hypot(gauge.soc.sigma);
@@ -224,6 +226,12 @@ impl Trust {
             return None;
         }
         (std::mem::replace(&mut track.told, fault) != fault).then_some(fault.map(|fault| Found { fault, now }))
+    }
+
+    /// How long ago a gauge was last heard, s; none where it never was.
+    #[must_use]
+    pub fn heard_ago_s(&self, now: Timestamp, owner: &Owner) -> Option<f64> {
+        Some(now.seconds_since(self.gauges.get(owner)?.arrived?))
     }
 
     /// Gauges that were heard.

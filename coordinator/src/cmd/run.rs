@@ -41,6 +41,21 @@ pub struct Args {
 /// Time between two looks for a store's server that was there before.
 const AGAIN: Duration = Duration::from_secs(1);
 
+/// Files that may be open at a time, where the system allows it: each agent that is connected is one, and so is each page that is open.
+const OPEN_FILES: u64 = 65_536;
+
+/// Asks for as many open files as may be had: a thousand, which is usual, is too few for a thousand agents.
+fn raise_open_files() {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = getrlimit(Resource::Nofile);
+    let most = limit.maximum.map_or(OPEN_FILES, |most| most.min(OPEN_FILES));
+    if limit.current.is_some_and(|now| now < most)
+        && let Err(why) = setrlimit(Resource::Nofile, Rlimit { current: Some(most), ..limit })
+    {
+        tracing::debug!("no more than {:?} files may be open: {why}", limit.current);
+    }
+}
+
 /// Runs the command. Exit status 1 says that the store's server does not answer.
 ///
 /// # Errors
@@ -62,6 +77,7 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
     }
     config.web.port = args.web_port.unwrap_or(config.web.port);
     config.web.enabled &= !args.no_web;
+    raise_open_files();
     node::begin_with_one_thread(&config.network)?;
     let mut stop = std::pin::pin!(node::told_to_stop());
     // Who has led goes on to stand by, also while the store's server is away.

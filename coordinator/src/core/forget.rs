@@ -37,9 +37,13 @@ impl Core {
 
     /// Whether nothing was heard of a robot for long enough that it may be gone: one that gives no sign of life is never found lost.
     fn is_silent(&self, id: &RobotId, robot: &Robot) -> bool {
-        let said = robot.state.iter().map(|state| state.at).chain(robot.gauge.iter().map(|gauge| gauge.at)).max();
-        let ahead_s = self.clocks.told_ahead_s(&Agent::Robot(id.clone()));
-        said.zip(self.last).is_some_and(|(said, now)| now.seconds_since(said) + ahead_s > SILENT_S)
+        let ago_s = |now: Timestamp| {
+            let ahead_s = self.clocks.told_ahead_s(&Agent::Robot(id.clone()));
+            let stated_s = robot.state.as_ref().map(|state| now.seconds_since(state.at) + ahead_s);
+            let gauged_s = self.trust.heard_ago_s(now, &Owner::Robot(id.clone()));
+            stated_s.into_iter().chain(gauged_s).fold(f64::INFINITY, f64::min)
+        };
+        self.last.is_some_and(|now| ago_s(now) > SILENT_S)
     }
 
     /// Forgets a robot that can be, and what it was promised. Whatever it says after all makes it known again, as one that has just joined.

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use proto::{BayPhase, EventKind, Gauge, PackId, PackState, RobotId, RobotPhase, RobotState, SpareId, StationId, StationState, Timestamp};
 
-use super::{Core, REFUSED_MAX};
+use super::Core;
+use super::refused::kind_of_refusal;
 use crate::clocks::Agent;
 use crate::fleet::{LeftPack, Robot, Station, is_news};
 use crate::models::from_wire;
@@ -19,7 +20,7 @@ impl Core {
     pub(super) fn robot_gauge(&mut self, now: Timestamp, id: &RobotId, gauge: Gauge) -> bool {
         let robot = self.fleet.robots.entry(id.clone()).or_default();
         let known = robot.gauge.as_ref().map(|known| (known.at, known.seq));
-        if !is_news(now, (gauge.at, gauge.seq), known, robot.is_anew[0]) {
+        if !is_news(now, (gauge.at, gauge.seq), known, robot.is_anew[0] || robot.is_lost()) {
             return false;
         }
         let first = robot.gauge.is_none();
@@ -56,7 +57,7 @@ impl Core {
         }
         let robot = self.fleet.robots.entry(id.clone()).or_default();
         let known = robot.state.as_ref().map(|known| (known.at, known.seq));
-        if !is_news(now, (state.at, state.seq), known, robot.is_anew[1]) {
+        if !is_news(now, (state.at, state.seq), known, robot.is_anew[1] || robot.is_lost()) {
             return false;
         }
         let before = robot.phase();
@@ -112,7 +113,7 @@ impl Core {
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
         let known = station.state.as_ref().map(|known| (known.at, known.seq));
-        if !is_news(now, (state.at, state.seq), known, station.is_anew) {
+        if !is_news(now, (state.at, state.seq), known, station.is_anew || station.is_lost()) {
             return false;
         }
         self.record(Record::StationState { station: id.clone(), state: state.clone() });
@@ -235,7 +236,7 @@ impl Core {
         }
         let station = self.fleet.stations.entry(id.clone()).or_default();
         let known = station.packs.get(&pack).map(|known| (known.at, known.seq));
-        if !is_news(now, (gauge.at, gauge.seq), known, station.packs_anew.contains(&pack)) {
+        if !is_news(now, (gauge.at, gauge.seq), known, station.packs_anew.contains(&pack) || station.is_lost()) {
             return false;
         }
         station.packs_anew.remove(&pack);
@@ -325,42 +326,8 @@ impl Core {
 
     /// Says once what is wrong with an input, however often it comes and with whatever numbers.
     pub(super) fn refuse(&mut self, now: Timestamp, what: String) {
-        let kind = kind_of_refusal(&what);
-        if self.refused.contains(&kind) {
-            return;
+        if self.refused.is_new(now, kind_of_refusal(&what)) {
+            self.event(now, EventKind::InputRefused, None, None, None, what);
         }
-        // The oldest kinds make room: nobody can keep what others do wrong from being told.
-        if self.refused.len() >= REFUSED_MAX {
-            self.refused.pop_front();
-        }
-        self.refused.push_back(kind);
-        self.event(now, EventKind::InputRefused, None, None, None, what);
-    }
-}
-
-/// What is wrong, without what is another in every message: numbers, and the bytes of the message that are quoted.
-fn kind_of_refusal(what: &str) -> String {
-    let is_of_a_message = |place: usize, part: &str| place % 2 == 1 && part.contains([':', '{', '"']);
-    let said = what.split('`').enumerate().filter(|(place, part)| !is_of_a_message(*place, part)).map(|(_, part)| part);
-    let is_number = |word: &&str| word.trim_matches([',', ';', ':', ')', '(']).parse::<f64>().is_ok();
-    let words = said.flat_map(|part| part.split(' ')).filter(|word| !is_number(word));
-    words.collect::<Vec<_>>().join(" ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::kind_of_refusal;
-
-    #[test]
-    fn what_is_another_in_every_message_is_no_other_refusal() {
-        let told = |seq: u32, near: &str| format!("site/robot/r1/gauge: field soc at line 1 column {seq}, near `{near}`; a number");
-        let null = |ms: u32| format!("{ms},\"seq\":77,\"soc\":{{\"value\":null");
-        assert_eq!(kind_of_refusal(&told(101, &null(600_123))), kind_of_refusal(&told(9, &null(612_345))));
-        assert_ne!(
-            kind_of_refusal("robot a is not configured, and its battery `x` is"),
-            kind_of_refusal("robot a is not configured, and its battery `y` is")
-        );
-        assert_ne!(kind_of_refusal("robot r1 is not configured"), kind_of_refusal("robot r2 is not configured"));
-        assert_ne!(kind_of_refusal("station north is not configured"), kind_of_refusal("station south is not configured"));
     }
 }

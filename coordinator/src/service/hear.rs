@@ -69,13 +69,13 @@ pub(super) async fn subscribe(link: &Link, gate: &Gate, news: &mpsc::UnboundedSe
     let lives = link.session.liveliness().declare_subscriber(Pattern::AllAlive.build(&link.site)).history(true).callback(move |sample| {
         let alive = sample.kind() == SampleKind::Put;
         let (input, says) = match Key::parse(sample.key_expr().as_str()) {
-            Ok((_, Key::RobotAlive(robot))) => (Input::RobotAlive(robot.clone(), alive), Key::RobotState(robot)),
-            Ok((_, Key::StationAlive(station))) => (Input::StationAlive(station.clone(), alive), Key::StationState(station)),
+            Ok((_, Key::RobotAlive(id))) => (Input::RobotAlive(id.clone(), alive), vec![Key::RobotState(id.clone()), Key::RobotGauge(id)]),
+            Ok((_, Key::StationAlive(id))) => (Input::StationAlive(id.clone(), alive), vec![Key::StationState(id)]),
             _ => return,
         };
-        // Its last word was heard before this, and may still wait for its turn: after this it would be a sign of life.
+        // Its last words were heard before this, and may still wait for their turn: after this a state would be a sign of life.
         if !alive {
-            gate.with(|intake, _| intake.withdraw(&says.build(&site)));
+            gate.with(|intake, _| says.iter().for_each(|key| intake.withdraw(&key.build(&site))));
         }
         let _ = news.send(input);
     });

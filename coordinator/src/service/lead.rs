@@ -89,7 +89,10 @@ async fn renew(store: Weak<Store>, right: Arc<Mutex<Right>>, every: Duration) {
         let mut right = lock(&right);
         match renewed {
             Ok(()) => right.until = store.lease().map(|lease| asked + lease),
-            Err(StoreError::Deposed { .. }) => right.is_replaced = true,
+            Err(StoreError::Deposed { .. }) => {
+                right.is_replaced = true;
+                return;
+            }
             Err(failure) => warn!("{failure}"),
         }
     }

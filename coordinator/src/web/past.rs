@@ -123,11 +123,8 @@ impl Past {
         if (0.0..self.period_s).contains(&passed_s) {
             return;
         }
-        // The clock was set back: what lies ahead of it would only be drawn over.
         if passed_s < 0.0 {
-            self.robots.clear();
-            self.packs.clear();
-            self.points = 0;
+            self.set_back(now);
         }
         self.sampled = Some(now);
         for (id, robot) in &core.fleet().robots {
@@ -143,11 +140,23 @@ impl Past {
         self.make_room(now);
     }
 
+    /// The clock was set back: what lies ahead of it would only be drawn over.
+    fn set_back(&mut self, now: Timestamp) {
+        let now_s = now.unix_ms() as f64 / 1000.0;
+        let all = self.robots.values_mut().chain(self.packs.values_mut());
+        all.for_each(|series| {
+            let left = series.time_s.partition_point(|time_s| *time_s < now_s);
+            series.columns().into_iter().for_each(|column| column.truncate(left));
+        });
+        self.robots.retain(|_, series| !series.time_s.is_empty());
+        self.packs.retain(|_, series| !series.time_s.is_empty());
+        let lengths = self.robots.values().chain(self.packs.values()).map(|series| series.time_s.len());
+        self.points = lengths.max().unwrap_or(0);
+    }
+
     /// Lets go of services that ended before a day: on a site that runs for months a plan's few bars would drown among them.
     pub fn keep_a_day(&mut self, now: Timestamp) {
-        while self.services.front().is_some_and(|service| now.seconds_since(service.end) > SPAN_S) {
-            self.services.pop_front();
-        }
+        self.services.retain(|service| now.seconds_since(service.end) <= SPAN_S);
     }
 
     /// A sample was taken: where the series are full, every second point goes, or what is older than they span.
@@ -278,7 +287,9 @@ mod tests {
         assert_eq!(["first", "late", "left"].map(|robot| points(&past, robot)), [POINTS_MAX, POINTS_MAX, 0]);
         let first = &past.robots[&"first".parse::<RobotId>().unwrap()];
         assert!(first.time_s[0] > time_s - 160.0 * (POINTS_MAX as f64 + 1.0), "{} of {time_s}", first.time_s[0]);
-        // A clock that is set back makes no series grow.
+        // A clock that is set back a little takes nothing away, and one that is set far back makes no series grow.
+        past.set_back(Timestamp::from_unix_ms(0).plus_s(time_s - 400.0));
+        assert_eq!((points(&past, "first"), past.points), (POINTS_MAX - 2, POINTS_MAX - 2));
         time_s = 0.0;
         sampled(&mut past, &mut time_s, 2.0 * DAY_S, &fleet);
         assert_eq!(["first", "late"].map(|robot| points(&past, robot) <= POINTS_MAX), [true, true]);

@@ -51,7 +51,7 @@ function detailParts(shown) {
       h("li", {}, h("strong", {}, other.what), `: ${other.when}`, other.why_not.length ? h("ul", {}, ...other.why_not.map((why) => h("li", {}, why))) : null))));
   }
   parts.push(h("h3", {}, "What its gauge says"), h("dl", { class: "facts" }, ...shown.facts.map((fact) => h("div", {}, h("dt", {}, fact.label), h("dd", { class: "num" }, fact.text)))));
-  if (shown.lost && detail.forget) {
+  if (shown.may_forget && detail.forget) {
     const forget = h("button", { type: "button", class: "plain" }, "Forget it");
     forget.addEventListener("click", () => detail.forget(shown.robot));
     parts.push(h("h3", {}, "Gone for good?"), h("p", { class: "muted" }, "Nothing is planned for it any more, and nobody is told that it is lost. Should it speak again, it is known again."), forget);

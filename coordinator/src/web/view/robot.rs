@@ -31,8 +31,8 @@ pub struct RobotDetail {
     pub doubts: Vec<DoubtLine>,
     /// What its gauge says.
     pub facts: Vec<Fact>,
-    /// Whether it is lost, and may be forgotten.
-    pub lost: bool,
+    /// Whether it is not there to be heard, and may be forgotten.
+    pub may_forget: bool,
     /// Its state of charge over time, a fraction.
     pub charge: Series,
 }
@@ -99,7 +99,7 @@ pub(super) fn detail(now: Timestamp, core: &Core, past: &Past, id: &RobotId) -> 
         alternatives: alternatives.collect(),
         doubts: doubts.into_iter().map(|doubt| DoubtLine { text: doubt.text, command: doubt.command }).collect(),
         facts: facts(robot),
-        lost: robot.is_lost(),
+        may_forget: core.can_forget(id).is_ok(),
         charge: past.robots.get(id).cloned().unwrap_or_default(),
     })
 }
