@@ -116,8 +116,9 @@ pub struct Station {
     pub lost_since: Option<Timestamp>,
     /// Whether it is written off.
     pub written_off: bool,
-    /// Whether it was lost since its last state, and the packs whose gauges have not been heard since it was: see [`is_news`].
+    /// Whether it was lost since its last state: see [`is_news`].
     pub is_anew: bool,
+    /// Packs whose gauges have not been heard since it was lost, likewise.
     pub packs_anew: BTreeSet<PackId>,
 }
 

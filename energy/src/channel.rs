@@ -125,6 +125,8 @@ channels! {
     OcvShiftEmpty = "ocv_shift_empty",
     /// SoC of the table, less 1, at which the cell, as it is now, is full.
     OcvShiftFull = "ocv_shift_full",
+    /// Natural logarithm of how many times longer a cell's relaxations take than at the reference temperature.
+    LogRelaxationTime = "log_relaxation_time",
 }
 
 impl Channel {

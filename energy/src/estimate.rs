@@ -48,7 +48,10 @@ pub(crate) fn propagate_within(inputs: &[Estimate], range: impl Fn(usize) -> (f6
         };
         let ((high, above), (low, below)) = (side(input.sigma), side(-input.sigma));
         at[index] = middle;
-        variance += ((above - below) / (high - low) * input.sigma).powi(2);
+        // A deviation that rounding swallows changes nothing.
+        if high > low {
+            variance += ((above - below) / (high - low) * input.sigma).powi(2);
+        }
     }
     Estimate::new(value, variance.sqrt())
 }

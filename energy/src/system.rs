@@ -95,6 +95,7 @@ impl System {
                 Channel::OcvV,
                 Channel::OcvShiftEmpty,
                 Channel::OcvShiftFull,
+                Channel::LogRelaxationTime,
                 Channel::EntropyVPerK,
                 Channel::OverpotentialV,
                 Channel::HeatW,

@@ -125,6 +125,18 @@ impl ModelRef {
         is_of(&model, system, key)?;
         Ok(model)
     }
+
+    /// The same, of a battery that a gauge is to follow.
+    ///
+    /// # Errors
+    /// Those of [`ModelRef::load_as`], and when the model has cells that differ: a gauge takes all cells of a pack as alike, and would tell
+    /// of the mean one what the weakest cannot give.
+    pub fn load_for_gauge(&self, key: &str, beside: Option<&Path>) -> anyhow::Result<Arc<Model>> {
+        let model = self.load_as(System::Battery, key, beside)?;
+        let words = "a gauge takes all cells as alike, and this model has [[battery.cell]]: say what is known of a weak cell as its effect `weak_cell`";
+        anyhow::ensure!(model.battery().all_alike(), "{key}: {}: {words}", self.name());
+        Ok(model)
+    }
 }
 
 /// Writes a text so that a reader sees the old file or the new one, never half of it.
@@ -153,4 +165,24 @@ pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
         Ok(())
     };
     write().with_context(|| format!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gauge_is_given_no_pack_of_unlike_cells() {
+        let folder = tempfile::tempdir().unwrap();
+        let known = energy::built_in("explorer-3s1p-1320mah").unwrap();
+        let (head, effects) = known.split_once("[[effect]]").unwrap();
+        let unlike = format!("{head}[[battery.cell]]\nseries = 2\ncapacity_factor = 0.8\n\n[[effect]]{effects}");
+        std::fs::write(folder.path().join("weak.toml"), unlike).unwrap();
+        let config = folder.path().join("robot.toml");
+        let weak = ModelRef::Name("weak.toml".to_owned());
+        assert!(weak.load_as(System::Battery, "battery", Some(&config)).is_ok(), "a body may have such a pack");
+        let refused = weak.load_for_gauge("battery", Some(&config)).unwrap_err().to_string();
+        assert!(refused.starts_with("battery: weak.toml: ") && refused.ends_with("as its effect `weak_cell`"), "{refused}");
+        assert!(ModelRef::Name("explorer-3s1p-1320mah".to_owned()).load_for_gauge("battery", None).is_ok());
+    }
 }

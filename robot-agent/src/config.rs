@@ -134,7 +134,7 @@ impl Config {
                 Ok((agent, Box::new(body)))
             }
             SourceConfig::Replay { file } => {
-                let battery = self.battery.load_as(System::Battery, "battery", path)?;
+                let battery = self.battery.load_for_gauge("battery", path)?;
                 let file = path.and_then(Path::parent).map_or_else(|| file.clone(), |folder| folder.join(file));
                 let replay = Log::read(&file)?;
                 let soc = soc_at_rest(&battery, replay.rest_voltage_v());
@@ -150,7 +150,7 @@ impl Config {
     /// Makes the agent of a real robot, and its gauge's source.
     fn build_measured(&self, path: Option<&Path>) -> anyhow::Result<(Agent, Box<dyn Source>)> {
         let device = self.source.device(&self.network, &self.site, &self.id)?.context("source: no device")?;
-        let battery = self.battery.load_as(System::Battery, "battery", path)?;
+        let battery = self.battery.load_for_gauge("battery", path)?;
         let load = self.load.as_ref().map(|load| load.load_as(System::Robot, "load", path)).transpose()?;
         let drain_w = load.as_ref().map(|load| self.mission.drain_w(load)).transpose()?;
         // Anything, until the device has said what it knows.
@@ -201,7 +201,7 @@ impl Config {
         let SourceConfig::Sim { load: true_load, temperature_degc, .. } = &self.source else {
             anyhow::bail!("robot {} has no simulated body", self.id)
         };
-        let battery = self.battery.load_as(System::Battery, "battery", path)?;
+        let battery = self.battery.load_for_gauge("battery", path)?;
         let load = self.believed_load().unwrap_or(true_load).load_as(System::Robot, "load", path)?;
         let drain_w = self.mission.drain_w(&load)?;
         let gauge = self.gauge.open(Arc::clone(&battery), body.remembered_soc(), *temperature_degc);

@@ -295,7 +295,7 @@ impl Config {
         let SourceConfig::Sim { selector, temperature_degc, .. } = &self.source else { bail!("station {} has no simulated body", self.id) };
         let mut gauges = Vec::new();
         for (pack, soc) in self.packs.iter().zip(body.remembered_socs()) {
-            let battery = pack.battery.load_as(System::Battery, &format!("packs.{}.battery", pack.id), path)?;
+            let battery = pack.battery.load_for_gauge(&format!("packs.{}.battery", pack.id), path)?;
             gauges.push((pack.id.clone(), pack.gauge.open(battery, soc, *temperature_degc)));
         }
         Ok(Agent::new(self.profile(selector.map_or(UNTIL_EMPTY, |selector| selector.rule()), "sim"), gauges))

@@ -44,7 +44,7 @@ impl Pack<'_> {
         let parameters = inputs[2..].iter().zip(self.model.parameters()).map(|(&value, p)| value.clamp(p.min, p.max)).collect();
         let mut run = Run::with_parameters(Arc::clone(self.model), parameters, start);
         if !rested {
-            go_on_like(&mut run, start, self.followed);
+            go_on_like(&mut run, start, self.followed, 1.0 + self.ledger.state(CAPACITY).value);
         }
         run
     }

@@ -88,13 +88,20 @@ pub(crate) fn follow(run: &mut Run<f64>, sample: &Sample, current_a: f64, soc: f
 
 /// A run that was begun at `start` goes on in the state in which another has come to be, but for its charge: each state lies as far from where
 /// it began as the other's does from where that would have begun. What parameters and charge make of a beginning (a weak cell that has run
-/// ahead) stays.
-pub(crate) fn go_on_like(run: &mut Run<f64>, start: Start, other: &Run<f64>) {
+/// ahead) stays. The other followed the current per `capacity` (a share of the model's): what goes with the current is that much larger.
+pub(crate) fn go_on_like(run: &mut Run<f64>, start: Start, other: &Run<f64>, capacity: f64) {
     let begun = Run::with_parameters(Arc::clone(other.model()), other.parameters().to_vec(), Start { soc: other.states()[0], ..start });
-    for ((state, came), began) in run.states_mut().iter_mut().zip(other.states()).zip(begun.states()).skip(1) {
-        *state += came - began;
+    let model = Arc::clone(other.model());
+    let states = run.states_mut().iter_mut().zip(other.states()).zip(begun.states()).zip(model.state_names()).skip(1);
+    for (((state, came), began), name) in states {
+        *state += (came - began) * if goes_with_the_current(name) { capacity } else { 1.0 };
     }
     run.channels[Channel::AmbientDegc] = other.channels[Channel::AmbientDegc];
+}
+
+/// Whether a state is a voltage or a current, and not a charge, a direction or a temperature: its name ends in its unit.
+fn goes_with_the_current(name: &str) -> bool {
+    ["_v", "_a", "_a_sqrt_s"].iter().any(|unit| name.ends_with(unit))
 }
 
 /// How far the voltage of a rested cell at this charge may lie from the middle, for how it came there, V.
@@ -144,6 +151,34 @@ mod tests {
         let followed = follower.step(&sample, 7.6, 0.4, 0.0);
         // 0.0766 ohm at 40 % (the model's file), 1.9 A through each of four strings.
         assert!((followed.drop_v - 0.0766 * 1.9).abs() < 1e-4, "{followed:?}");
+    }
+
+    /// Of a pack that holds a quarter less than the model, followed at the current per capacity: what is left of it, against its own discharge.
+    #[test]
+    fn a_smaller_pack_goes_on_from_the_polarisation_that_it_has() {
+        const CAPACITY: f64 = 0.75;
+        let model = Arc::new(crate::load_model("a123-lfp-26650-2p3ah", &|_| unreachable!("built in")).unwrap());
+        let mut smaller = Model::clone(&model);
+        if let crate::Facts::Battery(facts) = &mut smaller.facts {
+            facts.capacity_ah *= CAPACITY;
+        }
+        let smaller = Arc::new(smaller);
+        for after_s in [900, 1800, 2400] {
+            let mut pack = Run::new(Arc::clone(&smaller), Start { history: 1.0, ..Start::at_soc(0.98) });
+            let mut follower = Follower::new(&model, 0.98, 25.0, 1.0);
+            for _ in 0..after_s {
+                let before = pack.states()[0];
+                crate::load::Terminals::step_power(&mut pack, 6.6, 1.0).unwrap();
+                let sample = Sample { dt_s: 1.0, current_a: pack.channels[Channel::CurrentA], voltage_v: 3.2, temperature_degc: 25.0 };
+                follower.step(&sample, sample.current_a / CAPACITY, before, 0.0);
+            }
+            let start = Start::at_soc(pack.states()[0]);
+            let mut run = Run::new(Arc::clone(&model), start);
+            go_on_like(&mut run, start, follower.run(), CAPACITY);
+            let told_wh = CAPACITY * crate::forecast::discharge(&mut run, 6.6).energy_wh;
+            let given_wh = crate::forecast::discharge(&mut pack, 6.6).energy_wh;
+            assert!((told_wh / given_wh - 1.0).abs() < 0.004, "after {after_s} s: {told_wh} Wh, {given_wh} came");
+        }
     }
 
     #[test]

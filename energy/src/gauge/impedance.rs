@@ -241,7 +241,7 @@ impl Pack<'_> {
         let start = Start { temperature_degc: self.temperature_degc, cycle_count: self.cycles, ..Start::at_soc(soc) };
         let mut run = Run::new(Arc::clone(self.model), start);
         if !rested {
-            go_on_like(&mut run, start, self.followed);
+            go_on_like(&mut run, start, self.followed, 1.0 + self.ledger.state(CAPACITY).value);
         }
         run
     }

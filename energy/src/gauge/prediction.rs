@@ -124,7 +124,8 @@ fn line<'a>(kept: &'a mut Option<Line>, x: &DVector<f64>, p: &DMatrix<f64>, unde
     if let Some(line) = kept {
         value = (line.at[0] - x[0]).abs() > FRESH_SOC || under.power_moved(&line.under, FRESH_POWER) || under.pack_changed(&line.under);
         slopes = (line.slopes_soc - x[0]).abs() > (FRESH_SLOPE_SOC * line.slopes_soc).max(FRESH_SOC)
-            || under.power_moved(&line.slopes_under, FRESH_SLOPE_POWER);
+            || under.power_moved(&line.slopes_under, FRESH_SLOPE_POWER)
+            || under.pack_changed(&line.slopes_under);
     }
     let line = kept.get_or_insert_with(|| Line {
         at: x.clone(),
@@ -145,11 +146,11 @@ fn line<'a>(kept: &'a mut Option<Line>, x: &DVector<f64>, p: &DMatrix<f64>, unde
             line.slopes[index] = if sigma > 1e-12 {
                 let held = |value: f64| if index == 0 { value.clamp(0.0, 1.0) } else { value };
                 let mut at = |side: f64| {
-                    nudged[index] = held(held(x[index]) + side * sigma);
+                    nudged[index] = held(x[index] + side * sigma);
                     (nudged[index], f(nudged.as_slice()))
                 };
                 let ((high, above), (low, below)) = (at(1.0), at(-1.0));
-                (above - below) / (high - low)
+                if high > low { (above - below) / (high - low) } else { 0.0 }
             } else {
                 0.0
             };
@@ -191,7 +192,9 @@ impl Watch {
     /// Everything that a gauge tells; `capacity` is what it has learned of it, as a share of the model's.
     pub(crate) fn reading(&mut self, model: &Arc<Model>, believed: &impl Believed, soc: Estimate, capacity: Estimate) -> Reading {
         let health = forecast::health(model, self.cycles.full());
-        let (x, p) = believed.inputs();
+        let (mut x, p) = believed.inputs();
+        // A count may be a little above full; what is there to be given is not.
+        x[0] = x[0].clamp(0.0, 1.0);
         let errors = believed.current_errors();
         let facts = model.battery();
         let mean_v = facts.stored_wh() / facts.capacity_ah;

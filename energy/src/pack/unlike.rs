@@ -251,6 +251,7 @@ fn gather(strands: &[Strand], groups: &[Range<usize>], model: &Model, now: &mut 
         Channel::SocPerA,
         Channel::OcvShiftEmpty,
         Channel::OcvShiftFull,
+        Channel::LogRelaxationTime,
         Channel::EntropyVPerK,
         Channel::OcvV,
         Channel::HeatW,

@@ -58,7 +58,7 @@ pub(super) struct Sketches<'a> {
     pub(super) scored: Vec<(Score, Candidate)>,
     /// Effects that cannot be tried on these logs.
     pub(super) untested: Vec<Untested>,
-    /// How many can.
+    /// How many of the others were asked about.
     pub(super) tried: usize,
     /// The base on coarser evidence.
     base: State,
@@ -77,13 +77,14 @@ impl<'a> Sketches<'a> {
     pub(super) fn new(base: &State, told: Told<'a>) -> Sketches<'a> {
         told(Progress::Asking);
         let (able, untested) = candidates(&base.frame, &base.x);
-        // What stands in for effects that the columns of the logs leave out is no further question than these.
-        let tried = able.iter().filter(|candidate| !candidate.stands_in).count();
         let coarse = base.coarse();
         let scoring = Scoring::with_coarse(base, &coarse);
         let scores = scoring.score_all(&able);
         let mut scored: Vec<(Score, Candidate)> = scores.into_iter().zip(able).filter_map(|(score, one)| Some((score?, one))).collect();
         scored.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
+        // What does nothing at all beside this base was no question, nor is what stands in for effects that the columns of the logs leave out
+        // a further one than these.
+        let tried = scored.iter().filter(|(_, candidate)| !candidate.stands_in).count();
         let worth = worth_a_refit(base, &scored, tried);
         let (drawn, handed_over, seen) = (Vec::new(), Vec::new(), Vec::new());
         let mut sketches = Sketches { scored, untested, tried, base: coarse, drawn, handed_over, seen, told };

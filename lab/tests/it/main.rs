@@ -17,6 +17,7 @@ mod measured;
 mod noisy_current;
 mod noisy_speed;
 mod other_numbers;
+mod polarised;
 mod propose;
 mod real_logs;
 mod recordings;

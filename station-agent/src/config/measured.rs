@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use anyhow::{Context, anyhow, ensure};
 use device::{Device, Log, Program, Reader, UNKNOWN_SOC, Unmeasured, power_supply, ros2, sbs};
-use energy::System;
 use energy::document::hint;
 use energy::selector::Rule;
 use proto::{PackId, SpareId};
@@ -164,7 +163,7 @@ impl MeasuredConfig {
         let (mut gauges, mut packs) = (Vec::new(), Vec::new());
         for pack in &of.packs {
             let key = || format!("source.packs.{}", pack.id);
-            let model = pack.battery.load_as(System::Battery, &format!("packs.{}.battery", pack.id), path)?;
+            let model = pack.battery.load_for_gauge(&format!("packs.{}.battery", pack.id), path)?;
             let device = self.packs.get(&pack.id).with_context(key)?.open(of, path).with_context(key)?;
             // Anything, until the device has said what it knows.
             gauges.push((pack.id.clone(), pack.gauge.open(Arc::clone(&model), UNKNOWN_SOC, self.ambient_degc)));

@@ -14,6 +14,8 @@ use crate::world::{Script, World, courses};
 const SHAPES: &[(System, &str, &[f64])] = &[
     // A knee near empty.
     (System::Battery, "ohmic_soc", &[6.0, 3.5, 2.0, 0.8, 0.2, 0.0, 0.1]),
+    // The same of what is slow.
+    (System::Battery, "polarisation_soc", &[6.0, 3.5, 2.0, 0.8, 0.0, 0.1]),
     // The asinh bends within the currents of the logs.
     (System::Battery, "butler_volmer", &[1.0, 0.0]),
     // One amplitude at all states of charge; what goes with the charge is a case of its own (`hysteresis-lopsided`).

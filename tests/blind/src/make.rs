@@ -22,8 +22,17 @@ const CELL_OCV_SIGMA_V: f64 = 1e-3;
 /// Relaxation, in any form.
 const RELAXATIONS: &[&str] = &["rc1", "rc2", "rc_ladder", "warburg", "surface_diffusion"];
 /// What else an electrochemical cell does.
-const CELL_PHYSICS: &[&str] =
-    &["arrhenius", "polarisation_arrhenius", "butler_volmer", "ohmic_soc", "entropic", "charge_asymmetry", "thermal"];
+const CELL_PHYSICS: &[&str] = &[
+    "arrhenius",
+    "polarisation_arrhenius",
+    "relaxation_arrhenius",
+    "butler_volmer",
+    "ohmic_soc",
+    "polarisation_soc",
+    "entropic",
+    "charge_asymmetry",
+    "thermal",
+];
 
 /// The case of that entry and seed.
 #[must_use]

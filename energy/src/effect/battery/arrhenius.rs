@@ -51,12 +51,18 @@ pub(crate) fn kelvin<S: Real>(cell_degc: S) -> S {
     held_degc + KELVIN_AT_0_DEGC
 }
 
-/// `exp(Ea / R (1/T - 1/T_ref))` for an activation energy in kJ/mol and a temperature in °C.
+/// `Ea / R (1/T - 1/T_ref)` for an activation energy in kJ/mol and a temperature in °C.
 #[inline]
-pub(crate) fn factor<S: Real>(activation_kj_per_mol: S, cell_degc: S) -> S {
+pub(crate) fn exponent<S: Real>(activation_kj_per_mol: S, cell_degc: S) -> S {
     const REFERENCE_K: f64 = REFERENCE_DEGC + KELVIN_AT_0_DEGC;
     let kelvin = kelvin(cell_degc);
-    exp(activation_kj_per_mol * (J_PER_KJ / GAS_CONSTANT_J_PER_MOL_K / REFERENCE_K) * (-kelvin + REFERENCE_K) / kelvin)
+    activation_kj_per_mol * (J_PER_KJ / GAS_CONSTANT_J_PER_MOL_K / REFERENCE_K) * (-kelvin + REFERENCE_K) / kelvin
+}
+
+/// What a resistance is multiplied by at that temperature: `exp` of the [`exponent`].
+#[inline]
+pub(crate) fn factor<S: Real>(activation_kj_per_mol: S, cell_degc: S) -> S {
+    exp(exponent(activation_kj_per_mol, cell_degc))
 }
 
 impl Physics for Arrhenius {

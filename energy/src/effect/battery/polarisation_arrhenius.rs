@@ -2,7 +2,7 @@
 //!
 //! `V_pol(T) = V_pol(T_ref) exp(E_a / R_gas (1/T - 1/T_ref))`, T in K, T_ref = 25 °C (Kottas,
 //! Eq. C.5, on the charge-transfer and diffusion resistances). It multiplies what the pairs and
-//! ladders before it have put together; their time constants stay. Hysteresis comes after it.
+//! ladders before it have put together; their time constants are `relaxation_arrhenius`. Hysteresis comes after it.
 //!
 //! Absence: what relaxes after a current step is too small in a cold cell, too large in a warm one.
 
@@ -20,7 +20,7 @@ static SPEC: EffectSpec = EffectSpec {
     needs: &[Channel::CurrentA, Channel::TemperatureDegc],
     equation: "V = V_polarisation exp(Ea / R (1/T - 1/T_ref))",
     source: "Kottas, Eq. C.5",
-    validity: "cells of -40 to 100 degC, held constant outside; time constants do not follow the temperature",
+    validity: "cells of -40 to 100 degC, held constant outside; time constants do not follow the temperature without `relaxation_arrhenius`",
     signature: "the part of the residual that relaxes changes sign between a cold and a warm cell",
     matters: 1e-3,
     confused_with: &[("arrhenius", "current steps logged faster than the polarisation, at two temperatures")],

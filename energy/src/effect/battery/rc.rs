@@ -6,6 +6,7 @@
 //!
 //! Absence: after every current step the residual relaxes exponentially.
 
+use super::relaxation_arrhenius::{left, slowness};
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 /// A polarisation pair: `resistance_ohm` and `tau_s` are its parameters, its voltage its state.
@@ -57,10 +58,22 @@ static SPEC: EffectSpec = EffectSpec {
 /// gain of each pair in turn, a state settles at its gain times `drive`.
 #[inline]
 pub(crate) fn step_pairs<S: Real>(states: &mut [S], prepared: &[S], drive: S) -> S {
+    step_pairs_by(states, prepared, drive, |_, decay| decay)
+}
+
+/// The same where relaxations take that many times longer than what was prepared; `exponents` are those of the decays.
+#[inline]
+pub(crate) fn step_slowed_pairs<S: Real>(states: &mut [S], (prepared, exponents): (&[S], &[S]), drive: S, slowness: Option<S>) -> S {
+    let Some(slowness) = slowness else { return step_pairs(states, prepared, drive) };
+    step_pairs_by(states, prepared, drive, |pair, _| left(exponents[pair], slowness))
+}
+
+#[inline(always)]
+fn step_pairs_by<S: Real>(states: &mut [S], prepared: &[S], drive: S, decay: impl Fn(usize, S) -> S) -> S {
     let mut sum = S::from(0.0);
-    for (state, pair) in states.iter_mut().zip(prepared.chunks_exact(2)) {
-        let settled = pair[1] * drive;
-        *state = settled + (*state - settled) * pair[0];
+    for (pair, (state, numbers)) in states.iter_mut().zip(prepared.chunks_exact(2)).enumerate() {
+        let settled = numbers[1] * drive;
+        *state = settled + (*state - settled) * decay(pair, numbers[0]);
         sum += *state;
     }
     sum
@@ -71,18 +84,21 @@ impl Physics for Pair {
         self.0
     }
 
+    /// The decay over a step, and its exponent.
     fn prepared_len(&self) -> usize {
-        1
+        2
     }
 
     fn prepare<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
-        prepared[0] = (parameters[1].recip() * -dt_s).exp();
+        prepared[1] = parameters[1].recip() * -dt_s;
+        prepared[0] = prepared[1].exp();
     }
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let target_v = own.parameters[0] * channels[Channel::CellCurrentA];
-        own.states[0] = target_v + (own.states[0] - target_v) * own.prepared[0];
+        let decay = slowness(channels).map_or(own.prepared[0], |slowness| left(own.prepared[1], slowness));
+        own.states[0] = target_v + (own.states[0] - target_v) * decay;
         channels.add(Channel::OverpotentialV, own.states[0]);
     }
 }

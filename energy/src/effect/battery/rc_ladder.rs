@@ -13,7 +13,8 @@
 //! Absence: after a current step the residual relaxes over several decades of time, fast at
 //! first, and comes to an end.
 
-use super::rc::step_pairs;
+use super::rc::step_slowed_pairs;
+use super::relaxation_arrhenius::slowness;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
 pub(crate) struct RcLadder;
@@ -100,12 +101,13 @@ impl Physics for RcLadder {
         &SPEC
     }
 
+    /// Decay and share of every pair, then the exponents of all decays.
     fn prepared_len(&self) -> usize {
-        2 * PAIRS
+        3 * PAIRS
     }
 
     fn prepare<S: Real>(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
-        for (share, pair) in shares(parameters[2]).into_iter().zip(prepared.chunks_exact_mut(2)) {
+        for (share, pair) in shares(parameters[2]).into_iter().zip(prepared[..2 * PAIRS].chunks_exact_mut(2)) {
             pair[1] = parameters[0] * share;
         }
         self.prepare_length(facts, dt_s, parameters, prepared);
@@ -113,14 +115,15 @@ impl Physics for RcLadder {
 
     fn prepare_length<S: Real>(&self, _: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
         let per_tau = parameters[1].recip() * -dt_s;
-        for (index, pair) in prepared.chunks_exact_mut(2).enumerate() {
-            pair[0] = (per_tau * (-place(index)).exp()).exp();
+        for pair in 0..PAIRS {
+            let exponent = per_tau * (-place(pair)).exp();
+            (prepared[2 * pair], prepared[2 * PAIRS + pair]) = (exponent.exp(), exponent);
         }
     }
 
     #[inline]
     fn step<S: Real>(&self, _: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
-        let sum_v = step_pairs(own.states, own.prepared, channels[Channel::CellCurrentA]);
+        let sum_v = step_slowed_pairs(own.states, own.prepared.split_at(2 * PAIRS), channels[Channel::CellCurrentA], slowness(channels));
         channels.add(Channel::OverpotentialV, sum_v);
     }
 }

@@ -17,7 +17,8 @@
 
 use std::sync::LazyLock;
 
-use super::rc::step_pairs;
+use super::rc::step_slowed_pairs;
+use super::relaxation_arrhenius::slowness;
 use crate::units::S_PER_H;
 use crate::{Channel, Channels, EffectSpec, Facts, Own, ParameterSpec, Phase, Real, System, effect::Physics};
 
@@ -36,7 +37,7 @@ static SPEC: EffectSpec = EffectSpec {
     needs: &[Channel::CurrentA],
     equation: "V = s (OCV(z) - OCV(z_surf)), z - z_surf by spherical diffusion with tau_d",
     source: "single-particle model; modes of a sphere: Carslaw and Jaeger, Conduction of Heat in Solids (1959), section 9.8",
-    validity: "one electrode limits; diffusivity constant over SoC and temperature; times above tau_d / 3000",
+    validity: "one electrode limits; diffusivity constant over SoC, and over temperature but for `relaxation_arrhenius`; times above tau_d / 3000",
     signature: "the residual lags the current by minutes and follows the slope of the OCV curve, steep near empty",
     matters: 1e-3,
     confused_with: &[
@@ -99,15 +100,17 @@ impl Physics for SurfaceDiffusion {
         true
     }
 
+    /// Decay and gain of every pair, the flux of one ampere, and the exponents of all decays.
     fn prepared_len(&self) -> usize {
-        2 * PAIRS + 1
+        3 * PAIRS + 1
     }
 
     fn prepare<S: Real>(&self, facts: &Facts, dt_s: f64, parameters: &[S], prepared: &mut [S]) {
         let per_tau = parameters[1].recip() * -dt_s;
-        for (pair, &(gain, rate)) in prepared.chunks_exact_mut(2).zip(GROUPS.iter()) {
-            pair[0] = (per_tau * rate).exp();
-            pair[1] = S::from(gain);
+        for (pair, &(gain, rate)) in GROUPS.iter().enumerate() {
+            let exponent = per_tau * rate;
+            (prepared[2 * pair], prepared[2 * pair + 1]) = (exponent.exp(), S::from(gain));
+            prepared[2 * PAIRS + 1 + pair] = exponent;
         }
         prepared[2 * PAIRS] = parameters[1] * (f64::from(facts.parallel()) / (3.0 * S_PER_H));
     }
@@ -115,8 +118,12 @@ impl Physics for SurfaceDiffusion {
     #[inline]
     fn step<S: Real>(&self, facts: &Facts, _dt_s: f64, own: Own<'_, S>, channels: &mut Channels<S>) {
         let Facts::Battery(battery) = facts else { return };
-        let flux = own.prepared[2 * PAIRS] * channels[Channel::CellCurrentA] / channels[Channel::CapacityAh];
-        let (soc, ahead) = (channels[Channel::Soc], step_pairs(own.states, own.prepared, flux));
+        let mut flux = own.prepared[2 * PAIRS] * channels[Channel::CellCurrentA] / channels[Channel::CapacityAh];
+        let slowness = slowness(channels);
+        if let Some(slowness) = slowness {
+            flux *= slowness;
+        }
+        let (soc, ahead) = (channels[Channel::Soc], step_slowed_pairs(own.states, (&own.prepared[..2 * PAIRS], &own.prepared[2 * PAIRS + 1..]), flux, slowness));
         let share_v = battery.cell_ocv_v(soc, channels) - battery.cell_ocv_v(soc - ahead, channels);
         channels.add(Channel::OverpotentialV, own.parameters[0] * share_v);
     }

@@ -34,7 +34,7 @@ impl Pack<'_> {
         let start = Start { temperature_degc, cycle_count, ..Start::at_soc(soc) };
         let mut run = Run::with_parameters(Arc::clone(&gauge.model), values, start);
         if !rested {
-            go_on_like(&mut run, start, &gauge.points[0].run);
+            go_on_like(&mut run, start, &gauge.points[0].run, 1.0 + gauge.x[gauge.layout.capacity]);
         }
         run
     }

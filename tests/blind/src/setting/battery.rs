@@ -29,6 +29,8 @@ const BASES: &[(&str, &[&str])] = &[
     ("warburg", &["ohmic"]),
     ("rc2", &["ohmic", "rc1"]),
     ("polarisation_arrhenius", &["ohmic", "rc1"]),
+    ("relaxation_arrhenius", &["ohmic", "rc1"]),
+    ("polarisation_soc", &["ohmic", "rc1"]),
     ("polarisation_growth", &["ohmic", "rc1"]),
     ("thermal", &["ohmic"]),
     ("core_lag", &["ohmic", "thermal"]),
