@@ -174,6 +174,11 @@ pub trait Physics: Send + Sync {
         0.0
     }
 
+    /// Whether a state is a voltage or a current, which is as large as the battery's current: its name ends in its unit.
+    fn goes_with_current(&self, state: usize) -> bool {
+        ["_v", "_a", "_a_sqrt_s"].iter().any(|unit| self.spec().states[state].ends_with(unit))
+    }
+
     /// Calculates what depends on parameters and the length of a step only, such as
     /// `exp(-dt / tau)`. Called when one of these changes, not at every step.
     fn prepare<S: Real>(&self, _facts: &Facts, _dt_s: f64, _parameters: &[S], _prepared: &mut [S]) {}
@@ -235,6 +240,8 @@ pub trait Effect: Steps<f64> + Steps<Dual> + Steps<HalfDual> {
     fn told_by(&self) -> &'static [Channel];
     /// [`Physics::reversal`].
     fn reversal(&self) -> f64;
+    /// [`Physics::goes_with_current`].
+    fn goes_with_current(&self, state: usize) -> bool;
 }
 
 impl<T: Physics> Effect for T {
@@ -261,6 +268,9 @@ impl<T: Physics> Effect for T {
     }
     fn reversal(&self) -> f64 {
         Physics::reversal(self)
+    }
+    fn goes_with_current(&self, state: usize) -> bool {
+        Physics::goes_with_current(self, state)
     }
 }
 

@@ -363,6 +363,10 @@ impl Physics for Expression {
         }
     }
 
+    fn goes_with_current(&self, state: usize) -> bool {
+        self.lags.get(state).is_some_and(|(input, _)| input.reads_current())
+    }
+
     fn prepared_len(&self) -> usize {
         self.lags.len()
     }

@@ -110,6 +110,12 @@ impl Formula {
     }
 
     /// The value.
+    /// Whether it reads a battery's current, or what goes with that.
+    pub(crate) fn reads_current(&self) -> bool {
+        use Channel::{CellCurrentA, CurrentA, OverpotentialV, PowerW, TerminalCurrentA};
+        self.names().any(|name| matches!(name, Name::Channel(CellCurrentA | CurrentA | OverpotentialV | PowerW | TerminalCurrentA)))
+    }
+
     pub(crate) fn value<S: Real>(&self, channels: &Channels<S>, parameters: &[S], states: &[S]) -> S {
         let mut stack = [S::from(0.0); DEPTH];
         let mut top = 0;
