@@ -118,8 +118,7 @@ mod tests {
     /// decays from what R1 is there, and a pair does not jump when the charge that it was loaded at is left.
     #[test]
     fn the_pair_relaxes_from_what_its_resistance_is_where_it_rests() {
-        let effects: &[(&str, &[(&str, f64)])] =
-            &[("rc1", &[("resistance_ohm", 0.02), ("tau_s", 100.0)]), ("polarisation_soc", SHARES)];
+        let effects: &[(&str, &[(&str, f64)])] = &[("rc1", &[("resistance_ohm", 0.02), ("tau_s", 100.0)]), ("polarisation_soc", SHARES)];
         let mut run = cell(1, effects, Start::at_soc(0.1 + 0.1));
         run.channels[Channel::CurrentA] = 1.0;
         run.step(720.0);

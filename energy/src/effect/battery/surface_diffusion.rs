@@ -123,7 +123,10 @@ impl Physics for SurfaceDiffusion {
         if let Some(slowness) = slowness {
             flux *= slowness;
         }
-        let (soc, ahead) = (channels[Channel::Soc], step_slowed_pairs(own.states, (&own.prepared[..2 * PAIRS], &own.prepared[2 * PAIRS + 1..]), flux, slowness));
+        let (soc, ahead) = (
+            channels[Channel::Soc],
+            step_slowed_pairs(own.states, (&own.prepared[..2 * PAIRS], &own.prepared[2 * PAIRS + 1..]), flux, slowness),
+        );
         let share_v = battery.cell_ocv_v(soc, channels) - battery.cell_ocv_v(soc - ahead, channels);
         channels.add(Channel::OverpotentialV, own.parameters[0] * share_v);
     }
