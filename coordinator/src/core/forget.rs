@@ -8,7 +8,8 @@ use crate::clocks::Agent;
 use crate::fleet::Robot;
 use crate::trust::Owner;
 
-/// Who gives no sign of life may be forgotten when it has not been heard for this long, s: ten times as long as agents say nothing at most.
+/// Who gives no sign of life may be forgotten when it has not been heard for this long, s: sixty times as
+/// long as Tender's agents say nothing at most. A guess.
 const SILENT_S: f64 = 600.0;
 
 /// Why a robot is not forgotten.
