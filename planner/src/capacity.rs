@@ -53,9 +53,10 @@ pub fn capacity(problem: &Problem) -> Capacity {
         pools.push(pool);
         most.push((alone.min(sizes.len()), fill(sizes, pool)));
     }
-    let bins: Vec<(usize, usize, i64)> = (problem.stations.iter().enumerate())
-        .flat_map(|(station, at)| at.packs.iter().enumerate().map(move |(pack, held)| (station, pack, held.usable().max(0))))
-        .collect();
+    // A pack below its reserve serves nobody, not even who needs nothing.
+    let packs = problem.stations.iter().enumerate().flat_map(|(station, at)| at.packs.iter().enumerate().map(move |held| (station, held)));
+    let bins: Vec<(usize, usize, i64)> =
+        packs.filter(|(_, (_, held))| held.usable() >= 0).map(|(station, (pack, held))| (station, pack, held.usable())).collect();
     let pooled: Vec<(usize, usize, i64)> = pools.iter().enumerate().map(|(station, &pool)| (station, 0, pool)).collect();
     let in_need = needs.iter().filter(|needs| !needs.is_empty()).count();
     let (split_bound, prices) = bound(&needs, &pools, &most.iter().map(|&(_, split)| split).collect::<Vec<_>>());

@@ -172,7 +172,7 @@ fn battery(raw: &raw::Battery) -> Result<Battery, InstanceError> {
     for (place, &target) in raw.targets.iter().enumerate() {
         last = range(format!("battery.targets[{place}]"), target, last, capacity)?;
     }
-    range("number of battery.targets", raw.targets.len() as i64, 0, 250)?;
+    range("number of battery.targets", raw.targets.len() as i64, 1, 250)?;
     let swap_energy = range("battery.swap_energy", raw.swap_energy, 0, capacity)?;
     Ok(Battery {
         capacity,

@@ -280,6 +280,13 @@ impl Robot {
         (self.energy - travel.extra_hi - floor).div_euclid(self.drain_hi)
     }
 
+    /// What a service must add at least: half as much where it was promised. Else a robot that turns out to last a little longer
+    /// would lose its place, or come so much later that the packs no longer hold for sure what it was promised.
+    #[must_use]
+    pub fn least_gain(&self, battery: &Battery) -> i64 {
+        if self.held { battery.min_gain / 2 } else { battery.min_gain }
+    }
+
     /// What is left in its pack at the end of a way, in the tick in which a service begins there.
     #[must_use]
     pub fn left_at(&self, travel: &Travel, start: Tick) -> i64 {

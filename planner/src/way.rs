@@ -273,6 +273,7 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
     let (strands, robot) = (problem.strands(robot), &problem.robots[robot]);
     let unserved = robot.missed_unserved(battery.floor);
     let keeps = matches!(only, Some(Only::This(_)));
+    let least_gain = robot.least_gain(battery);
     let counts_cost = !strands && !matches!(only, Some(Only::Whatever));
     let mut runs = Runs::default();
     let mut made = Choices {
@@ -308,10 +309,13 @@ fn choices(problem: &Problem, robot: usize, only: Option<Only>) -> Choices {
         for travel in travels.iter().filter(in_reach) {
             let station = &problem.stations[travel.station];
             let energy = robot.left_at(travel, start);
-            let enough = battery.targets.partition_point(|target| target - energy < battery.min_gain);
+            let enough = battery.targets.partition_point(|target| target - energy < least_gain);
             let wanted = enough.max(robot.lowest_target.min(battery.targets.len()));
             let place = at.iter().position(|(left, from)| *left == energy && from.charger == station.charger).unwrap_or_else(|| {
-                at.push((energy, From::new(battery, station.charger, energy, &battery.targets[wanted..], swaps, &mut runs)));
+                at.push((
+                    energy,
+                    From::new(battery, station.charger, energy, (&battery.targets[wanted..], swaps.then_some(least_gain)), &mut runs),
+                ));
                 at.len() - 1
             });
             let from = &at[place].1;

@@ -152,11 +152,18 @@ pub(super) struct From {
 }
 
 impl From {
-    pub(super) fn new(battery: &Battery, charger: usize, energy: i64, targets: &[i64], swaps: bool, runs: &mut Runs) -> Self {
+    /// `swapped_from` is what an exchange must add at least; none where there is none.
+    pub(super) fn new(
+        battery: &Battery,
+        charger: usize,
+        energy: i64,
+        (targets, swapped_from): (&[i64], Option<i64>),
+        runs: &mut Runs,
+    ) -> Self {
         let at = &battery.chargers[charger];
         let charged = charge(battery, at, energy, targets, false);
         let charged_runs = runs.add((charger, false), at, &charged);
-        let swap = swaps && at.swap_energy - energy >= battery.min_gain;
+        let swap = swapped_from.is_some_and(|least_gain| at.swap_energy - energy >= least_gain);
         let bare = swap.then(|| charge(battery, at, energy, &[at.again_energy], true));
         let bare_runs = bare.as_ref().map_or(0, |bare| runs.add((charger, true), at, bare));
         Self { charger, charged, charged_runs, bare, bare_runs }

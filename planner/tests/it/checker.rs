@@ -46,12 +46,13 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
             assert!(session.start >= station.opens, "is taken in before the station is there");
             assert!(robot.energy - travel.extra_hi - robot.drain_hi * start as i64 >= battery.floor, "may be empty before");
             assert!(outcome[session.robot].is_none(), "serviced twice");
+            let least_gain = if robot.held { battery.min_gain / 2 } else { battery.min_gain };
             let arrived = robot.energy - travel.extra - robot.drain * start as i64;
             let (stored, end) = if let Mode::Charge(level) = session.mode {
                 let target = battery.targets[usize::from(level)];
                 assert!(usize::from(level) >= robot.lowest_target, "ends below what is on offer");
                 owed[session.robot] = battery.chargers[0].owed.get(usize::from(level)).map_or(0, |&ticks| i64::from(ticks));
-                assert!(target - arrived >= battery.min_gain, "gains too little");
+                assert!(target - arrived >= least_gain, "gains too little");
                 let (stored, draws) = charged(problem, arrived, target, false);
                 let (loading, unloading) = (station.load_ticks as usize, station.unload_ticks as usize);
                 let end = start + loading + draws.len() + unloading;
@@ -70,7 +71,7 @@ pub fn judged(problem: &Problem, plan: &Plan) -> [i64; 4] {
                 }
                 (stored, end)
             } else {
-                assert!(swap_energy - arrived >= battery.min_gain, "gains too little");
+                assert!(swap_energy - arrived >= least_gain, "gains too little");
                 let end = start + station.swap_ticks as usize;
                 assert!(end <= horizon, "ends too late");
                 for tick in start..end {

@@ -98,6 +98,23 @@ fn a_service_of_no_time_is_none() {
     assert!(planned(&full).sessions.iter().all(|session| session.end > session.start));
 }
 
+/// A robot that is at its target needs nothing; a pack below its reserve gives nothing all the same.
+#[test]
+fn a_pack_below_its_reserve_serves_nobody_who_needs_nothing() {
+    let served = |remaining: i64| {
+        let mut free = station();
+        (free.load_draw, free.unload_draw) = (0, 0);
+        free.packs = vec![planner::problem::Pack { name: "0".to_owned(), remaining, reserve: 100, available_from: 0 }];
+        let mut full = problem(vec![robot(1000)], vec![free]);
+        full.batteries[0].min_gain = 0;
+        full.robots[0].drain = 0;
+        (full.capacity_target, full.batteries[0].targets) = (0, vec![900]);
+        full.robots[0].energy = 900;
+        planner::capacity(&full).atomic.len()
+    };
+    assert_eq!([99, 100].map(served), [0, 1]);
+}
+
 /// With hundreds of places on the lift and as many slots there are millions of ways to handle robots at a time: to go through them took minutes.
 #[test]
 fn a_station_of_very_many_places_is_planned_at_once() {
@@ -129,6 +146,10 @@ fn mistakes_are_named_with_what_was_meant() {
     let error = |from: &str, to: &str| Instance::parse(&text.replacen(from, to, 1)).expect_err("a mistake").to_string();
     assert!(error("\"horizon\"", "\"horizn\"").contains("did you mean `horizon`"));
     assert!(error("\"bays\":", "\"bays\":-").contains("allowed are 0 to"));
+    let targets = text.find("\"targets\":[").expect("targets");
+    let end = targets + text[targets..].find(']').expect("their end");
+    let none = error(&text[targets..=end], "\"targets\":[]");
+    assert_eq!(none, "number of battery.targets is 0, allowed are 1 to 250");
     assert!(error("\"travel\":[[0,", "\"travel\":[[7,").contains("no station has the id 7; the nearest id is 0"));
     assert!(error("mds-inst-1", "mds-inst-9").contains("\"mds-inst-1\" can"));
     assert!(error("\"horizon\":", "\"horizon\":0.5,\"x\":").contains("horizon: invalid type"));

@@ -27,6 +27,26 @@ fn what_begins_before_a_pack_comes_must_be_held_with_certainty_by_what_is_there(
     assert!(served(700, 0), "both packs are there");
 }
 
+/// The deviation of a service of hundreds of kilowatt-hours, squared, is more than 63 bits hold.
+#[test]
+fn the_doubt_of_large_services_counts_in_full() {
+    let served = |remaining: i64| {
+        let mut station = degenerate::station();
+        (station.hotel, station.switch_cost, station.spares) = (0, 0, Vec::new());
+        station.packs = vec![Pack { name: "0".to_owned(), remaining, reserve: 0, available_from: 0 }];
+        station.chance = Some(Chance { quantile: 1.645, quantile_held: 0.0, hotel: 0, begun: 0, variance: 0.0, shared: [[0.0; 3]; 3] });
+        let robots = (0..2).map(|_| {
+            let mut robot = degenerate::robot(200);
+            robot.travel[0].variance = 5e9_f64.powi(2);
+            robot
+        });
+        let problem = degenerate::problem(robots.collect(), vec![station]);
+        plan(&problem, "optimise", 1, &mut Moves(400)).expect("a plan").sessions.len()
+    };
+    // 1.645 deviations of 5e9 for one, and of 7.07e9 for two.
+    assert_eq!([7, 9, 11, 13].map(|remaining| served(remaining * 1_000_000_000)), [0, 1, 1, 2]);
+}
+
 /// What the station takes by itself until a pack comes is asked of the packs that are there for services that begin before, not for later ones.
 #[test]
 fn a_later_service_takes_nothing_from_an_earlier_one_before_its_pack_comes() {
