@@ -213,6 +213,12 @@ impl PolicyConfig {
             settings.serve_below_soc,
             settings.charge_to_soc
         );
+        ensure!(
+            settings.min_gain_soc < settings.charge_to_soc,
+            "policy.min_gain_soc = {} must lie below policy.charge_to_soc = {}: else no charge adds enough",
+            settings.min_gain_soc,
+            settings.charge_to_soc
+        );
         Ok(settings)
     }
 }

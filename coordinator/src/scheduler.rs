@@ -50,6 +50,7 @@ mod words;
 pub mod worn;
 
 pub use carry::packs_after_begun;
+pub use charging::Point;
 pub use crowd::{Fed, crowds, solve_side_by_side};
 pub use effort::{Effort, WHOLE_FLEET_MAX};
 pub use plan::{Plan, Planned, Rejected};

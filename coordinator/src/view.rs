@@ -288,36 +288,31 @@ impl Basis<'_> {
 
     /// Power out of the active pack while as many charge side by side as can come, and how it falls at the end of that: usable energy is
     /// counted for this load.
-    fn working_draw(&self, models: &StationModels, bays: usize) -> Draw {
+    fn working_draw(&self, id: &StationId, models: &StationModels, bays: usize) -> Draw {
         let overhead_w = forecast::overhead_per_h(models).mean_wh;
-        let Some(battery) = self.reference_battery() else { return Draw::steady(overhead_w) };
-        let table = self.tables.of(models, [bays, 1], battery, [energy::units::REFERENCE_DEGC; 2], self.levels());
-        let service = table.at(self.settings.serve_below_soc);
-        let each_w = service.need_wh / (service.charge_s / S_PER_H).max(1e-6);
-        let taper = table.taper(each_w);
+        let Some(battery) = self.usual_battery(id) else { return Draw::steady(overhead_w) };
+        let table = |battery: &Arc<Model>| self.tables.of(models, [bays, 1], battery, [energy::units::REFERENCE_DEGC; 2], self.levels());
+        let service = |table: &Table| table.at(self.settings.serve_below_soc);
+        let usual = table(battery);
+        let usual_w = service(&usual).mean_w();
+        let each_w = self.mixed_w(id, |battery| service(&table(battery))).unwrap_or(usual_w);
+        let scaled = |(time_s, power_w): (f64, f64)| (time_s, power_w * each_w / usual_w);
+        let taper: Vec<_> = usual.taper(usual_w).into_iter().map(scaled).collect();
         Draw {
             power_w: overhead_w + bays as f64 * each_w,
             ending: forecast::ending(&taper, each_w, bays, models.handling.unload_s, overhead_w),
         }
     }
 
-    /// What charging takes at a station where it is neither hot nor cold, for a battery like those of its robots.
+    /// What charging takes at a station where it is neither hot nor cold, for a battery like that of most robots that come there.
     #[must_use]
     pub fn reference(&self, id: &StationId, models: &StationModels) -> Option<Arc<Table>> {
-        Some(self.table_at(self.side_by_side(id), id, models, self.reference_battery()?, [energy::units::REFERENCE_DEGC; 2]))
+        Some(self.table_at(self.side_by_side(id), id, models, self.usual_battery(id)?, [energy::units::REFERENCE_DEGC; 2]))
     }
 
     /// How warm it is at a station, °C.
     fn surroundings_degc(&self, id: &StationId) -> f64 {
         self.fleet.stations.get(id).and_then(|station| station.surroundings_degc).unwrap_or(energy::units::REFERENCE_DEGC)
-    }
-
-    /// The battery of the service that capacity is counted in: that of the first robot known, or
-    /// configured.
-    #[must_use]
-    pub fn reference_battery(&self) -> Option<&Arc<Model>> {
-        let known = self.fleet.robots.iter().find_map(|(id, robot)| self.models.battery(id, &robot.state.as_ref()?.battery));
-        known.or_else(|| self.models.robots.values().chain(self.models.batteries.values()).next())
     }
 
     /// What a station's packs must give, as much less certain as its model is doubted.

@@ -99,7 +99,7 @@ fn question(
         Some(Coming { robot: robot.robot.clone(), wanted, from_s: *from_s, is_planned: planned.is_some() })
     });
     let mut service = usual(Estimate::exact(from_soc), &table, None);
-    let battery = basis.reference_battery()?;
+    let battery = basis.usual_battery(id)?;
     if in_vain(Estimate::exact(from_soc), &basis.table(id, models, battery, basis.left_degc(id, battery))) {
         service.place = Place::InVain;
     }

@@ -48,6 +48,14 @@ pub struct Point {
     pub stopped: Option<Trip>,
 }
 
+impl Point {
+    /// What the station's packs give on the mean while it charges, W.
+    #[must_use]
+    pub fn mean_w(&self) -> f64 {
+        self.need_wh / (self.charge_s / S_PER_H).max(1e-6)
+    }
+}
+
 /// A charge from any state of charge to the target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {

@@ -257,15 +257,15 @@ impl<'a> Ledger<'a> {
         self.station.overhead_per_h.scaled(until_s / S_PER_H)
     }
 
-    /// The fullest spare of its kind that is there by then. Where packs are charged again, it comes back as the pack
-    /// that the robot leaves.
+    /// The fullest spare of its kind that is there by then, or else within the tick, by which the planner rounds. Where packs are charged again, it
+    /// comes back as the pack that the robot leaves.
     fn spare(&mut self, session: &Session) -> Option<SpareId> {
         let start_s = self.task.grid.time(session.start).seconds_since(self.task.view.now);
-        let half_tick_s = f64::from(self.task.grid.tick_s);
         let ways = &self.task.problem.robots[session.robot].travel;
         let kind = ways.iter().find(|travel| travel.station == self.index)?.spares?;
-        let is_there = |spare: &SpareView| spare.ready_s <= start_s + half_tick_s && self.task.racks.kind(self.index, spare) == kind;
-        let place = self.spares.iter().position(is_there)?;
+        let there_by =
+            |by_s: f64| self.spares.iter().position(|spare| spare.ready_s <= by_s && self.task.racks.kind(self.index, spare) == kind);
+        let place = there_by(start_s).or_else(|| there_by(start_s + f64::from(self.task.grid.tick_s)))?;
         let spare = self.spares.remove(place);
         if session.mode == Mode::SwapAndRecharge {
             self.spares.push(SpareView { ready_s: start_s + self.recharged_s(session), ..spare.clone() });

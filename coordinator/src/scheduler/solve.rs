@@ -6,7 +6,7 @@ use planner::problem::{Problem, Tick};
 use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, renew, replan};
 use proto::RobotId;
 
-use super::again::{count_less, unsure, with_the_uncounted};
+use super::again::{a_little, as_is_lacking, count_less, unsure, with_the_uncounted};
 use super::effort::{Effort, WHOLE_FLEET_MAX};
 use super::plan::{Plan, Rejected};
 use super::problem::{RobotView, StationView, View};
@@ -83,7 +83,7 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     let asked = Asked { view: &view, settings, before, effort };
     let mut best = asked.attempt(Offer::Usual);
     if !asked.may_change() {
-        return best;
+        return asked.made_sure(best, Offer::Usual);
     }
     // Neither waiting until a service is wanted nor charging to the usual level must cost another robot its turn: if
     // somebody strands for want of a place, all may come earlier, and if that does not help, leave with less. In a large
@@ -102,6 +102,7 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
         let settings = &Settings { moves_per_robot: HARDER * settings.moves_per_robot, ..*settings };
         best = Asked { settings, ..asked }.other(best, offered);
     }
+    best = asked.made_sure(best, offered);
     best = asked.as_promised(&best).unwrap_or(best);
     if best.plan.quality.stranded == 0 {
         return best;
@@ -172,7 +173,7 @@ impl Asked<'_> {
             if unsure.is_empty() {
                 break;
             }
-            count_less(&mut view, &shared.plan, &unsure);
+            count_less(&mut view, &shared.plan, &unsure, a_little);
             (shared, unsure) = beside(&view);
         }
         (shared, unsure.is_empty())
@@ -196,6 +197,27 @@ impl Asked<'_> {
             } else if let Some(why) = shared.plan.rejected.into_iter().find(|left| left.robot == robot.robot) {
                 // What it lacks even where nothing has to be charged for it.
                 best.plan.rejected.iter_mut().filter(|left| left.robot == why.robot).for_each(|left| left.clone_from(&why));
+            }
+        }
+        best
+    }
+
+    /// The plan, or one that counts on less where its new promises are less sure than is asked for once its load is stepped. A policy that is told
+    /// what to do does that.
+    fn made_sure(&self, best: Solved, offer: Offer<'_>) -> Solved {
+        let is_unsure = |solved: &Solved| unsure(&solved.plan, &solved.plan, self.before, self.settings.confidence);
+        let mut now = is_unsure(&best);
+        if now.is_empty() || !self.is_small() || !self.settings.policy.searches() {
+            return best;
+        }
+        let (mut view, mut last) = (best.task.view.clone(), best.clone());
+        for _ in 0..TIMES_LESS {
+            count_less(&mut view, &last.plan, &now, as_is_lacking(self.settings.confidence));
+            last = self.planned(view.clone(), offer);
+            now = is_unsure(&last);
+            if now.is_empty() {
+                last.plan.quality.no_more_is_proven_than(best.plan.quality);
+                return if self.broken(&last) <= self.broken(&best) { last } else { best };
             }
         }
         best

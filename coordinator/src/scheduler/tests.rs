@@ -5,6 +5,7 @@ mod heat;
 mod kept;
 mod needs;
 mod racks;
+mod rounding;
 mod shed;
 mod stepped;
 

@@ -152,7 +152,7 @@ impl Task {
             stations,
             robots,
         };
-        close_horizon(&mut problem, &view);
+        close_horizon(&mut problem, &view, grid);
         let mut task = Self { view, problem, grid, levels_soc, racks, policy: settings.policy, worth };
         let sessions = task.sessions(before);
         planner::hold(&mut task.problem, &sessions);
@@ -249,9 +249,10 @@ fn worth(view: &View) -> f64 {
     if weighed().all(is_usual) { WORTH } else { GREATEST / weighed().fold(0.0, f64::max) }
 }
 
-/// The shortest tick with which the books of all stations stay small.
+/// The shortest tick with which the books of all stations stay small. Who can come to none makes nobody's ticks longer.
 fn tick_s(view: &View) -> u32 {
-    let farthest_s = view.robots.iter().map(|robot| robot.lasts.empty_s.min(HORIZON_MAX_S).max(robot.wanted_s.min(HORIZON_MAX_S)));
+    let comes = view.robots.iter().filter(|robot| !robot.ways.is_empty());
+    let farthest_s = comes.map(|robot| robot.lasts.empty_s.min(HORIZON_MAX_S).max(robot.wanted_s.min(HORIZON_MAX_S)));
     let ticks = (BOOKED_MAX / view.stations.len().max(1) as f64).clamp(TICKS_MAX[0], TICKS_MAX[1]);
     let wanted_s = farthest_s.fold(S_PER_H, f64::max) / ticks;
     TICKS_S.into_iter().find(|&tick_s| f64::from(tick_s) >= wanted_s).unwrap_or(TICKS_S[TICKS_S.len() - 1])
@@ -259,7 +260,7 @@ fn tick_s(view: &View) -> u32 {
 
 /// Ends the horizon when everybody who may be empty within it could have been serviced. Work that has no
 /// end counts until then: a later service adds as much work as an earlier one, but who knows what comes.
-fn close_horizon(problem: &mut Problem, view: &View) {
+fn close_horizon(problem: &mut Problem, view: &View, grid: Grid) {
     let most = Tick::try_from((HORIZON_MAX_S / f64::from(problem.tick_s)) as i64).unwrap_or(Tick::MAX);
     let charging = |battery: &Battery, station: &Station| {
         let curve = &battery.chargers[station.charger].curve;
@@ -271,11 +272,12 @@ fn close_horizon(problem: &mut Problem, view: &View) {
     // Nobody waits for a charge that never ends.
     let service = services.filter(|&ticks| ticks < most).max().unwrap_or(0);
     let until = |robot: usize| problem.endurance(robot).min(i64::from(most)).max(problem.robots[robot].wanted.map_or(0, i64::from));
-    let empty = (0..problem.robots.len()).map(until).max().unwrap_or(0);
+    let comes = |robot: &usize| !problem.robots[*robot].travel.is_empty();
+    let empty = (0..problem.robots.len()).filter(comes).map(until).max().unwrap_or(0);
     let ends = problem.stations.iter().flat_map(|station| &station.ongoing).map(|ongoing| ongoing.until);
     let begun = ends.filter(|&until| until < most).max().unwrap_or(0);
     // Who never gets empty may come one after the other, all the same.
-    let lasting = (0..problem.robots.len()).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
+    let lasting = (0..problem.robots.len()).filter(comes).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
     let queue = service * (1 + lasting.min(QUEUE_MAX));
     // Ways count their ticks in 16 bits.
     problem.horizon = (empty as Tick + queue + 2).max(begun + 1).min(Tick::from(u16::MAX));
@@ -284,8 +286,9 @@ fn close_horizon(problem: &mut Problem, view: &View) {
         ongoing.from = ongoing.from.min(ongoing.until);
     }
     let end = i64::from(problem.horizon);
+    let ahead_s = view.now.seconds_since(grid.origin);
     for (robot, view) in problem.robots.iter_mut().zip(&view.robots) {
-        let until = view.until_s.map_or(end, |until_s| (until_s / f64::from(problem.tick_s)).max(0.0) as i64);
+        let until = view.until_s.map_or(end, |until_s| i64::from(grid.down(until_s + ahead_s)));
         robot.mission_end = until.min(end);
     }
 }
@@ -322,8 +325,11 @@ impl Places<'_> {
         // The least drain by which it is empty after that many whole ticks.
         let drain_hi = if endures < 1_000_000_000 { energy / (endures + 1) + 1 } else { 1 };
         let drain_hi = drain_hi.max(drain).max(1);
-        // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end.
-        let wanted = grid.up(robot.wanted_s.min(HORIZON_MAX_S) + ahead_s);
+        // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end. Where that time lies between the last
+        // tick in which a service can begin and the next one, it is wanted in that last one.
+        let last_start = robot.ways.iter().map(|way| last_tick(&way.lasts)).max();
+        let last_start = last_start.map_or(Tick::MAX, |last| last.clamp(0, i64::from(Tick::MAX)) as Tick);
+        let wanted = grid.up(robot.wanted_s.min(HORIZON_MAX_S) + ahead_s).min(last_start);
         let promised = self.before.get(&robot.robot).and_then(|planned| Some((grid.tick(planned.start)?, planned.mode)));
         let full = self.levels_soc.len() - 1;
         let was_promised = promised.and_then(|(_, mode)| if let Mode::Charge(level) = mode { Some(usize::from(level)) } else { None });

@@ -8,7 +8,10 @@ use energy::units::S_PER_H;
 use proto::{BayId, StationId};
 
 use super::Basis;
-use crate::scheduler::{Begun, Fed, StationView};
+use crate::scheduler::{Begun, Fed, Point, StationView};
+
+/// Mean powers of unlike robots are told apart by this factor.
+const MIXED_STEP: f64 = 1.05;
 
 impl Basis<'_> {
     /// Leaves out the bays that would not be fed: free ones first. Where even more bays are held than are fed, those that are given back
@@ -58,7 +61,7 @@ impl Basis<'_> {
     /// How many robots the converters of a station feed, where that is limited: robots with the battery that most have who can come.
     fn fed(&self, id: &StationId) -> Option<Fed> {
         let models = self.models.stations.get(id).filter(|models| models.converter_w_max.is_finite())?;
-        let battery = self.in_reach().get(id).and_then(InReach::usual_battery).or_else(|| self.reference_battery())?;
+        let battery = self.usual_battery(id)?;
         let levels_soc = [self.settings.serve_below_soc, self.settings.charge_to_soc];
         Some(self.tables.fed(models, self.most_side_by_side(id), battery, levels_soc))
     }
@@ -67,6 +70,31 @@ impl Basis<'_> {
     fn most_side_by_side(&self, id: &StationId) -> usize {
         let bays = self.fleet.stations.get(id).and_then(|station| station.state.as_ref()).map_or(1, |state| state.bays.len());
         bays.min(self.in_reach().get(id).map_or(0, |asked| asked.robots)).max(1)
+    }
+
+    /// The battery of the service that a station's capacity is counted in: that which most robots have that can come; where none is known, that
+    /// of any robot known, or configured.
+    #[must_use]
+    pub fn usual_battery(&self, id: &StationId) -> Option<&Arc<Model>> {
+        let here = self.in_reach().get(id).and_then(InReach::usual_battery);
+        let known = || self.fleet.robots.iter().find_map(|(id, robot)| self.models.battery(id, &robot.state.as_ref()?.battery));
+        here.or_else(known).or_else(|| self.models.robots.values().chain(self.models.batteries.values()).next())
+    }
+
+    /// What charging draws on the mean at a station where robots with unlike batteries come, W: all their services one after the other. Who draws far
+    /// more than that is rarely in a bay, and a plan that lets it in is stepped (`scheduler/cover.rs`). None where all have one kind of battery.
+    pub(super) fn mixed_w(&self, id: &StationId, service: impl Fn(&Arc<Model>) -> Point) -> Option<f64> {
+        let batteries = &self.in_reach().get(id)?.batteries;
+        if batteries.len() < 2 {
+            return None;
+        }
+        let services = batteries.values().map(|(robots, battery)| (*robots as f64, service(battery)));
+        let add =
+            |(wh, time_s): (f64, f64), (robots, service): (f64, Point)| (wh + robots * service.need_wh, time_s + robots * service.charge_s);
+        let (wh, time_s) = services.fold((0.0, 0.0), add);
+        let mean_w = wh / time_s.max(1e-6) * S_PER_H;
+        // Whoever joins or leaves changes the mean a little, and whole discharges are kept for every power.
+        Some(MIXED_STEP.powf((mean_w.max(1e-6).ln() / MIXED_STEP.ln()).ceil()))
     }
 
     fn in_reach(&self) -> &BTreeMap<StationId, InReach> {

@@ -62,7 +62,7 @@ impl Basis<'_> {
 
     /// What the packs that can feed a station hold by their voltages, Wh, without end where that is not asked of one: its model is not doubted.
     pub(crate) fn shown_wh(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> f64 {
-        let power_w = self.working_draw(models, self.side_by_side(id)).power_w;
+        let power_w = self.working_draw(id, models, self.side_by_side(id)).power_w;
         let of_pack = |pack: &proto::PackState| {
             let (model, gauge) = (models.packs.get(&pack.pack)?, station.packs.get(&pack.pack)?);
             let soc = Estimate::exact(self.watch.shown_soc(id, &pack.pack)?);
@@ -76,7 +76,7 @@ impl Basis<'_> {
     /// the fullest last, so that full packs stay full. Those that are still to come, last.
     pub(crate) fn packs(&self, id: &StationId, models: &StationModels, station: &Station, state: &StationState) -> Vec<PackView> {
         let bays = if state.bays.is_empty() { 0 } else { self.side_by_side(id) };
-        let draw = self.working_draw(models, bays);
+        let draw = self.working_draw(id, models, bays);
         let is_doubted = |pack: &PackId| self.trust.fault(self.now, &Owner::Pack(id.clone(), pack.clone())).is_some();
         let charged = charged_from_outside(models, station, state, self.now, is_doubted);
         let packs = state.packs.iter().filter_map(|pack| {

@@ -164,7 +164,7 @@ impl Basis<'_> {
     /// capacity is counted in.
     fn charge_of(&self, id: &StationId, models: &StationModels, spare: &SpareState) -> Option<(Arc<Table>, Arc<Model>)> {
         let kind = self.kind_of(models, spare);
-        let battery = kind.model().or_else(|| self.reference_battery())?;
+        let battery = kind.model().or_else(|| self.usual_battery(id))?;
         Some((self.table(id, models, battery, self.left_degc(id, battery)), Arc::clone(battery)))
     }
 

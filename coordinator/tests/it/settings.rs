@@ -100,3 +100,27 @@ fn bays_that_the_converters_cannot_feed_do_no_harm() {
     assert!(three["robots_stranded"] <= one["robots_stranded"] && three["robots_served"] >= one["robots_served"], "{one:?}, {three:?}");
     assert!(three["mission_h"] > one["mission_h"] - 0.1, "{} h, {} h", one["mission_h"], three["mission_h"]);
 }
+
+/// An Explorer and a robot with five times its energy at packs that hardly last for the larger: which of them is first in the alphabet decided
+/// once what the packs were counted to hold, and who ran empty.
+#[test]
+fn a_robots_name_changes_nothing_and_nobody_is_promised_what_the_packs_do_not_hold_for_sure() {
+    let measured = |large: &str| {
+        let text = format!(
+            "schema = 1\nname = \"s\"\nduration_s = 14400\n[policy]\nconfidence = 0.95\nserve_below_soc = 0.2\ncharge_to_soc = 0.98\n\
+             [[station]]\nid = \"mds-1\"\nload = \"mds-station\"\nbays = 1\nload_s = 30\nunload_s = 30\npacks = [\
+             {{ id = \"pack-1\", battery = \"mds-3s4p-7600mah\", soc = 1.0 }}, {{ id = \"pack-2\", battery = \"mds-3s4p-7600mah\", soc = 0.92 }}]\n\
+             [[robot]]\nid = \"explorer\"\nbattery = \"explorer-3s1p-1320mah\"\nload = \"explorer-robot\"\nsoc = 0.3\n\
+             travel_s.mds-1 = 60\nmission.inputs = {{ speed_mps = 0.1 }}\n\
+             [[robot]]\nid = \"{large}\"\nbattery = \"nissan-leaf-33ah\"\nload = \"explorer-robot\"\nsoc = 0.25\n\
+             travel_s.mds-1 = 60\nmission.inputs = {{ speed_mps = 0.0 }}\n"
+        );
+        let scenario = Scenario::parse(&PathBuf::from("s.toml"), &text).unwrap_or_else(|error| panic!("{error}"));
+        outcome(&scenario, 1).measured.metrics
+    };
+    let [before, after] = ["a-mule", "mule"].map(measured);
+    for metric in ["robots_served", "services_done", "robots_stranded", "promises_broken"] {
+        assert_eq!(before[metric], after[metric], "{metric}");
+    }
+    assert_eq!((after["promises_broken"], after["robots_stranded"]), (0.0, 0.0));
+}
