@@ -205,7 +205,12 @@ impl Asked<'_> {
     /// The plan, or one that counts on less where its new promises are less sure than is asked for once its load is stepped. A policy that is told
     /// what to do does that.
     fn made_sure(&self, best: Solved, offer: Offer<'_>) -> Solved {
-        let is_unsure = |solved: &Solved| unsure(&solved.plan, &solved.plan, self.before, self.settings.confidence);
+        // What was promised is held to as it is.
+        let held = |robot: &RobotId| self.view.robots.iter().any(|view| view.held && view.robot == *robot);
+        let is_unsure = |solved: &Solved| -> BTreeSet<RobotId> {
+            let unsure = unsure(&solved.plan, &solved.plan, self.before, self.settings.confidence);
+            unsure.into_iter().filter(|robot| !held(robot)).collect()
+        };
         let mut now = is_unsure(&best);
         if now.is_empty() || !self.is_small() || !self.settings.policy.searches() {
             return best;
