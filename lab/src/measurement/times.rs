@@ -8,8 +8,13 @@ pub(super) const GAP: f64 = 10.0;
 /// More gaps than this share of all steps are the logger's way, not accidents; a way that shows so few times is none.
 const UNEVEN: f64 = 0.01;
 const OFTEN: usize = 10;
-/// A share of repeated times above this is a clock coarser than the logger, not an accident.
-const COARSE: f64 = 0.1;
+/// A clock is coarser than its logger where more than this share of its times have several rows. A step of a test that ends and another that
+/// begins share a time as well, but not as often.
+const COARSE: f64 = 0.5;
+/// And it ticks: this share of its times are one tick apart. The rest is for pauses.
+const TICKS: f64 = 0.9;
+/// How far such a step may lie from a tick, as a share of it: thirds of a second are written with three digits.
+const TICK_TOLERANCE: f64 = 0.01;
 
 /// Which rows of a source make which rows of a log.
 #[derive(Debug)]
@@ -25,8 +30,8 @@ pub(super) struct Rows {
 impl Rows {
     /// Finds rows of one time, and says what becomes of them.
     ///
-    /// Rows of one time: where a clock is coarser than the logger, many; their mean is what held
-    /// over that tick, so that charge is kept. Elsewhere a few, written when a step ends and the
+    /// Rows of one time: where a clock is coarser than the logger, there are several at most of its ticks; their mean is what held
+    /// over that tick, so that charge is kept. Elsewhere they are written when a step ends and the
     /// next begins, or sent twice: the first is kept, since its current held until that time,
     /// whereas that of the second has held over no time yet.
     ///
@@ -50,10 +55,10 @@ impl Rows {
         if repeated.is_empty() {
             return Ok((Rows { first: Vec::new(), source: time_s.len(), averaged: false }, None));
         }
-        let averaged = repeated.len() as f64 > COARSE * time_s.len() as f64;
+        let averaged = is_coarse(time_s);
         let places: Vec<u64> = repeated.iter().map(|&row| lines[row]).collect();
         let done = if averaged {
-            "that is more than a tenth of them, so the clock is coarse: rows of one time are averaged"
+            "most times do, and they tick evenly, so the clock is coarse: rows of one time are averaged"
         } else {
             "the first of each is kept, whose current held until then"
         };
@@ -85,6 +90,17 @@ impl Rows {
     pub(super) fn firsts<T: Clone>(&self, values: Vec<T>) -> Vec<T> {
         if self.first.is_empty() { values } else { self.first.iter().map(|&row| values[row].clone()).collect() }
     }
+}
+
+/// Whether times that do not fall are those of a clock coarser than its logger.
+fn is_coarse(time_s: &[f64]) -> bool {
+    let times: Vec<&[f64]> = time_s.chunk_by(|a, b| a == b).collect();
+    let several = times.iter().filter(|rows| rows.len() > 1).count();
+    let distinct_s: Vec<f64> = times.iter().filter_map(|rows| rows.first().copied()).collect();
+    let tick_s = usual_step_s(&distinct_s);
+    let is_tick = |pair: &&[f64]| (pair[1] - pair[0] - tick_s).abs() <= TICK_TOLERANCE * tick_s;
+    let ticks = distinct_s.windows(2).filter(is_tick).count();
+    several as f64 > COARSE * distinct_s.len() as f64 && ticks as f64 >= TICKS * (distinct_s.len() - 1) as f64
 }
 
 /// The usual step between rows, s: the median.
@@ -184,6 +200,29 @@ mod tests {
         assert!(rows.numbers(vec![0.0, 1.0, 3.0, f64::NAN, f64::NAN])[2].is_nan());
         assert_eq!(rows.firsts(vec!["a", "b", "c", "d", "e"]), ["a", "b", "d"]);
         assert!(note.unwrap().contains("averaged"));
+    }
+
+    /// Pulses and rests as a tester writes them: the end of a step and the begin of the next share a time.
+    #[test]
+    fn steps_that_share_their_ends_are_no_coarse_clock() {
+        let kept = |time_s: &[f64]| {
+            let (rows, note) = Rows::of(time_s, &lines(time_s.len()), "lines").unwrap();
+            assert!(note.unwrap().ends_with("the first of each is kept, whose current held until then"), "{time_s:?}");
+            rows.numbers((0..time_s.len()).map(|row| row as f64).collect())
+        };
+        // Rows every 60 s in rests and every 2 s in pulses; one step of every six at its boundary.
+        let (mut now, mut uneven) = (0.0, vec![0.0]);
+        for step_s in [60.0, 2.0].repeat(10) {
+            uneven.extend((1..=5).map(|row| now + f64::from(row) * step_s));
+            now += 5.0 * step_s;
+            uneven.push(now);
+        }
+        assert_eq!(kept(&uneven)[4..8], [4.0, 5.0, 7.0, 8.0]);
+        // Only the ends of steps are written, and every time comes twice.
+        assert_eq!(kept(&[0.0, 600.0, 600.0, 610.0, 610.0, 1210.0, 1210.0])[..3], [0.0, 1.0, 3.0]);
+        // All rows are a second apart, and every fourth is the end of a step.
+        let even: Vec<f64> = (0..40).flat_map(|row| vec![f64::from(row); 1 + usize::from(row % 4 == 3)]).collect();
+        assert_eq!(kept(&even)[2..6], [2.0, 3.0, 5.0, 6.0]);
     }
 
     #[test]
