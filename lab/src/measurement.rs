@@ -19,6 +19,7 @@ mod no_time;
 mod overlap;
 mod selection;
 mod settling;
+mod spikes;
 mod store;
 mod table;
 mod thin;

@@ -10,11 +10,12 @@ use super::hints::odd_epoch;
 use super::mapping::Source;
 use super::no_time::no_time;
 use super::selection::{Selected, select};
+use super::spikes::{RUN_ROWS, explaining_step, spikes};
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
 use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
 use super::unread::unread;
-use super::values::{count, explaining_step, missing, spikes, within_range, without_given, without_sentinels};
+use super::values::{count, missing, register_ends, within_range, without_given, without_sentinels};
 use super::whose::{begins_another, of_several};
 use super::{GapCurrent, LogError, LogFacts, Mark, Table};
 
@@ -214,6 +215,7 @@ impl Reader<'_> {
             without_given(&mut values, &self.marks(channel.name(), index));
             self.notes.extend(missing(channel.name(), &values, lines, places));
             self.notes.extend(without_sentinels(channel.name(), &mut values, lines, places));
+            self.notes.extend(register_ends(channel.name(), &values, lines, places));
             values.iter_mut().for_each(|value| *value = *value * scale + offset);
         }
         let from = match source {
@@ -244,7 +246,10 @@ impl Reader<'_> {
                 Some(Source::Column { scale, offset, .. }) if (*scale, *offset) != (1.0, 0.0) => *offset == 0.0 && value == 0.0,
                 _ => true,
             };
-            self.notes.extend(spikes(channel, values, moves, as_written, (&self.places, self.table.places)));
+            // A voltage of some rows may be the answer to a current that nobody measured.
+            let is_unexplained = explains.is_none() && matches!(channel, Channel::VoltageV | Channel::PackVoltageV);
+            let longest = if is_unexplained { 1 } else { RUN_ROWS };
+            self.notes.extend(spikes((channel, values), longest, moves, as_written, (&self.places, self.table.places)));
         }
         for pair in [(Channel::CurrentA, Channel::VoltageV), (Channel::PackCurrentA, Channel::PackVoltageV)] {
             if let (Some(current_a), Some(voltage_v)) = (channels.get(&pair.0), channels.get(&pair.1)) {

@@ -1,6 +1,5 @@
 //! Values that no sensor can have measured: what loggers write when nothing was measured, and
-//! what lies outside the range of its channel. They become missing, and that is said. Spikes may
-//! be real: they are counted, and stay.
+//! what lies outside the range of its channel. They become missing, and that is said. What may be real is counted, and stays.
 
 use std::ops::RangeInclusive;
 
@@ -16,9 +15,12 @@ const SENTINEL_MIN: f64 = 1e30;
 /// A sentinel is told from a measurement by its distance from all others, in their spread.
 const SENTINEL_SPREADS: f64 = 3.0;
 
-/// A spike leaves its neighbours by this many usual differences, and by this share of the value.
-const SPIKE_DIFFERENCES: f64 = 20.0;
-const SPIKE_SHARE: f64 = 0.002;
+/// What a register of 16 bits shows at its end, without a sign and with one: what a device sends for "not available". Most send it in thousandths
+/// to tenths of our units.
+const REGISTER_ENDS: [f64; 3] = [65535.0, 32767.0, -32768.0];
+const REGISTER_PARTS: [f64; 4] = [10.0, 100.0, 1000.0, 10_000.0];
+/// Others come no nearer to such an end, as a share of it: a sensor that is driven to its end shows what lies before it as well.
+const REGISTER_ALONE: f64 = 0.1;
 
 /// What a channel can hold at all, far wider than any machine that models are made of.
 fn plausible(channel: Channel) -> RangeInclusive<f64> {
@@ -76,6 +78,26 @@ pub(super) fn without_sentinels(name: &str, raw: &mut [f64], lines: &[u64], plac
         if rows.len() == 1 { format!("{} is", plain(first)) } else { format!("{} are", plain(first)) },
         at(&rows, lines, places)
     ))
+}
+
+/// What is to be said about a column that shows the end of a register, as the logger wrote it, far from all others. It may be what a sensor
+/// showed that was driven to its end.
+pub(super) fn register_ends(name: &str, raw: &[f64], lines: &[u64], places: &str) -> Option<String> {
+    let is_end = |value: f64| REGISTER_PARTS.iter().any(|part| REGISTER_ENDS.iter().any(|end| value == end / part));
+    let known = || raw.iter().copied().filter(|value| !value.is_nan());
+    let (least, greatest) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+    let lies_alone = |end: f64| known().all(|value| value == end || (value - end).abs() > REGISTER_ALONE * end.abs());
+    let ends: Vec<f64> = [least, greatest].into_iter().filter(|&end| least < greatest && is_end(end) && lies_alone(end)).collect();
+    let told = |end: &f64| {
+        let rows: Vec<usize> = (0..raw.len()).filter(|&row| raw[row] == *end).collect();
+        format!(
+            "`{name}`: {} of {end}, far from all others: a register of 16 bits shows that at its end; not removed, unless --missing {name}={end} \
+             says that this is no measurement ({})",
+            count(rows.len(), "value"),
+            at(&rows, lines, places)
+        )
+    };
+    (!ends.is_empty()).then(|| ends.iter().map(told).collect::<Vec<_>>().join("; "))
 }
 
 /// Makes values outside a channel's range missing, which come from a column of that name. Returns what is to be said.
@@ -137,66 +159,6 @@ pub(super) fn missing(name: &str, values: &[f64], lines: &[u64], places: &str) -
     some.then(|| format!("`{name}`: {} of {} values are missing ({})", rows.len(), values.len(), at(&rows, lines, places)))
 }
 
-/// The step of an input above which it may explain that a state jumps: where it moves in every row, by noise or else, a state moves
-/// with it, and half as many usual steps of the one explain no spike of the other.
-pub(super) fn explaining_step(input: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = input.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| step.is_finite()).collect();
-    if steps.is_empty() {
-        return 0.0;
-    }
-    let middle = steps.len() / 2;
-    SPIKE_DIFFERENCES / 2.0 * *steps.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// What is to be said about single values that leave both neighbours. Only of states: an input
-/// may well last one row. `moves` tells rows at which an input changed, which explains a jump.
-pub(super) fn spikes(
-    channel: Channel,
-    values: &[f64],
-    moves: impl Fn(usize) -> bool,
-    is_as_written: impl Fn(f64) -> bool,
-    (lines, places): (&[u64], &str),
-) -> Option<String> {
-    let state = matches!(
-        channel,
-        Channel::VoltageV | Channel::TemperatureDegc | Channel::AmbientDegc | Channel::PackVoltageV | Channel::CycleCount
-    );
-    if !state || values.len() < 3 {
-        return None;
-    }
-    let mut differences: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|d| *d > 0.0).collect();
-    if differences.is_empty() {
-        return None;
-    }
-    let middle = (differences.len() - 1) / 2;
-    let usual = *differences.select_nth_unstable_by(middle, f64::total_cmp).1;
-    // A logger that stumbles over a reading may well lose the one beside it.
-    let known = |row: usize| values.get(row).is_some_and(|value| value.is_finite()).then_some(row);
-    let before = |row: usize| known(row - 1).or_else(|| known(row.checked_sub(2)?));
-    let after = |row: usize| known(row + 1).or_else(|| known(row + 2));
-    let spike = |row: usize| {
-        let (before, after) = before(row).zip(after(row))?;
-        let (up, down) = (values[row] - values[before], values[after] - values[row]);
-        let least = (SPIKE_DIFFERENCES * usual).max(SPIKE_SHARE * values[before].abs());
-        let leaves_both = up * down < 0.0 && up.abs().min(down.abs()) > least && !(before + 1..=after).any(&moves);
-        leaves_both.then_some((row, before))
-    };
-    let found: Vec<(usize, usize)> = (1..values.len() - 1).filter_map(spike).collect();
-    let &(first, before) = found.first()?;
-    let rows: Vec<usize> = found.iter().map(|&(row, _)| row).collect();
-    let is_one = rows.iter().all(|&row| values[row] == values[first]) && is_as_written(values[first]);
-    let name = channel.name();
-    let how = format!(", unless --missing {name}={} says that this is no measurement", plain(values[first]));
-    let how = if is_one && values[first].to_string() == plain(values[first]) { how } else { String::new() };
-    Some(format!(
-        "`{name}`: {} far from both neighbours (by more than {SPIKE_DIFFERENCES} usual differences), such as {} after {}; not removed{how} ({})",
-        count(rows.len(), "single value"),
-        plain(values[first]),
-        plain(values[before]),
-        at(&rows, lines, places)
-    ))
-}
-
 /// `1 value`, `2 values`.
 pub(super) fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
@@ -256,29 +218,15 @@ mod tests {
     }
 
     #[test]
-    fn a_spike_is_told_unless_an_input_explains_it() {
-        let values = [3.70, 3.701, 2.9, 3.70, 3.701];
-        assert!(spikes(Channel::VoltageV, &values, |_| false, |_| true, (&LINES, "lines")).unwrap().contains("such as 2.9 after 3.701"));
-        assert_eq!(spikes(Channel::VoltageV, &values, |row| row == 2, |_| true, (&LINES, "lines")), None);
-        assert_eq!(spikes(Channel::CurrentA, &values, |_| false, |_| true, (&LINES, "lines")), None);
-        let told = spikes(Channel::VoltageV, &[3.7, 3.701, 0.0, 3.70, 3.701], |_| false, |_| true, (&LINES, "lines")).unwrap();
-        assert!(told.ends_with("not removed, unless --missing voltage_v=0 says that this is no measurement (line 4)"), "{told}");
-        let mapped = spikes(Channel::VoltageV, &values, |_| false, |_| false, (&LINES, "lines")).unwrap();
-        assert!(mapped.ends_with("such as 2.9 after 3.701; not removed (line 4)"), "what the logger wrote is not known: {mapped}");
-        // Also beside a reading that is missing, but not alone among such.
-        for missing in [1, 3] {
-            let mut gone = values;
-            gone[missing] = f64::NAN;
-            assert!(
-                spikes(Channel::VoltageV, &gone, |_| false, |_| true, (&LINES, "lines")).unwrap().contains("such as 2.9 after 3.7"),
-                "{gone:?}"
-            );
-            assert_eq!(spikes(Channel::VoltageV, &gone, |row| row == 3, |_| true, (&LINES, "lines")), None, "{gone:?}");
-        }
-        let alone = [f64::NAN, f64::NAN, 2.9, f64::NAN, 3.7];
-        assert_eq!(spikes(Channel::VoltageV, &alone, |_| false, |_| true, (&LINES, "lines")), None);
-        // Noise of a current explains nothing, a step of it does, and one in a current that else holds still as well.
-        assert_eq!(explaining_step(&[0.0, 0.001, 0.0, 2.0, 2.001]), 0.01);
-        assert_eq!(explaining_step(&[0.0, 0.0, 0.0, 0.001]), 0.0);
+    fn the_end_of_a_register_is_told_where_nothing_comes_near() {
+        let told = |raw: &[f64]| register_ends("current_a", raw, &LINES, "lines");
+        let note = "`current_a`: 2 values of 655.35, far from all others: a register of 16 bits shows that at its end; not removed, unless \
+                    --missing current_a=655.35 says that this is no measurement (lines 3, 4)";
+        assert_eq!(told(&[2.28, 655.35, 655.35, f64::NAN, 2.28]).as_deref(), Some(note));
+        assert!(told(&[3.7, 6.5535, 3.6, -32.768, 3.7]).unwrap().matches("far from all others").count() == 2);
+        // A sensor that is driven to its end, and a column of nothing else.
+        assert_eq!(told(&[2.0, 31.0, 32.767, 32.767, 2.0]), None);
+        assert_eq!(told(&[32.767; 5]), None);
+        assert_eq!(told(&[2.0, 65.0, 2.0, 2.0, 2.0]), None);
     }
 }
