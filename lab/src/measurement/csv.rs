@@ -1,12 +1,20 @@
 //! Logs as text: a header, then one row per moment, with commas between cells, or semicolons or tabs
-//! where the header has these and no comma; there a comma in a number is its decimal point. Lines that
+//! where the header has more of these; there a comma in a number is its decimal point. Lines that
 //! begin with `#` are comments, and those before the header of an EC-Lab export (`.mpt`) are skipped. Read line by line, so that a long log is never in memory as text.
 
-use std::borrow::Cow;
+mod cells;
+mod commas;
+mod header;
+
 use std::io::BufRead;
 
+use cells::split;
+use commas::Commas;
+use header::{are_units, check_names, ec_lab_header, preamble, separator_of, spaces, wider};
+
 use super::ending::LastCells;
-use super::limits::{COLUMNS_MAX, Line, Lines, check_cells};
+use super::limits::{Line, Lines, check_cells};
+use super::table::Units;
 use super::values::count;
 use super::{Cells, Format, LogError, LogFacts, Table, some_places};
 
@@ -23,8 +31,8 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
     let (mut headers, mut last_cells) = (Vec::new(), LastCells::default());
     let mut separator = ',';
     let mut header_at = None;
-    // Columns without a name at the end of the header, lines without anything, and whether a comma was a decimal point.
-    let (mut unnamed, mut empty, mut commas) = (0, Vec::new(), false);
+    // Columns without a name at the end of the header, lines without anything, and what commas in numbers are.
+    let (mut unnamed, mut empty, mut commas) = (0, Vec::new(), Commas::default());
     while let Some(Line { number: line, text, whole }) = lines.next()? {
         if text.trim().is_empty() || text.starts_with('#') {
             continue;
@@ -55,7 +63,12 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             let mut names: Vec<String> = cells.iter().map(|name| name.to_string()).collect();
             unnamed = names.iter().rev().take_while(|name| name.is_empty()).count().min(names.len() - 1);
             names.truncate(names.len() - unnamed);
-            check_header(file, line, &names)?;
+            if let Err(wrong) = check_names(&names) {
+                // What has no names may be what stands before them.
+                let next = lines.next()?;
+                let before = next.map_or_else(String::new, |next| preamble(next.number, &names, next.text, separator));
+                return Err(LogError::Row { file: file.to_owned(), line, message: wrong + &before });
+            }
             table = Table::of(names, "lines");
             match separator {
                 ';' => table.notes.push("columns are separated by semicolons".to_owned()),
@@ -72,7 +85,10 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
             empty.push(line);
             continue;
         }
-        let is_wider = table.names.len() == 1 && [';', '\t'].iter().any(|&other| looks_like_a_header(text, other));
+        if let Some(told) = spaces(&table.names, text) {
+            return Err(broken(told));
+        }
+        let is_wider = table.names.len() == 1 && wider(text);
         if cells.len() != table.names.len() || is_wider {
             if !whole && cells.len() < table.names.len() {
                 table.notes.push(cut());
@@ -83,7 +99,7 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
                 true => format!("the header has {columns}"),
                 false => format!("{} where the header has {columns}", count(cells.len(), "cell")),
             };
-            return Err(broken(shape + &preamble(line, &table, text, separator)));
+            return Err(broken(shape + &preamble(line, &table.names, text, separator)));
         }
         // A logger that was started again writes its header again.
         if cells.iter().zip(&table.names).all(|(cell, name)| cell == name) {
@@ -92,6 +108,7 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         }
         if table.lines.is_empty() && are_units(&cells) {
             table.notes.push(format!("line {line} holds no number and is skipped: {}", cells.join(", ")));
+            table.units = Some(Units { line, of: cells.iter().map(|cell| cell.to_string()).collect() });
             continue;
         }
         let last = cells.last().map_or("", |cell| cell.as_ref());
@@ -102,16 +119,14 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         last_cells.add(last);
         table.lines.push(line);
         check_cells(file, &table)?;
-        for (column, text) in table.columns.iter_mut().zip(&cells) {
-            match decimal_comma(text).filter(|_| separator != ',') {
-                Some(number) => {
-                    commas = true;
-                    push(column, &number);
-                }
+        for (index, (column, text)) in table.columns.iter_mut().zip(&cells).enumerate() {
+            match if separator == ',' { None } else { commas.of(line, index, text) } {
+                Some(number) => push(column, &number),
                 None => push(column, text),
             }
         }
     }
+    commas.check().map_err(|(line, message)| LogError::Row { file: file.to_owned(), line, message })?;
     if lines.is_latin() {
         table.notes.push("is not UTF-8: read as Latin-1".to_owned());
     }
@@ -122,7 +137,9 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         };
         return Err(LogError::Whole { file: file.to_owned(), message });
     }
-    if commas && let Some(note) = table.notes.iter_mut().find(|note| note.starts_with("columns are separated")) {
+    if commas.any()
+        && let Some(note) = table.notes.iter_mut().find(|note| note.starts_with("columns are separated"))
+    {
         note.push_str(", and a comma in a number is its decimal point");
     }
     if !empty.is_empty() {
@@ -137,128 +154,6 @@ fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table
         table.notes.push(format!("the header comes again and is skipped ({})", some_places("lines", &headers)));
     }
     Ok(table)
-}
-
-/// The line of the header of an EC-Lab export, whose first lines say how many there are before the data; as far as that is known.
-fn ec_lab_header(line: u64, text: &str, known: Option<u64>) -> Option<u64> {
-    match known {
-        None if line == 1 && ["EC-Lab ASCII FILE", "BT-Lab ASCII FILE"].iter().any(|sign| text.starts_with(sign)) => Some(u64::MAX),
-        Some(u64::MAX) => {
-            let count = text.strip_prefix("Nb header lines").and_then(|rest| rest.trim_start_matches([' ', ':']).trim().parse().ok());
-            count.or(known)
-        }
-        _ => known,
-    }
-}
-
-/// What stands between the names of a header, outside quotes: commas, or semicolons or tabs where there is none.
-fn separator_of(header: &str) -> char {
-    let mut quoted = false;
-    let bare: String = header
-        .chars()
-        .filter(|&letter| {
-            quoted ^= letter == '"';
-            !quoted
-        })
-        .collect();
-    [',', ';', '\t'].into_iter().find(|&separator| bare.contains(separator)).unwrap_or(',')
-}
-
-/// The cells of a line, trimmed; none when a quoted cell does not end.
-fn split(text: &str, separator: char) -> Option<Vec<Cow<'_, str>>> {
-    if !text.contains('"') {
-        return Some(text.split(separator).map(|cell| Cow::Borrowed(cell.trim())).collect());
-    }
-    let mut cells = Vec::new();
-    let mut rest = text;
-    loop {
-        let begin = rest.trim_start();
-        let after = match begin.strip_prefix('"') {
-            Some(mut inside) => {
-                let mut cell = String::new();
-                loop {
-                    let end = inside.find('"')?;
-                    cell.push_str(&inside[..end]);
-                    inside = &inside[end + 1..];
-                    // Two quotes stand for one.
-                    match inside.strip_prefix('"') {
-                        Some(more) => {
-                            cell.push('"');
-                            inside = more;
-                        }
-                        None => break,
-                    }
-                }
-                let end = inside.find(separator).unwrap_or(inside.len());
-                cell.push_str(inside[..end].trim_end());
-                cells.push(Cow::Owned(cell.trim().to_owned()));
-                &inside[end..]
-            }
-            None => {
-                let end = begin.find(separator).unwrap_or(begin.len());
-                cells.push(Cow::Borrowed(begin[..end].trim()));
-                &begin[end..]
-            }
-        };
-        match after.strip_prefix(separator) {
-            Some(more) => rest = more,
-            None => return Some(cells),
-        }
-    }
-}
-
-/// Whether a line could name the columns of a log.
-fn looks_like_a_header(text: &str, separator: char) -> bool {
-    let is_name = |cell: &Cow<'_, str>| cell.chars().any(char::is_alphabetic) && cell.parse::<f64>().is_err();
-    split(text, separator).is_some_and(|cells| cells.len() > 1 && cells.iter().all(is_name))
-}
-
-/// That what was taken for the header is the first line of a preamble, where a later line looks like the header.
-fn preamble(line: u64, table: &Table, text: &str, separator: char) -> String {
-    let is_header = [separator, ';', '\t'].iter().any(|&one| looks_like_a_header(text, one) && text.split(one).count() > table.names.len());
-    if !is_header {
-        return String::new();
-    }
-    let before = if line == 2 { "line 1 is".to_owned() } else { format!("lines 1 to {} are", line - 1) };
-    format!(
-        "; perhaps {before} a preamble (`{}`), and line {line} is the header (`{text}`): take out what stands before it, or begin those lines \
-         with #",
-        table.names.join(",")
-    )
-}
-
-fn check_header(file: &str, line: u64, names: &[String]) -> Result<(), LogError> {
-    let fail = |message: String| Err(LogError::Row { file: file.to_owned(), line, message });
-    if names.len() > COLUMNS_MAX {
-        return fail(format!("{} columns; a log may have {COLUMNS_MAX}", names.len()));
-    }
-    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return fail("the first row holds numbers; it must be a header with column names".to_owned());
-    }
-    for (index, name) in names.iter().enumerate() {
-        if name.is_empty() {
-            return fail(format!("column {} has no name", index + 1));
-        }
-        if names[..index].contains(name) {
-            return fail(format!("two columns are named `{name}`"));
-        }
-    }
-    Ok(())
-}
-
-/// Whether a row is one of units or descriptions: no cell holds a digit, or a word for what is missing.
-fn are_units(cells: &[Cow<'_, str>]) -> bool {
-    let has_digit = |cell: &str| cell.contains(|letter: char| letter.is_ascii_digit());
-    let is_missing = |cell: &str| MISSING.contains(&cell.to_ascii_lowercase().as_str());
-    let could_be = |cell: &str| cell.is_empty() || !has_digit(cell) && !is_missing(cell);
-    // What has no unit may have an empty cell, but time has one.
-    cells.len() > 1 && !cells[0].is_empty() && cells.iter().all(|cell| could_be(cell))
-}
-
-/// A number with a comma for its decimal point, with a point; none for anything else.
-fn decimal_comma(text: &str) -> Option<String> {
-    let number = text.replacen(',', ".", 1);
-    (number != text && number.parse::<f64>().is_ok()).then_some(number)
 }
 
 fn push(column: &mut Cells, text: &str) {
@@ -323,6 +218,24 @@ mod tests {
     }
 
     #[test]
+    fn a_preamble_whose_names_are_none_and_cells_between_spaces_are_told() {
+        let message = |text: &str| read(text).unwrap_err();
+        let told = message("Date\t03/01/2026\tof test\t03/01/2026\nRec\tTestTime\tAmps\tVolts\tState\n1\t0\t1\t4\tD\n");
+        assert!(told.starts_with("a.csv:1: two columns are named `03/01/2026`; perhaps line 1 is a preamble"), "{told}");
+        assert!(told.contains("and line 2 is the header (`Rec\tTestTime"), "{told}");
+        let told = message("time_s current_a\n0 1\n");
+        assert!(told.starts_with("a.csv:2: the cells look separated by spaces") && told.contains("(`time_s current_a`)"), "{told}");
+        // A name of one column may hold spaces.
+        assert_eq!(read("free text\n1\n").unwrap().names, ["free text"]);
+    }
+
+    #[test]
+    fn commas_between_thousands_are_no_decimal_points() {
+        let told = read("time_s;current_ma;u_v\n0;800;3.9\n1;1,250;3.8\n").unwrap_err();
+        assert!(told.starts_with("a.csv:3: `1,250` has a comma and `3.9` in line 2 a decimal point"), "{told}");
+    }
+
+    #[test]
     fn an_export_of_ec_lab_begins_where_it_says() {
         let text = "EC-Lab ASCII FILE\nNb header lines : 6\n\nGalvanostatic cycling\nDevice : BCS-815\n\
                     mode\ttime/s\tEcell/V\t<I>/mA\t\n1\t0,0E+0\t4,2\t-1,0\t\n";
@@ -349,7 +262,9 @@ mod tests {
         assert_eq!(table.notes, ["columns are separated by semicolons, and a comma in a number is its decimal point"]);
         let table = read("time_s\ta\n0\t1.5\n").unwrap();
         assert_eq!((table.columns[1].numbers(), table.notes.len()), (&[1.5][..], 1));
-        // Where commas separate, they do nothing else.
+        // A name may hold a comma, where most of what separates is none; where commas separate, they do nothing else.
+        let table = read("time_s;a;b, terminal\n0,5;2,28;4,1\n").unwrap();
+        assert_eq!((table.names[2].as_str(), table.columns[2].numbers()), ("b, terminal", &[4.1][..]));
         assert_eq!(read("time_s,a;b\n0,1\n").unwrap().names, ["time_s", "a;b"]);
     }
 

@@ -27,6 +27,17 @@ pub struct Table {
     pub notes: Vec<String>,
     /// What a fuel gauge that speaks in the log knows of the start.
     pub start: Option<GaugeStart>,
+    /// What a row of units says.
+    pub units: Option<Units>,
+}
+
+/// A row that says the units of columns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Units {
+    /// Its line.
+    pub line: u64,
+    /// By column.
+    pub of: Vec<String>,
 }
 
 /// State of charge at the first row, by a fuel gauge.
@@ -42,7 +53,7 @@ impl Table {
     /// A table of these columns without rows.
     #[must_use]
     pub fn of(names: Vec<String>, places: &'static str) -> Table {
-        Table { columns: vec![Cells::default(); names.len()], names, lines: Vec::new(), places, notes: Vec::new(), start: None }
+        Table { columns: vec![Cells::default(); names.len()], names, lines: Vec::new(), places, ..Table::default() }
     }
 
     /// The rows that are kept.
