@@ -25,6 +25,7 @@ mod table;
 mod thin;
 mod times;
 mod unfollowed;
+mod units;
 mod unmeasured;
 mod unread;
 mod values;

@@ -13,6 +13,7 @@ use super::selection::{Selected, select};
 use super::spikes::{RUN_ROWS, explaining_step, spikes};
 use super::times::{Rows, gaps};
 use super::unfollowed::unfollowed;
+use super::units::doubts;
 use super::unmeasured::{Unmeasured, asked_for, could_be_asked_for, unmeasured};
 use super::unread::unread;
 use super::values::{count, missing, register_ends, within_range, without_given, without_sentinels};
@@ -86,6 +87,8 @@ impl Log {
         let (compared, missing, places) = (&compared[..], &facts.missing[..], Vec::new());
         let mut reader = Reader { file, table, mapped, compared, charges, missing, notes, places };
         reader.notes.extend(unread(&table.names, mapped, missing));
+        let doubted = doubts(table, &facts.columns).map_err(|(line, message)| LogError::Row { file: file.to_owned(), line, message })?;
+        reader.notes.extend(doubted);
         let (time_s, rows) = reader.time_s()?;
         let (mut channels, mut extra) = (BTreeMap::new(), BTreeMap::new());
         let own = |index| Source::Column { index, scale: 1.0, offset: 0.0 };

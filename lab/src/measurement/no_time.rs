@@ -1,7 +1,7 @@
 //! What is said of a log without a column of times: which of its columns may be that.
 
 use super::Table;
-use super::hints::{as_flag, conversion_of_time};
+use super::hints::{as_flag, conversion, conversion_of_time};
 use super::log::TIME;
 
 /// The words of a name, in small letters.
@@ -48,8 +48,9 @@ pub(super) fn no_time(table: &Table) -> String {
     let near = named.map_or(".".to_owned(), |index| format!("; did you mean `{}`?", names[index]));
     let flag = match named.or_else(|| rises(table).then_some(0)) {
         Some(index) => {
-            let began = table.columns[index].numbers().iter().copied().find(|time| !time.is_nan());
-            as_flag(TIME, &names[index], conversion_of_time(TIME, &names[index], began))
+            let of_units = table.units.as_ref().map_or("", |units| conversion(TIME, &units.of[index]));
+            let by_name = conversion_of_time(TIME, &names[index], table.columns[index].numbers());
+            as_flag(TIME, &names[index], if of_units.is_empty() { by_name } else { of_units })
         }
         None => format!("--column {TIME}=SOURCE"),
     };
