@@ -5,6 +5,7 @@
 //! `FORMAT`, and one line in `FORMATS`.
 
 mod charging;
+mod clocks;
 mod csv;
 mod edges;
 mod ending;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use energy::Channel;
 
 use super::charging::{rows_that_charge, sign};
+use super::clocks::how_to_write;
 use super::facts::misspelt;
 use super::hints::odd_epoch;
 use super::mapping::Source;
@@ -273,7 +274,10 @@ impl Reader<'_> {
         if let Some((row, text)) = cells.first_text(counts) {
             let from = &self.table.names[index];
             let via = if from == name { String::new() } else { format!(" (made from `{from}`)") };
-            let nor = if name == TIME { ", nor a date with a time such as 2026-03-01T10:00:00Z" } else { "" };
+            let nor = match name {
+                TIME => format!(", nor a date with a time such as 2026-03-01T10:00:00Z{}", how_to_write(text)),
+                _ => String::new(),
+            };
             return Err(self.row_error(row, format!("column `{name}`{via}: `{text}` is not a number{nor}")));
         }
         let mut values = cells.numbers().to_vec();

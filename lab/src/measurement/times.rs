@@ -1,6 +1,7 @@
 //! The times of a log: strictly increasing, or an error; repeated ones become one row; gaps are
 //! told.
 
+use super::clocks::past_midnight;
 use super::some_places;
 
 /// A step longer than this many usual ones is a gap.
@@ -45,7 +46,7 @@ impl Rows {
                 return Err((row, "every row needs a time".to_owned()));
             }
             if now < earlier {
-                return Err((row, format!("time goes backwards: {now} s after {earlier} s")));
+                return Err((row, format!("time goes backwards: {now} s after {earlier} s{}", past_midnight(earlier - now))));
             }
             if now == earlier {
                 repeated.push(row);
