@@ -291,7 +291,8 @@ fn start(model: &Model, log: &Log, inputs: &[(Channel, Vec<f64>)]) -> Result<Sta
             facts.ocv.soc(per_cell_v)
         }
         (None, None) => {
-            let soc = first(Channel::Soc).filter(|soc| (0.0..=1.0).contains(soc));
+            // A gauge that speaks later says nothing of the start.
+            let soc = log.channels.get(&Channel::Soc).and_then(|soc| soc.first().copied()).filter(|soc| (0.0..=1.0).contains(soc));
             return Err(PrepareError::NoStart { file: log.file.clone(), facts: format!("{}.toml", log.name), soc });
         }
     };
@@ -321,6 +322,17 @@ mod tests {
         let error = prepare(&robot, &log("time_s,speed_kmh\n0,1\n1,1\n", LogFacts::default())).unwrap_err().to_string();
         assert!(error.contains("no column `speed_mps`, which effect `motion` needs; did you mean `speed_kmh`?"), "{error}");
         assert!(error.contains("--column speed_mps=speed_kmh/3.6"), "{error}");
+    }
+
+    #[test]
+    fn a_gauge_that_speaks_later_does_not_offer_where_a_log_begins() {
+        let model = load_model("enertech-lco-2280mah").unwrap().model;
+        let told = |first: &str| {
+            let text = format!("time_s,current_a,voltage_v,soc\n0,1,4.1,{first}\n1,1,4.0,0.5\n2,1,4.0,0.5\n");
+            prepare(&model, &log(&text, LogFacts::default())).unwrap_err().to_string()
+        };
+        assert!(told("0.6").ends_with("begins at 0.6: --soc-initial 0.6"), "{}", told("0.6"));
+        assert!(told("").ends_with("in run.toml"), "{}", told(""));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::io::{self, BufRead};
 
 use energy::document::hint;
+use energy::units::S_PER_H;
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -25,6 +26,10 @@ const RECORD_MAX: usize = 256 << 20;
 const CELLS_MAX: usize = 64;
 /// What a robot's own gauge is taken to know its charge to, when it does not say.
 const GAUGE_SIGMA: f64 = 0.05;
+/// Charge that may flow before the gauge first speaks, as a share of the capacity: a fifth of its deviation.
+const LITTLE_SOC: f64 = 0.01;
+/// The time in which as much flows at the capacity an hour, s, where no message tells the capacity.
+const LITTLE_S: f64 = 36.0;
 
 /// A topic of the recording.
 struct Topic {
@@ -192,6 +197,8 @@ struct Rows {
     time_ns: Vec<u64>,
     cells: Table,
     absent: Vec<u64>,
+    /// Capacity that the first message tells: what the pack holds now, or what it was made for.
+    capacity_ah: Option<f64>,
 }
 
 /// Columns, in the order of [`Rows::push`]; those of the cells follow.
@@ -200,7 +207,7 @@ const COLUMNS: [&str; 7] = ["time_s", "current_a", "voltage_v", "temperature_deg
 impl Rows {
     fn new() -> Rows {
         let names = COLUMNS.iter().map(|&name| name.to_owned()).collect();
-        Rows { stamp_ns: Vec::new(), time_ns: Vec::new(), cells: Table::of(names, "messages"), absent: Vec::new() }
+        Rows { stamp_ns: Vec::new(), time_ns: Vec::new(), cells: Table::of(names, "messages"), absent: Vec::new(), capacity_ah: None }
     }
 
     fn push(&mut self, message: &BatteryState, log_time_ns: u64) {
@@ -208,6 +215,8 @@ impl Rows {
         self.time_ns.push(log_time_ns);
         let number = self.time_ns.len() as u64;
         if number == 1 {
+            let told = [message.capacity, message.design_capacity].map(decimal);
+            self.capacity_ah = told.into_iter().find(|&capacity_ah| capacity_ah > 0.0);
             for cell in 1..=message.cell_voltage.len().min(CELLS_MAX) {
                 self.cells.names.push(format!("cell_{cell}_v"));
                 self.cells.columns.push(Cells::default());
@@ -234,7 +243,7 @@ impl Rows {
 
     /// The table: times from the first message on, without columns that were never measured.
     fn table(self) -> Table {
-        let Rows { stamp_ns, time_ns, mut cells, absent } = self;
+        let Rows { stamp_ns, time_ns, mut cells, absent, capacity_ah } = self;
         let stamped = stamp_ns.iter().all(|&ns| ns != 0);
         let since = |row: usize| {
             if stamped {
@@ -252,8 +261,14 @@ impl Rows {
         if !absent.is_empty() {
             cells.notes.push(format!("no battery was present: taken as missing ({})", super::some_places("messages", &absent)));
         }
-        let first = cells.columns[4].numbers().iter().copied().find(|soc| !soc.is_nan());
-        cells.start = first.map(|soc| GaugeStart { soc, sigma: GAUGE_SIGMA });
+        let columns = [0, 1, 4].map(|column: usize| cells.columns[column].numbers());
+        match start(columns, capacity_ah) {
+            Ok(start) => cells.start = start,
+            Err(number) => cells.notes.push(format!(
+                "its gauge first tells a charge in message {number}, and what flowed before that is not little or not known: the log does not say \
+                 how full it begins"
+            )),
+        }
         let measured = |column: &Cells| column.numbers().iter().any(|value| value.is_finite());
         let keep: Vec<bool> = cells.columns.iter().map(measured).collect();
         let mut kept = keep.iter();
@@ -261,5 +276,43 @@ impl Rows {
         let mut kept = keep.iter();
         cells.columns.retain(|_| *kept.next().unwrap_or(&true));
         cells
+    }
+}
+
+/// What the gauge says of the start, by its first word if little has flowed until then.
+///
+/// # Errors
+/// The message of its first word, where that came too late.
+fn start([time_s, current_a, soc]: [&[f64]; 3], capacity_ah: Option<f64>) -> Result<Option<GaugeStart>, u64> {
+    let Some(first) = soc.iter().position(|soc| !soc.is_nan()) else { return Ok(None) };
+    let passed = |row: usize| current_a[row] * (time_s[row] - time_s[row - 1]) / S_PER_H;
+    let is_little = match capacity_ah {
+        // A current that was not measured makes no sum.
+        Some(capacity_ah) => (1..=first).map(passed).sum::<f64>().abs() <= LITTLE_SOC * capacity_ah,
+        None => time_s[first] - time_s[0] <= LITTLE_S,
+    };
+    if first > 0 && !is_little {
+        return Err(first as u64 + 1);
+    }
+    Ok(Some(GaugeStart { soc: soc[first], sigma: GAUGE_SIGMA }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gauge_that_speaks_late_says_how_full_a_log_begins_only_if_little_has_flowed() {
+        let time_s: Vec<f64> = (0..200).map(f64::from).collect();
+        let told = |late: usize, amps: f64, capacity_ah: Option<f64>| {
+            let soc: Vec<f64> = (0..200).map(|row| if row < late { f64::NAN } else { 0.5 }).collect();
+            start([&time_s, &[amps; 200], &soc], capacity_ah).map(|start| start.map(|start| start.soc))
+        };
+        assert_eq!(told(0, 2.0, None), Ok(Some(0.5)));
+        assert_eq!(told(200, 2.0, None), Ok(None));
+        // 18 s at 2 A are a hundredth of an ampere-hour.
+        assert_eq!((told(18, 2.0, Some(1.0)), told(19, 2.0, Some(1.0))), (Ok(Some(0.5)), Err(20)));
+        assert_eq!((told(150, 0.0, Some(1.0)), told(19, f64::NAN, Some(1.0))), (Ok(Some(0.5)), Err(20)));
+        assert_eq!((told(36, 2.0, None), told(37, 2.0, None)), (Ok(Some(0.5)), Err(38)));
     }
 }
