@@ -231,9 +231,9 @@ impl<'a> Watch<'a> {
 
     /// Whether nothing that is measured speaks for keeping this row.
     fn quiet(&self, last: usize, row: usize, next: usize) -> bool {
+        // A peak of one row is back where it was by the next one.
         let still = |(values, tolerance): &(&[f64], f64)| {
-            let moved = (values[next] - values[last]).abs();
-            moved.is_nan() || moved <= *tolerance
+            [row, next].map(|row| (values[row] - values[last]).abs()).iter().all(|moved| moved.is_nan() || moved <= tolerance)
         };
         self.targets.iter().all(still)
             && self.sparse.iter().all(|values| values[row].is_nan())
@@ -306,6 +306,17 @@ mod tests {
         let voltage_v = &log.channels[&Channel::VoltageV];
         assert!(voltage_v[1].is_nan() && [voltage_v[0], voltage_v[2], voltage_v[3]] == [4.0, 3.6, 3.5], "{voltage_v:?}");
         assert_eq!(log.notes[log.notes.len() - 2], "a.csv: 6 rows kept as 4, one per 2 s, as asked for");
+    }
+
+    #[test]
+    fn a_peak_of_one_row_stays() {
+        let volts = |row: u32| if row == 15_000 { 3.4 } else { 3.9 };
+        let rows: String = (0..LONG as u32 + 1).map(|row| format!("{row},1,{}\n", volts(row))).collect();
+        let mut log = read_log("a.csv", format!("time_s,current_a,voltage_v\n{rows}").as_bytes(), LogFacts::default()).unwrap();
+        thin(&mut log, &load_model("enertech-lco-2280mah").unwrap().model, Thinning::WhereNothingChanges);
+        assert!(log.rows() < 2000, "{} rows", log.rows());
+        assert!(log.time_s.contains(&14_999.0) && log.time_s.contains(&15_000.0));
+        assert_eq!(log.channels[&Channel::VoltageV].iter().copied().fold(f64::INFINITY, f64::min), 3.4);
     }
 
     #[test]
