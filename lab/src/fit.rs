@@ -149,11 +149,11 @@ impl Problem<'_> {
     /// Which rows of the problem belong to which log and channel.
     fn segments(&self) -> Vec<Segment> {
         let mut begin = 0;
-        let segment = |(log, target, _): (usize, &Target, f64)| {
+        let segment = |(log, target, sigma): (usize, &Target, f64)| {
             let rows: Vec<usize> = used(target).collect();
             let range = begin..begin + rows.len();
             begin = range.end;
-            Segment { log, channel: target.channel, range, rows }
+            Segment { log, channel: target.channel, range, rows, floor: target.floor / sigma }
         };
         self.targets().map(segment).collect()
     }

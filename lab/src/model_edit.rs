@@ -21,7 +21,7 @@ pub struct Change {
     pub parameter: String,
     /// New value, in the unit of the name.
     pub value: f64,
-    /// Standard deviation of it.
+    /// Standard deviation of it. Where it is 0 nobody knows it, since nothing that is measured is exact: what the text says stays.
     pub sigma: f64,
     /// Least and greatest value that a reader of the text accepts.
     pub range: (f64, f64),
@@ -97,13 +97,17 @@ fn write(effect: &mut dyn TableLike, change: &Change) {
     match effect.get_mut(&change.parameter).and_then(Item::as_table_like_mut) {
         Some(parameter) => {
             set(parameter, "value", number(&value));
-            set(parameter, "sigma", number(&sigma));
+            if change.sigma > 0.0 {
+                set(parameter, "sigma", number(&sigma));
+            }
             set(parameter, "source", Value::from(change.source.as_str()));
         }
         None => {
             let mut parameter = InlineTable::new();
             parameter.insert("value", number(&value));
-            parameter.insert("sigma", number(&sigma));
+            if change.sigma > 0.0 {
+                parameter.insert("sigma", number(&sigma));
+            }
             parameter.insert("source", Value::from(change.source.as_str()));
             if change.free {
                 parameter.insert("free", Value::from(true));
@@ -188,6 +192,13 @@ mod tests {
             )
             .replace("value = 50.0 # s\nsigma = 10.0\nsource = \"guess\"", "value = 61.0 # s\nsigma = 2.0\nsource = \"fitted\"");
         assert_eq!(edit(TEXT, &changes, None).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_deviation_that_nobody_knows_leaves_the_old_one() {
+        let text = edit(TEXT, &[change("ohmic", "resistance_ohm", 0.02, 0.0), change("rc1", "tau_s", 61.0, 0.0)], None).unwrap();
+        assert!(text.contains("{ value = 0.02, source = \"fitted\", free = true }"), "{text}");
+        assert!(text.contains("value = 61.0 # s\nsigma = 10.0\n"), "{text}");
     }
 
     #[test]

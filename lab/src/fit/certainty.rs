@@ -11,6 +11,9 @@
 //! Where noise is all that is left, but rows do not all err alike, and a parameter hangs on those that err more, its deviation is as much larger as
 //! those rows bear out (see [`wider`]). What a wrong model leaves of some rows is not what they err by.
 //!
+//! Residuals below the floor of their sensor, as of a log that was simulated without noise, do not make a number surer than the sensor
+//! can show: what lacks to the floor counts as white noise.
+//!
 //! What the noise of a current adds up to is beside that ([`super::count`]).
 //!
 //! This holds while residuals are small against the curvature of the model. Parameters at a bound count as
@@ -35,6 +38,8 @@ pub struct Segment {
     pub range: Range<usize>,
     /// Row in the log of each of them.
     pub rows: Vec<usize>,
+    /// What its sensor cannot show, in the unit of its residuals; 0 where the model does not say.
+    pub floor: f64,
 }
 
 /// What one channel of one log is worth.
@@ -94,8 +99,10 @@ pub fn certainty(
         let effective_rows = rows / persistence.rows_per_independent(segment.range.len());
         worth.push(SegmentCertainty { lag1: persistence.lag1, effective_rows });
         let part = part.into_owned();
-        middle += persistence.spread(&segment.rows, &part) * (own.norm_squared() / rows * freedom);
-        normal += part.tr_mul(&part);
+        let (variance, square) = (own.norm_squared() / rows * freedom, part.tr_mul(&part));
+        middle += persistence.spread(&segment.rows, &part) * variance;
+        middle += &square * (segment.floor.powi(2) - variance).max(0.0);
+        normal += square;
     }
     let silent: Vec<bool> = (0..p).map(|index| normal[(index, index)] == 0.0).collect();
     let (inverse, tangled) = inverse(&normal);
@@ -205,7 +212,7 @@ mod tests {
     const WIDE: (f64, f64) = (-1e3, 1e3);
 
     fn one_log(rows: usize) -> Vec<Segment> {
-        vec![Segment { log: 0, channel: Channel::VoltageV, range: 0..rows, rows: (0..rows).collect() }]
+        vec![Segment { log: 0, channel: Channel::VoltageV, range: 0..rows, rows: (0..rows).collect(), floor: 0.0 }]
     }
 
     #[test]
@@ -218,11 +225,26 @@ mod tests {
     }
 
     #[test]
+    fn residuals_below_the_floor_of_their_sensor_count_as_it() {
+        // A mean of 400 rows, each of which the sensor shows to 2.
+        let n = 400;
+        let of = |size: f64| {
+            let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { size } else { -size });
+            let segments = one_log(n).into_iter().map(|segment| Segment { floor: 2.0, ..segment }).collect::<Vec<_>>();
+            certainty(&DMatrix::from_element(n, 1, -1.0), &residual, &segments, &[WIDE], true, &[]).sigma[0].unwrap()
+        };
+        for size in [0.0, 1e-12, 1.0] {
+            assert!((of(size) - 0.1).abs() < 4e-3, "{size}: {}", of(size));
+        }
+        assert!((of(4.0) - 0.2).abs() < 8e-3, "{}", of(4.0));
+    }
+
+    #[test]
     fn a_log_of_which_nothing_is_judged_says_nothing() {
         let n = 100;
         let residual = DVector::from_fn(n, |row, _| if row % 4 < 2 { 1.0 } else { -1.0 });
         let jacobian = DMatrix::from_element(n, 1, -1.0);
-        let nothing = Segment { log: 1, channel: Channel::VoltageV, range: n..n, rows: Vec::new() };
+        let nothing = Segment { log: 1, channel: Channel::VoltageV, range: n..n, rows: Vec::new(), floor: 0.0 };
         let beside = [one_log(n), vec![nothing]].concat();
         let of = |segments: &[Segment]| certainty(&jacobian, &residual, segments, &[WIDE], true, &[]).sigma;
         assert_eq!(of(&beside), of(&one_log(n)));

@@ -103,7 +103,7 @@ mod tests {
     fn a_mean_of_what_walks_errs_as_the_walk_says() {
         // The mean of n rows that each see all steps of the walk so far: by hand, the variance is sum of (share of rows after j)², n / 3 steps.
         let n = 300;
-        let segments = [Segment { log: 0, channel: Channel::VoltageV, range: 0..n, rows: (0..n).collect() }];
+        let segments = [Segment { log: 0, channel: Channel::VoltageV, range: 0..n, rows: (0..n).collect(), floor: 0.0 }];
         let walk = Walk { log: 0, steps: vec![0.1; n], slopes: vec![vec![2.0; n]] };
         let found = covariance(&[walk], &segments, &DMatrix::from_element(1, n, 1.0 / n as f64))[(0, 0)];
         let expected = 0.01 * 4.0 * n as f64 / 3.0;

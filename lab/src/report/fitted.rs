@@ -37,7 +37,7 @@ pub struct FittedParameter {
     pub before: f64,
     /// Value after the fit.
     pub value: f64,
-    /// Standard deviation, honest under autocorrelation; null when flat.
+    /// Standard deviation, honest under autocorrelation; null when flat, and where nothing is left of the logs and the model states no floor.
     pub sigma: Option<f64>,
     /// Least plausible value.
     pub min: f64,
@@ -178,15 +178,17 @@ impl FitReport {
     }
 
     /// What to write into the model's text. A parameter on which no row depends keeps its number
-    /// and its source; one that is otherwise flat gets the deviation of its plausible range.
+    /// and its source; one that is otherwise flat gets the deviation of its plausible range, and one of which nobody can tell how sure it is
+    /// keeps its own.
     #[must_use]
     pub fn changes(&self, fit: &Fit, source: &str) -> Vec<Change> {
-        let moved = self.parameters.iter().zip(&fit.certainty.silent).filter(|(_, silent)| !**silent);
-        let change = |(p, _): (&FittedParameter, &bool)| Change {
+        let found = fit.certainty.silent.iter().zip(&fit.certainty.sigma);
+        let moved = self.parameters.iter().zip(found).filter(|(_, (silent, _))| !**silent);
+        let change = |(p, (_, sigma)): (&FittedParameter, (&bool, &Option<f64>))| Change {
             effect: p.effect.to_owned(),
             parameter: p.name.to_owned(),
             value: p.value,
-            sigma: p.sigma.unwrap_or_else(|| uniform_sigma((p.min, p.max))),
+            sigma: sigma.unwrap_or_else(|| uniform_sigma((p.min, p.max))),
             range: (p.min, p.max),
             source: source.to_owned(),
             free: false,
@@ -279,7 +281,7 @@ fn parameter(model: &Model, fit: &Fit, index: usize) -> FittedParameter {
         unit: unit_of(known.name),
         before: known.value,
         value: fit.values[fit.free[index]],
-        sigma,
+        sigma: sigma.filter(|sigma| *sigma > 0.0),
         min: known.min,
         max: known.max,
         state,
@@ -329,6 +331,13 @@ fn words(parameters: &[FittedParameter], logs: &[FittedLog], fit: &Fit) -> Vec<S
             }
             State::Flat | State::Determined => {}
         }
+    }
+    if certainty.sigma.contains(&Some(0.0)) {
+        words.push(
+            "These logs leave nothing, and the model states no sensor floor: how sure the numbers are cannot be told, and deviations in a model \
+             file stay as they are."
+                .to_owned(),
+        );
     }
     for i in 0..parameters.len() {
         for j in 0..i {
