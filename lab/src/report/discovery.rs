@@ -143,10 +143,15 @@ impl DiscoveryReport {
     }
 
     fn files(&self) -> String {
-        let worse = self.files.iter().any(FileErrors::is_worse);
-        let warning = "Where the model found is worse, what it learned of a log or a sensor is missing (below), or it holds for the \
-                       logs that it was fitted to and not for others: look at both before you use it.\n";
-        text(&tables::files(&self.files)) + if worse { warning } else { "" }
+        text(&tables::files(&self.files)) + &self.file_warning().map_or_else(String::new, |warning| warning.to_owned() + "\n")
+    }
+
+    /// What to do where the file of the model found is worse than that of the model given; nothing where it is not.
+    pub(super) fn file_warning(&self) -> Option<&'static str> {
+        self.files.iter().any(FileErrors::is_worse).then_some(
+            "Where the model found is worse, what it learned of a log or a sensor is missing (below), or it holds for the \
+             logs that it was fitted to and not for others: look at both before you use it.",
+        )
     }
 
     /// Which floors to doubt, one line each.
@@ -156,16 +161,19 @@ impl DiscoveryReport {
 
     /// What was learned beside the model, and what the model alone leaves therefore.
     fn beside(&self) -> String {
-        if self.left_out.is_empty() {
-            return String::new();
-        }
+        self.without().map_or_else(String::new, |words| format!("{words}:\n{}", learned_lines(&self.left_out)))
+    }
+
+    /// What the model alone leaves, where more was learned than its file can hold.
+    pub(super) fn without(&self) -> Option<String> {
         let alone: Vec<String> =
             self.file_rms.iter().map(|(channel, rms)| format!("{} of {channel}", quantity(*rms, unit_of(channel)))).collect();
-        let learned = learned_lines(&self.left_out);
-        format!(
-            "A model file cannot hold what follows; without it `lab compare` finds {} RMS (`--calibrate` asks for it anew):\n{learned}",
-            alone.join(", ")
-        )
+        (!self.left_out.is_empty()).then(|| {
+            format!(
+                "A model file cannot hold what follows; without it `lab compare` finds {} RMS (`--calibrate` asks for it anew)",
+                alone.join(", ")
+            )
+        })
     }
 }
 

@@ -14,7 +14,8 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 pub use of_comparison::{log_lines, page_of};
 pub use sections::{
-    Answer, Confounding, DecisionRow, Epc, Errors, Evidence, Header, Ladder, LadderStep, LogLine, Page, ParameterRow, SpectrumCurve, Tone,
+    Answer, Confounding, DecisionRow, Epc, Errors, Evidence, Files, Header, Ladder, LadderStep, LogLine, Page, ParameterRow, SpectrumCurve,
+    Tone,
 };
 
 use crate::plot::axis::time_unit;
@@ -33,6 +34,7 @@ pub fn render(page: &Page) -> String {
         ("confounding", "Which effects look alike here", charts::confounding(page.confounding.as_ref())),
         ("spectrum", "Is the residual white?", charts::spectra(&page.spectra, &page.errors.all)),
         ("parameters", "Parameters", tables::parameters(&page.parameters)),
+        ("files", "The model file by itself", tables::files(&page.files)),
         ("decisions", "What it changes", tables::decisions(&page.decisions)),
     ];
     let parts: Vec<_> = parts.into_iter().filter_map(|(id, title, body)| Some((id, title, body?))).collect();

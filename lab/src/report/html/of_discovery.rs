@@ -1,11 +1,12 @@
 //! The part of a report that a search for missing effects fills.
 
-use super::sections::{Answer, Confounding, Epc, Evidence, Ladder, LadderStep, Page, ParameterRow, Tone};
+use super::sections::{Answer, Confounding, Epc, Evidence, Files, Ladder, LadderStep, Page, ParameterRow, Tone};
 use crate::infer::answer::{ByChannel, Discovery, Ranked, Verdict};
 use crate::infer::judges::Unpredicted;
 use crate::infer::score::Score;
 use crate::report::discovery::{
-    DiscoveryReport, floor_name, headline, held_out, in_few_rows, left, other_numbers, other_starts, untested, why_not, within_stated,
+    DiscoveryReport, floor_name, headline, held_out, in_few_rows, learned_lines, left, other_numbers, other_starts, untested, why_not,
+    within_stated,
 };
 use crate::report::quantity::unit_of;
 
@@ -21,6 +22,12 @@ impl Page {
         self.evidence = found.ranking.iter().map(|ranked| evidence(ranked, found)).collect();
         self.confounding = confounding(scores);
         self.parameters = parameters(found);
+        self.files = Files {
+            rows: report.files.clone(),
+            warning: report.file_warning().unwrap_or_default().to_owned(),
+            without: report.without().unwrap_or_default(),
+            left_out: learned_lines(&report.left_out).lines().map(|line| line.trim().to_owned()).collect(),
+        };
         self.decisions = report.decision.rows();
     }
 }

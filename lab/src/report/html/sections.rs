@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::compare::{Calibrated, ChannelError, Comparison, RegimeError};
 use crate::plot::Trace;
+use crate::report::discovery::FileErrors;
 
 /// A whole report.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -30,8 +31,23 @@ pub struct Page {
     pub spectra: Vec<SpectrumCurve>,
     /// Parameters with their uncertainty.
     pub parameters: Vec<ParameterRow>,
+    /// What the model found is worth by its file.
+    pub files: Files,
     /// What the coordinator would decide otherwise.
     pub decisions: Vec<DecisionRow>,
+}
+
+/// What the file of the model found leaves, and what it cannot hold.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Files {
+    /// By channel, against the file of the model given.
+    pub rows: Vec<FileErrors>,
+    /// What to do where it is worse; empty where it is not.
+    pub warning: String,
+    /// What the file alone leaves, where more was learned than it can hold; empty where that is nothing.
+    pub without: String,
+    /// What it cannot hold, one by one.
+    pub left_out: Vec<String>,
 }
 
 /// Error by log and channel.

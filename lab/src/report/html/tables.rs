@@ -2,9 +2,10 @@
 
 use maud::{Markup, html};
 
-use super::sections::{DecisionRow, Errors, Evidence, ParameterRow};
+use super::sections::{DecisionRow, Errors, Evidence, Files, ParameterRow};
 use crate::compare::ChannelError;
 use crate::report::comparison::{chance, interval};
+use crate::report::discovery::FileErrors;
 use crate::report::quantity::{digits, quantity, unit_of, with_sigma};
 
 /// A table that scrolls by itself where it is wider than the screen. The first `names` columns
@@ -157,6 +158,32 @@ pub(super) fn parameters(parameters: &[ParameterRow]) -> Option<Markup> {
     };
     let rows: Vec<Vec<String>> = parameters.iter().map(row).collect();
     (!rows.is_empty()).then(|| table("Values with one standard deviation", &["parameter", "", "before", "value"], 2, &rows))
+}
+
+pub(super) fn files(files: &Files) -> Option<Markup> {
+    let row = |file: &FileErrors| {
+        let unit = unit_of(file.channel);
+        vec![
+            file.channel.to_owned(),
+            if file.holdout { "held out" } else { "" }.to_owned(),
+            if file.is_worse() { "worse" } else { "" }.to_owned(),
+            quantity(file.given, unit),
+            quantity(file.found, unit),
+        ]
+    };
+    let rows: Vec<Vec<String>> = files.rows.iter().map(row).collect();
+    (!rows.is_empty() || !files.left_out.is_empty()).then(|| {
+        html! {
+            @if !rows.is_empty() {
+                (table("RMS of the files alone, as lab compare sees them", &["channel", "", "", "model given", "model found"], 3, &rows))
+            }
+            @if !files.warning.is_empty() { p { strong { (files.warning) } } }
+            @if !files.left_out.is_empty() {
+                p { (files.without) ":" }
+                ul { @for one in &files.left_out { li { (one) } } }
+            }
+        }
+    })
 }
 
 pub(super) fn decisions(decisions: &[DecisionRow]) -> Option<Markup> {

@@ -9,6 +9,7 @@ use super::*;
 use crate::compare::{Calibrated, RegimeError};
 use crate::floor::FloorCheck;
 use crate::plot::Trace;
+use crate::report::discovery::FileErrors;
 use crate::residual::Size;
 
 /// What a browser's tokenizer finds: open elements, mistakes, and attributes that could load.
@@ -196,6 +197,15 @@ pub(crate) fn full(name: &str) -> Page {
             sigma: Some(2.2),
             remark: name.to_owned(),
         }],
+        files: Files {
+            rows: vec![
+                FileErrors { channel: "voltage_v", holdout: false, given: 0.012, found: 0.004 },
+                FileErrors { channel: "voltage_v", holdout: true, given: 0.012, found: 0.034 },
+            ],
+            warning: "Where the model found is worse: look.".to_owned(),
+            without: "A model file cannot hold what follows".to_owned(),
+            left_out: vec![format!("state of charge at the start of {name}: +0.0051 +- 0.0012")],
+        },
         decisions: vec![DecisionRow {
             what: "run time left".to_owned(),
             unit: "min".to_owned(),
@@ -212,12 +222,16 @@ fn every_section_parses_loads_nothing_and_escapes_names() {
     let text = render(&full(NASTY));
     let seen = check(&text);
     assert_eq!(seen.headings.borrow().iter().filter(|heading| *heading == "h1").count(), 1);
-    // The verdict and ten sections.
-    assert_eq!(seen.headings.borrow().iter().filter(|heading| *heading == "h2").count(), 11);
+    // The verdict and eleven sections.
+    assert_eq!(seen.headings.borrow().iter().filter(|heading| *heading == "h2").count(), 12);
     let (images, described) = *seen.images.borrow();
     assert!(images >= 10 && images == described, "{images} pictures, {described} described");
     assert!(text.contains("prefers-color-scheme:dark") && text.contains("width=device-width"));
     assert!(text.contains("evidence too weak") && text.contains("does all of their work: weak_cell."));
+    assert!(
+        text.matches(">worse</td>").count() == 1 && text.contains("34.0 mV") && text.contains("<strong>Where the model found is worse")
+    );
+    assert!(text.contains("cannot hold what follows:</p>") && text.contains("<li>state of charge at the start of a&quot;"));
     assert!(!text.contains("NaN"), "a number that is none has slipped through");
     assert!(text.contains("1.20 mV") && text.matches(">calibrated</th>").count() == 1, "only where calibration changes something");
 }
