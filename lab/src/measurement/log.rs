@@ -350,6 +350,7 @@ mod tests {
         assert_eq!(number, "dir/a.csv:3: column `when`: `5` is no date with a time, as others are");
         let neither = error(["10:00", "10:01", "10:02"], column);
         assert!(neither.ends_with("`10:00` is not a number, nor a date with a time such as 2026-03-01T10:00:00Z"), "{neither}");
+        assert!(error(["1/3/2024 10:00:00"; 3], column).ends_with("nothing else tells which number is the day"));
         let scaled = error(["2024-03-01T10:00:00Z", "2024-03-01T10:00:01Z", "2024-03-01T10:00:02Z"], "time_s=when/1000");
         assert!(scaled.ends_with("which become seconds by themselves: --column time_s=when"), "{scaled}");
         let backwards = error(["2024-03-01T10:00:00Z", "2024-03-01T09:59:59Z", "2024-03-01T10:00:01Z"], column);

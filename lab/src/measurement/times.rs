@@ -227,6 +227,12 @@ mod tests {
     }
 
     #[test]
+    fn a_clock_that_passes_midnight_is_told_with_what_to_do() {
+        let (row, told) = Rows::of(&[86_398.0, 86_399.0, 0.0], &lines(3), "lines").unwrap_err();
+        assert!(row == 2 && told.starts_with("time goes backwards: 0 s after 86399 s; it is about a day"), "{told}");
+    }
+
+    #[test]
     fn gaps_are_counted_against_the_usual_step() {
         let time_s: Vec<f64> = (0..10).map(f64::from).chain([3609.0, 3610.0]).collect();
         let note = gaps(&time_s, &lines(12), "lines").unwrap();

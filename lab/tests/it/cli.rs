@@ -241,3 +241,28 @@ fn a_table_in_per_cent_or_millivolts_is_refused_where_it_stands() {
         refuses(&outcome, &["m.toml:", words]);
     }
 }
+
+/// Who knows a resistance to 0.3 ohm does not know it exactly since a log was simulated with it.
+#[test]
+fn a_fit_that_leaves_nothing_claims_no_more_than_the_sensor_shows_and_keeps_what_nobody_can_tell() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |sensor: &str| {
+        let model = format!(
+            "schema = 1\nsystem = \"battery\"\nname = \"t\"\n[battery]\nseries = 1\nparallel = 1\ncapacity_ah = 2.0\nfull_v_per_cell = 4.2\n\
+             eod_v_per_cell = 3.0\ncharge_current_a = 1.0\ncharge_cutoff_a = 0.1\nocv = {{ soc = [0.0, 1.0], voltage_v = [3.0, 4.2] }}\n\
+             {sensor}[[effect]]\nid = \"ohmic\"\nresistance_ohm = {{ value = 0.02, sigma = 0.3, source = \"t\", free = true }}\n"
+        );
+        let rows: String = (0..100).map(|row| format!("{row},1\n")).collect();
+        fs::write(folder.path().join("m.toml"), model).unwrap();
+        fs::write(folder.path().join("drive.csv"), format!("time_s,current_a\n{rows}")).unwrap();
+        let told = ["--model", "m.toml", "--soc-initial", "0.9", "--log"];
+        lab_in(folder.path(), &[&["predict", "-o", "told.csv"], &told[..], &["drive.csv"]].concat());
+        let fitted = lab_in(folder.path(), &[&["fit", "-o", "fitted.toml"], &told[..], &["told.csv"]].concat());
+        (fitted.stdout, fs::read_to_string(folder.path().join("fitted.toml")).unwrap())
+    };
+    let (told, text) = run("");
+    assert!(text.contains("sigma = 0.3") && told.contains("how sure the numbers are cannot be told"), "{told}{text}");
+    // 99 rows of 1 A that each show 1 mV: 0.1 mohm.
+    let (told, text) = run("[sensor.voltage_v]\nsigma = 1e-3\n");
+    assert!(text.contains("sigma = 0.0001,") && told.contains("20.00 +- 0.10 mohm"), "{told}{text}");
+}

@@ -25,6 +25,17 @@ fn the_report_holds_the_numbers_of_the_comparison_and_loads_nothing() {
         cell(format!("{:.2}", error["ratio"].as_f64().unwrap()));
         cell(lab::report::quantity::quantity(error["rms"].as_f64().unwrap(), "V"));
     }
+    let found = &outcome.json()["discovery"];
+    for file in found["files"].as_array().unwrap() {
+        let rms = lab::report::quantity::quantity(file["found"].as_f64().unwrap(), "V");
+        assert!(text.contains(&format!(">{rms}</td>")), "{rms} of the file found is not in the report");
+    }
+    // The held-out discharge is worse with what was found, and where it begins has no place in the file.
+    assert!(text.contains("<strong>Where the model found is worse, ") && text.contains("A model file cannot hold what follows"));
+    for one in found["left_out"].as_array().unwrap() {
+        let what = one["what"].as_str().unwrap();
+        assert!(text.contains(&format!("<li>{what}: ")), "{what} is not in the report");
+    }
     for words in compared.json()["words"].as_array().unwrap() {
         assert!(text.contains(words.as_str().unwrap()), "{words} is not in the report");
     }
