@@ -32,6 +32,8 @@ impl Measured {
         match (event.kind, &event.robot) {
             (EventKind::ServiceDone, Some(robot)) => {
                 self.served.insert(robot.clone());
+                // A promise that was broken and then kept after all is a kept one; what was kept before says nothing of it.
+                self.broken.remove(robot);
                 self.services += 1;
                 self.socs_after_services = socs();
             }
@@ -61,15 +63,13 @@ impl Measured {
 
     /// Ends the count with what bodies hold: totals by metric, and each pack's true state of charge.
     pub(super) fn finish(&mut self, totals: &[(&str, f64)], socs: Vec<(String, f64)>) {
-        // A promise that was broken and then kept after all is a kept one.
-        let broken = self.broken.difference(&self.served).count();
         let promised = self.first_plan.as_ref().map_or(0, |plan| plan.services.len());
         let per_pack = self.first_capacity.as_ref().map_or(0, |capacity| capacity.robots_promised);
         let counted = [
             ("services_promised", promised as f64),
             ("robots_promised", f64::from(per_pack)),
             ("robots_served", self.served.len() as f64),
-            ("promises_broken", broken as f64),
+            ("promises_broken", self.broken.len() as f64),
             ("packs_depleted", f64::from(self.depleted)),
             ("pack_switches", f64::from(self.switches)),
             ("swaps", f64::from(self.swaps)),
@@ -85,5 +85,36 @@ impl Measured {
         let after = if after.is_empty() { socs.clone() } else { after };
         self.metrics.extend(after.into_iter().map(|(pack, soc)| (format!("soc_after_services.{pack}"), soc)));
         self.metrics.extend(socs.into_iter().map(|(pack, soc)| (format!("soc.{pack}"), soc)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proto::Timestamp;
+
+    use super::*;
+
+    #[test]
+    fn a_service_done_mends_only_what_was_broken_before_it() {
+        let broken = |kinds: &[EventKind]| {
+            let mut measured = Measured::default();
+            for (number, &kind) in kinds.iter().enumerate() {
+                let robot = Some(RobotId::new("r-1").unwrap());
+                let event = Event {
+                    seq: number as u64,
+                    at: Timestamp::from_unix_ms(number as i64),
+                    kind,
+                    robot,
+                    station: None,
+                    pack: None,
+                    text: String::new(),
+                };
+                measured.event(&event, Vec::new);
+            }
+            measured.finish(&[], Vec::new());
+            measured.metrics["promises_broken"]
+        };
+        assert_eq!(broken(&[EventKind::PromiseBroken, EventKind::ServiceDone]), 0.0);
+        assert_eq!(broken(&[EventKind::ServiceDone, EventKind::PromiseBroken]), 1.0);
     }
 }

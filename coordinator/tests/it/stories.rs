@@ -158,7 +158,9 @@ fn what_the_lab_finds_in_a_broken_promise_keeps_the_next_one() {
         // Where these logs cannot tell, the answer is the set, with what would.
         let named = found.selected.iter().chain(&found.equivalent).any(|effect| story.names.contains(effect));
         let named = named && found.equivalent.is_empty() == found.experiment.is_empty();
-        if before["promises_broken"] == 0.0 || after["promises_broken"] > 0.0 || after["robots_served"] == 0.0 || !named {
+        // The promise is that of the first plan: what is promised later of what these services leave is another one.
+        let keeps = after["robots_served"] > 0.0 && after["robots_served"] >= after["services_promised"];
+        if before["promises_broken"] == 0.0 || !keeps || !named {
             failures.push(story.scenario);
         }
     }
