@@ -2,6 +2,7 @@
 //! runs.
 
 mod chart;
+mod history;
 mod tell;
 
 use std::path::{Path, PathBuf};
@@ -64,11 +65,7 @@ enum What {
     /// Shows the schedule again whenever it changes, until Ctrl-C.
     Watch,
     /// What happened last, from the store.
-    History {
-        /// How many events.
-        #[arg(long, default_value_t = 40)]
-        events: usize,
-    },
+    History(history::Args),
 }
 
 /// Where answers come from.
@@ -127,8 +124,8 @@ pub async fn execute(args: &Args) -> anyhow::Result<ExitCode> {
             print(args.format, &explanation, tell::show_explanation);
         }
         What::Watch => watch(&place, args.format).await?,
-        What::History { events } => {
-            let events = stored(&place).await?.events(*events).await?;
+        What::History(asked) => {
+            let events = history::read(&stored(&place).await?, asked).await?;
             match args.format {
                 Format::Table => events.iter().for_each(tell::show_event),
                 Format::Json => say!("{}", serde_json::to_string_pretty(&events)?),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use proto::{Capacity, Estimate, Event, Explanation, Gauge, Message, RobotId, Schedule, StationId, Timestamp, decode};
+use proto::{Capacity, Estimate, Event, EventKind, Explanation, Gauge, Message, RobotId, Schedule, StationId, Timestamp, decode};
 use sqlx::AnyPool;
 use sqlx::any::{AnyPoolOptions, AnyRow};
 use sqlx::{Row, query, query_as, query_scalar};
@@ -75,10 +75,28 @@ impl Reader {
 
     /// The last `limit` events, oldest first.
     pub async fn events(&self, limit: usize) -> Result<Vec<Event>, StoreError> {
+        self.events_of(limit, None, None).await
+    }
+
+    /// The last `limit` events of this robot and this kind, as far as these are named, oldest first.
+    pub async fn events_of(&self, limit: usize, robot: Option<&RobotId>, kind: Option<EventKind>) -> Result<Vec<Event>, StoreError> {
         let limit = i64::try_from(limit).unwrap_or(i64::MAX);
-        let select = query_scalar::<_, String>("SELECT body FROM events ORDER BY seq DESC LIMIT $1").bind(limit);
+        let select = match (robot, kind) {
+            (None, None) => "SELECT body FROM events ORDER BY seq DESC LIMIT $1",
+            (Some(_), None) => "SELECT body FROM events WHERE robot = $2 ORDER BY seq DESC LIMIT $1",
+            (None, Some(_)) => "SELECT body FROM events WHERE kind = $2 ORDER BY seq DESC LIMIT $1",
+            (Some(_), Some(_)) => "SELECT body FROM events WHERE robot = $2 AND kind = $3 ORDER BY seq DESC LIMIT $1",
+        };
+        let named = robot.map(ToString::to_string).into_iter().chain(kind.map(|kind| kind.to_string()));
+        let select = named.fold(query_scalar::<_, String>(select).bind(limit), |select, name| select.bind(name));
         let bodies = select.fetch_all(&self.pool).await.map_err(self.failed("reading events"))?;
         bodies.iter().rev().map(|body| self.decode(body, "events")).collect()
+    }
+
+    /// Robots of which there are events, by name.
+    pub async fn robots_of_events(&self) -> Result<Vec<String>, StoreError> {
+        let select = query_scalar("SELECT DISTINCT robot FROM events WHERE robot IS NOT NULL ORDER BY robot");
+        select.fetch_all(&self.pool).await.map_err(self.failed("reading events"))
     }
 
     /// Where the numbers of each start of a coordinator began, oldest first.

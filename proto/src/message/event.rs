@@ -59,6 +59,32 @@ pub enum EventKind {
 display_as_on_the_wire!(EventKind);
 
 impl EventKind {
+    /// All of them.
+    pub const ALL: [Self; 22] = [
+        Self::Joined,
+        Self::Lost,
+        Self::Forgotten,
+        Self::PhaseChanged,
+        Self::RobotStranded,
+        Self::PlanMade,
+        Self::CommandSent,
+        Self::CommandAccepted,
+        Self::CommandRejected,
+        Self::CommandUnanswered,
+        Self::ServiceStarted,
+        Self::ServiceDone,
+        Self::ServiceFailed,
+        Self::PackSelected,
+        Self::PackDepleted,
+        Self::StationDark,
+        Self::PromiseBroken,
+        Self::InputRefused,
+        Self::ModelDoubted,
+        Self::ModelTrusted,
+        Self::GaugeDoubted,
+        Self::GaugeTrusted,
+    ];
+
     /// Whether somebody should look: something has failed, fallen silent or run out, or is not believed.
     #[must_use]
     pub fn is_warning(self) -> bool {
@@ -106,4 +132,17 @@ pub struct Event {
 
 impl Message for Event {
     const SCHEMA: &'static str = "tender.event/1";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::EventKind;
+
+    #[test]
+    fn all_kinds_are_listed() {
+        // What serde knows it tells whoever names none of them.
+        let refused = serde_json::from_str::<EventKind>("\"none\"").unwrap_err().to_string();
+        let known: Vec<&str> = refused.split('`').skip(3).step_by(2).collect();
+        assert_eq!(EventKind::ALL.map(|kind| kind.to_string()).to_vec(), known, "{refused}");
+    }
 }
