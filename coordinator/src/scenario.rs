@@ -3,6 +3,7 @@
 //! ```text
 //!   file.rs    the TOML file as it is written, unknown keys refused
 //!   check.rs   what must hold of it beyond its types
+//!   places.rs  where the key stands that a message names
 //!   expect.rs  what is measured in a run, and what is expected of it
 //!   deploy.rs  one run as configurations of coordinator, agents and their true worlds
 //! ```
@@ -13,6 +14,7 @@ mod check;
 mod deploy;
 mod expect;
 mod file;
+mod places;
 
 pub use deploy::Deployment;
 pub use expect::{Expectation, METRICS, Verdict};

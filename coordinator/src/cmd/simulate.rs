@@ -72,7 +72,7 @@ struct Finished {
 /// # Errors
 /// When the scenario cannot be read or a folder cannot be written.
 pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
-    let text = node::files::read_text(&args.scenario)?;
+    let text = files::scenario(&args.scenario)?;
     let mut scenario = Scenario::parse(&args.scenario, &text)?;
     let seed = args.seed.unwrap_or(scenario.seed);
     let mut runs = by_policy(&scenario, chosen(&scenario, args.run.as_deref())?, &args.policy)?;

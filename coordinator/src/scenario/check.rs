@@ -1,6 +1,7 @@
 //! What must hold of a scenario beyond its types.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use energy::DocumentError;
 use energy::document::Document;
@@ -9,6 +10,7 @@ use toml::Spanned;
 
 use super::expect;
 use super::file::{Named, OneOrEach, PackEntry, RobotEntry, Scenario, StationEntry};
+use super::places::named_by;
 
 /// The only version of the file so far.
 const SCHEMA: u32 = 1;
@@ -40,8 +42,10 @@ impl Scenario {
             policy.get_ref().settings().map_err(|error| document.error_at(policy.span(), format!("{error:#}")))?;
         }
         let mut ids = BTreeSet::new();
-        for station in &self.station {
-            let at = |message: String| document.error_at(station.span(), message);
+        let place =
+            |message: &str, list: &str, index: usize, entry: Range<usize>| named_by(message, document.text, list, index).unwrap_or(entry);
+        for (index, station) in self.station.iter().enumerate() {
+            let at = |message: String| document.error_at(place(&message, "station", index, station.span()), message);
             check_station(station.get_ref()).map_err(at)?;
             let in_it = |message: String| at(format!("station {}: {message}", station.get_ref().id));
             station.get_ref().models().try_for_each(|named| check_model(&named)).map_err(in_it)?;
@@ -51,8 +55,8 @@ impl Scenario {
         }
         let stations: Vec<&str> = self.station.iter().map(|station| station.get_ref().id.as_ref()).collect();
         let mut ids = BTreeSet::new();
-        for robot in &self.robot {
-            let at = |message: String| document.error_at(robot.span(), message);
+        for (index, robot) in self.robot.iter().enumerate() {
+            let at = |message: String| document.error_at(place(&message, "robot", index, robot.span()), message);
             check_robot(robot.get_ref(), &stations).map_err(at)?;
             let in_it = |message: String| at(format!("robot {}: {message}", robot.get_ref().id));
             robot.get_ref().models().try_for_each(|named| check_model(&named)).map_err(in_it)?;

@@ -211,3 +211,25 @@ fn a_power_path_that_the_stations_load_does_not_have_is_refused() {
     let error = scenario.deploy(&scenario.runs()[0], 1).unwrap_err().to_string();
     assert!(error.contains("has the effect `robot_own_load`, but this path wants `path_selection`"), "{error}");
 }
+
+#[test]
+fn a_mistake_is_told_with_the_line_of_its_key() {
+    let text = "schema = 1\nname = \"n\"\nduration_s = 60\n\n[[station]]\nid = \"s\"\nload = \"mds-station\"\nbays = 1\nload_s = 30\nunload_s = 30\n\
+                packs = [\n  { id = \"p1\", battery = \"mds-3s4p-7600mah\", soc = 1.0 },\n  { id = \"p2\", battery = \"mds-3s4p-7600mah\", soc = 0.9 },\n]\n\n\
+                [[robot]]\nid = \"r\"\ncount = 2\nbattery = \"explorer-3s1p-1320mah\"\nload = \"explorer-robot\"\nsoc = [0.5, 0.8]\n\
+                travel_s.s = 60\nmission.inputs = { speed_mps = 0.1 }\n";
+    assert!(parse(text).is_ok());
+    for (old, new, said) in [
+        ("soc = [0.5, 0.8]", "soc = [50, 80]", "default.toml:21:1: robot r: soc = 50: must be between 0 and 1"),
+        ("travel_s.s = 60", "travel_s.s = -1", "default.toml:22:10: robot r: travel_s.s = -1"),
+        ("travel_s.s = 60", "travel_s.t = 60", "default.toml:22:1: robot r: travel_s names the unknown station t"),
+        ("\"explorer-robot\"", "\"explorer-robo\"", "default.toml:20:1: robot r: load: no model `explorer-robo`"),
+        ("soc = 0.9", "soc = 9", "default.toml:13:46: station s: pack p2: soc = 9"),
+        ("unload_s = 30", "unload_s = -3", "default.toml:10:1: station s: unload_s = -3"),
+        // What is no matter of one key is told of the whole entry.
+        ("id = \"p2\"", "id = \"p1\"", "default.toml:5:1: station s: pack p1 appears twice"),
+    ] {
+        let error = parse(&text.replace(old, new)).unwrap_err();
+        assert!(error.starts_with(said), "{error}");
+    }
+}
