@@ -141,6 +141,12 @@ fn planned_service(planned: &Planned) -> Service {
     }
 }
 
+/// How a robot gets its energy, as people are told it everywhere else: what is `swap` on the wire is an exchange to them.
+#[must_use]
+pub fn mode_in_words(mode: &str) -> &str {
+    if mode == "swap" { "exchange" } else { mode }
+}
+
 /// The pack that a station should be handed over to now, if its active one is about to give out.
 #[must_use]
 pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use energy::{Estimate, Need};
 use planner::Mode;
-use proto::{BayId, Capacity, PackId, RobotId};
+use proto::{BayId, Capacity, PackId, RobotId, StationId};
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use crate::forecast;
@@ -17,6 +17,8 @@ use crate::view::Basis;
 
 /// A pack that holds this many standard deviations more than is owed leaves nothing to the next.
 const SIGMAS_OWED: f64 = 6.0;
+/// Levels of charge that differ by less are printed alike.
+const SAME_SOC: f64 = 0.005;
 
 /// How many more robots each pack can service, each pack by itself, and each station, beyond the services
 /// that have begun.
@@ -39,7 +41,32 @@ pub fn capacity(basis: &Basis<'_>, plan: &Plan) -> Capacity {
         let planned_short_wh = shorts.map(|(_, short_wh)| *short_wh).min_by(f64::total_cmp);
         Some(Question { planned_short_wh, ..question(basis, &coming(index), (&view, &racks), index)? })
     });
-    count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence)
+    let mut told = count(basis.now, &asked.collect::<Vec<_>>(), basis.settings.confidence);
+    without_power(basis, &mut told);
+    parts_of(&mut told, &planned, basis.settings.charge_to_soc);
+    told
+}
+
+/// A station without power serves nobody in any bay: power is what is lacking there, and nothing else is worth a word before that.
+fn without_power(basis: &Basis<'_>, told: &mut Capacity) {
+    let is_dark = |id: &StationId| basis.fleet.stations.get(id).and_then(|station| station.known()).is_some_and(|state| !state.powered);
+    for pack in told.packs.iter_mut().filter(|pack| is_dark(&pack.station)) {
+        (pack.lacks_power, pack.lacks_bay, pack.lacks_spare, pack.lacks_right_temperature) = (true, false, false, false);
+    }
+    for station in told.stations.iter_mut().filter(|station| is_dark(&station.station)) {
+        (station.lacks_power, station.lacks_bay, station.lacks_spare, station.lacks_right_temperature) = (true, false, false, false);
+    }
+}
+
+/// Says of whom it is planned that it is charged to less than the usual level, and to which.
+fn parts_of(told: &mut Capacity, planned: &BTreeMap<&RobotId, &Planned>, usual_soc: f64) {
+    let of_packs = told.packs.iter_mut().map(|pack| &mut pack.promises);
+    let of_stations = told.stations.iter_mut().map(|station| &mut station.promises);
+    for promise in of_packs.chain(of_stations).flatten() {
+        let planned = promise.robot.as_ref().and_then(|robot| planned.get(robot));
+        let part = planned.filter(|planned| matches!(planned.mode, Mode::Charge(_)) && planned.to_soc < usual_soc - SAME_SOC);
+        promise.part_to_soc = part.map(|planned| planned.to_soc);
+    }
 }
 
 /// Where a robot comes for a service and when, s, and how if that is planned: else to the nearest station that it reaches, when it

@@ -73,7 +73,11 @@ impl<'a, 'w> Explainer<'a, 'w> {
         reasons.extend(fault.map(|fault| format!("its gauge {fault}: the plan counts on less, and less certainly")));
         match (service, self.unserved.get(robot)) {
             (Some(service), _) => reasons.extend(service.why.iter().cloned()),
-            (None, Some(unserved)) => reasons.extend(unserved.reasons.iter().cloned()),
+            (None, Some(unserved)) => {
+                // What it does stands above already.
+                let phase = belief.known().map(|(_, state)| state.phase.to_string());
+                reasons.extend(unserved.reasons.iter().filter(|reason| Some(*reason) != phase.as_ref()).cloned());
+            }
             (None, None) => reasons.push("no service is planned".to_owned()),
         }
         let at = service.map(|service| &service.station);

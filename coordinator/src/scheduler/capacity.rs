@@ -236,6 +236,7 @@ fn of_pack(question: &Question, holding: &Holding, together: &Count, confidence:
         robots_promised: count.at_least(confidence),
         confidence,
         short_for_next_wh: count.short_wh,
+        lacks_power: false,
         lacks_bay: count.lacks == Some(Lack::Bay),
         lacks_spare: count.lacks == Some(Lack::Spare),
         lacks_right_temperature: count.lacks == Some(Lack::RightTemperature),
@@ -251,6 +252,7 @@ fn of_station(question: &Question, count: Count, confidence: f64) -> StationCapa
         robots_expected: count.at_least(0.5),
         robots_promised: count.at_least(confidence),
         short_for_next_wh: count.short_wh,
+        lacks_power: false,
         lacks_bay: count.lacks == Some(Lack::Bay),
         lacks_spare: count.lacks == Some(Lack::Spare),
         lacks_right_temperature: count.lacks == Some(Lack::RightTemperature),
@@ -294,12 +296,9 @@ impl Question {
             if (stepped_wh.is_some() || comes_wh > 0.0) && is_enough {
                 count.usable_wh.value = (need.value + spare_wh).max(0.0);
             }
-            let (mut probability, short_wh) = margin(Estimate::new(spare_wh, sigma_wh), confidence);
-            if lack.is_some() {
-                probability = 0.0;
-            }
+            let (probability, short_wh) = margin(Estimate::new(spare_wh, sigma_wh), confidence);
             // One more is never likelier.
-            probability = probability.min(before);
+            let probability = if lack.is_some() { 0.0 } else { probability.min(before) };
             before = probability;
             if probability < confidence && is_enough {
                 (is_enough, count.short_wh, count.lacks) = (false, short_wh, lack);
@@ -307,7 +306,7 @@ impl Question {
             count.probabilities.push(probability);
             if probability >= TOLD_MIN && (robot.is_some() || number <= TOLD_MAX) {
                 let robot = robot.map(|coming| coming.robot.clone());
-                count.promises.push(Promise { robot, probability, need_wh: node::wire(need) });
+                count.promises.push(Promise { robot, part_to_soc: None, probability, need_wh: node::wire(need) });
             }
             if probability < TOLD_MIN {
                 break;
@@ -391,8 +390,7 @@ fn soonest(free: impl Iterator<Item = (usize, f64)>, comes_s: f64) -> Option<(us
 
 /// Probability that what is spare (Wh, normal) is more than nothing, and what is short at `confidence`, Wh.
 fn margin(spare: Estimate, confidence: f64) -> (f64, f64) {
-    let sigma = spare.sigma.max(1e-9);
-    let normal = Normal::standard();
+    let (normal, sigma) = (Normal::standard(), spare.sigma.max(1e-9));
     (normal.cdf(spare.value / sigma), (normal.inverse_cdf(confidence) * sigma - spare.value).max(0.0))
 }
 

@@ -53,8 +53,10 @@ pub fn likely(probability: f64) -> String {
 
 /// What a service is short of.
 #[must_use]
-pub fn short(wh: f64, [lacks_bay, lacks_spare, lacks_right_temperature]: [bool; 3]) -> String {
+pub fn short(wh: f64, [lacks_power, lacks_bay, lacks_spare, lacks_right_temperature]: [bool; 4]) -> String {
     match () {
+        // Without it bays and spares are of no use.
+        () if lacks_power => "power".to_owned(),
         () if lacks_bay => "a bay".to_owned(),
         () if lacks_spare => "a charged spare".to_owned(),
         () if lacks_right_temperature => "batteries neither too hot nor too cold".to_owned(),
@@ -148,9 +150,11 @@ mod tests {
         let told = |probability: f64| likely_of(probability, 0.95);
         assert_eq!([0.951, 0.95, 0.9497, 0.9464, 0.5].map(told), ["95 %", "95 %", "94.97 %", "94.6 %", "50 %"]);
         assert_eq!(
-            [12.34, 0.05, 0.012, 0.003, 0.0].map(|wh| short(wh, [false; 3])),
+            [12.34, 0.05, 0.012, 0.003, 0.0].map(|wh| short(wh, [false; 4])),
             ["12.3 Wh", "0.1 Wh", "0.01 Wh", "0.003 Wh", "0.0 Wh"]
         );
-        assert_eq!([short(0.0, [true, false, false]), short(0.0, [false, true, false])], ["a bay", "a charged spare"]);
+        let short_of = |lacks: [bool; 4]| short(7.0, lacks);
+        assert_eq!(short_of([true, true, false, false]), "power");
+        assert_eq!([short_of([false, true, false, false]), short_of([false, false, true, false])], ["a bay", "a charged spare"]);
     }
 }

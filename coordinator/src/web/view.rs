@@ -30,6 +30,7 @@ use crate::when::{date, minute, second};
 
 pub use capacity::CapacityPanel;
 pub use fleet::{FleetTable, RobotRow};
+pub(crate) use capacity::{by_station, whom};
 pub use health::{HealthPanel, Ladder, Step};
 pub use plan::{Bar, Lane, PlanChart};
 pub use robot::RobotDetail;

@@ -1,5 +1,6 @@
 //! What is said on the wire: one file per subject.
 
+mod capacity;
 mod check;
 mod command;
 mod event;
@@ -9,15 +10,13 @@ mod schedule;
 mod sim;
 mod station;
 
+pub use capacity::{Capacity, PackCapacity, Promise, StationCapacity};
 pub use check::MessageError;
 pub use command::{Command, CommandReply, Outcome, Rejection, RobotAction, RobotCommand, StationAction, StationCommand};
 pub use event::{Event, EventKind};
 pub use gauge::Gauge;
 pub use robot::{Mission, NamedModel, RobotPhase, RobotState, Travel};
-pub use schedule::{
-    Alternative, Capacity, Doubt, Explanation, Mode, PackCapacity, Promise, Quality, Schedule, Service, ServiceStatus, StationCapacity,
-    Unserved,
-};
+pub use schedule::{Alternative, Doubt, Explanation, Mode, Quality, Schedule, Service, ServiceStatus, Unserved};
 pub use sim::{SimDraw, SimSupply};
 pub use station::{Absence, BayPhase, BayState, PackReturn, PackState, SpareState, StationState};
 

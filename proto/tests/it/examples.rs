@@ -154,8 +154,8 @@ pub fn schedule() -> Schedule {
 
 fn promises() -> Vec<Promise> {
     vec![
-        Promise { robot: Some(id("r1")), probability: 0.998, need_wh: Estimate::new(17.9, 0.7) },
-        Promise { robot: None, probability: 0.41, need_wh: Estimate::new(35.8, 1.1) },
+        Promise { robot: Some(id("r1")), part_to_soc: None, probability: 0.998, need_wh: Estimate::new(17.9, 0.7) },
+        Promise { robot: None, part_to_soc: None, probability: 0.41, need_wh: Estimate::new(35.8, 1.1) },
     ]
 }
 
@@ -173,6 +173,7 @@ pub fn capacity() -> Capacity {
             robots_promised: 8,
             confidence: 0.95,
             short_for_next_wh: 1.4,
+            lacks_power: false,
             lacks_bay: false,
             lacks_spare: false,
             lacks_right_temperature: false,
@@ -184,6 +185,7 @@ pub fn capacity() -> Capacity {
             robots_expected: 9,
             robots_promised: 8,
             short_for_next_wh: 1.4,
+            lacks_power: false,
             lacks_bay: false,
             lacks_spare: false,
             lacks_right_temperature: false,

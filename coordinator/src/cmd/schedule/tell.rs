@@ -4,8 +4,10 @@ use comfy_table::{Cell, CellAlignment};
 use energy::units::S_PER_H;
 use proto::{Capacity, Event, Explanation, Mode, Promise, Quality, Schedule};
 
+use crate::answers::mode_in_words;
 use crate::cmd::{say_text, table, text};
 use crate::web::number::{likely_of, short};
+use crate::web::view::{by_station, whom};
 use crate::when::second_from;
 
 pub(in crate::cmd) fn show(schedule: &Schedule) {
@@ -98,7 +100,7 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             Cell::new(wh(pack.service_wh)),
             right(pack.robots_expected.to_string()),
             right(pack.robots_promised.to_string()),
-            right(short(pack.short_for_next_wh, [pack.lacks_bay, pack.lacks_spare, pack.lacks_right_temperature])),
+            right(short(pack.short_for_next_wh, [pack.lacks_power, pack.lacks_bay, pack.lacks_spare, pack.lacks_right_temperature])),
         ]);
     }
     for station in capacity.stations.iter().filter(|station| capacity.packs_at(&station.station).count() > 1) {
@@ -110,7 +112,10 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             Cell::new(""),
             right(station.robots_expected.to_string()),
             right(station.robots_promised.to_string()),
-            right(short(station.short_for_next_wh, [station.lacks_bay, station.lacks_spare, station.lacks_right_temperature])),
+            right(short(
+                station.short_for_next_wh,
+                [station.lacks_power, station.lacks_bay, station.lacks_spare, station.lacks_right_temperature],
+            )),
         ]);
     }
     say_text(&text(&packs));
@@ -124,9 +129,9 @@ pub(super) fn show_capacity(capacity: &Capacity) {
             say!("{} with all its packs: {}", station.station, in_order(&station.promises, capacity.confidence));
         }
     }
-    if let Some(pack) = capacity.packs.first() {
+    for (at, pack) in by_station(capacity) {
         let causes: Vec<String> = pack.breakdown_wh.iter().map(|(cause, wh)| format!("{cause} {wh:.1}")).collect();
-        say!("where the energy of one service goes (Wh): {}", causes.join(", "));
+        say!("where the energy of one service{at} goes (Wh): {}", causes.join(", "));
     }
 }
 
@@ -134,8 +139,8 @@ pub(super) fn show_capacity(capacity: &Capacity) {
 fn in_order(promises: &[Promise], asked: f64) -> String {
     let one = |(count, promise): (usize, &Promise)| {
         let plus = if count == 0 { "" } else { "+ " };
-        let who = promise.robot.as_ref().map_or_else(|| "one more".to_owned(), ToString::to_string);
-        format!("{} at {} ({plus}{who}, {:.1} Wh)", count + 1, likely_of(promise.probability, asked), promise.need_wh.value)
+        let (sure, who) = (likely_of(promise.probability, asked), whom(promise));
+        format!("{} at {sure} ({plus}{who}, {:.1} Wh)", count + 1, promise.need_wh.value)
     };
     promises.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
@@ -169,7 +174,7 @@ pub(super) fn show_explanation(explanation: &Explanation) {
             .start
             .map_or_else(|| "not to be had".to_owned(), |start| format!("could begin {}", second_from(explanation.at, start)));
         let but = if alternative.why_not.is_empty() { String::new() } else { format!(": {}", alternative.why_not.join("; ")) };
-        say!("  or {} at {}, {start}{but}", alternative.mode, alternative.station);
+        say!("  or {} at {}, {start}{but}", mode_in_words(&alternative.mode), alternative.station);
     }
     for changed in &explanation.changed {
         say!("  last change: {changed}");

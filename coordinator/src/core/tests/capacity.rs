@@ -108,8 +108,35 @@ fn a_bay_that_does_not_work_serves_nobody() {
         come(&mut core, &[0.24, 0.21]);
         let capacity = core.capacity(at(2.0));
         let of_s = capacity.stations.iter().find(|station| station.station.as_str() == "s").expect("it is known").clone();
-        (of_s.robots_promised > 0, of_s.lacks_bay)
+        let of_pack = capacity.packs.iter().find(|pack| pack.station == of_s.station).expect("it has a pack");
+        assert_eq!((of_pack.lacks_bay, of_pack.lacks_power), (of_s.lacks_bay, of_s.lacks_power));
+        (of_s.robots_promised > 0, of_s.lacks_bay, of_s.lacks_power)
     };
     assert!(told(BayPhase::Free, true).0);
-    assert_eq!([told(BayPhase::Failed, true), told(BayPhase::Free, false)], [(false, true); 2]);
+    // Where there is no power, a bay more would be of no use.
+    assert_eq!([told(BayPhase::Failed, true), told(BayPhase::Free, false)], [(false, true, false), (false, false, true)]);
+}
+
+#[test]
+fn who_is_planned_a_part_of_a_charge_is_told_with_how_much() {
+    let told = |soc: f64| {
+        let mut core = core_of_two();
+        core.handle(at(0.0), Input::StationState(id("s"), ready(0.0)));
+        core.handle(at(0.0), Input::PackGauge(id("s"), id("p"), gauge(0.0, soc, 84.0)));
+        opens(&mut core, "t", StationState { powered: false, packs: Vec::new(), active_pack: None, ..ready(0.0) });
+        // It is not sent in at once: what has begun is no promise any more.
+        come(&mut core, &[0.3]);
+        let service = core.schedule().services.first()?;
+        let Mode::Recharge { to_soc } = service.mode else { panic!("{service:?}") };
+        let capacity = core.capacity(at(2.0));
+        let here = capacity.stations.iter().find(|station| station.station == service.station).unwrap();
+        let of_pack = capacity.packs.iter().find(|pack| pack.station == service.station).unwrap();
+        assert_eq!(of_pack.promises[0].part_to_soc, here.promises[0].part_to_soc, "{soc}");
+        Some((to_soc, here.promises[0].part_to_soc))
+    };
+    let (whole_soc, marked) = told(1.0).expect("a full pack charges one robot");
+    assert_eq!(marked, None);
+    let of_less: Vec<(f64, Option<f64>)> = (10..30).filter_map(|percent| told(0.01 * f64::from(percent))).collect();
+    assert!(of_less.iter().all(|&(to_soc, marked)| marked == (to_soc < whole_soc).then_some(to_soc)), "{of_less:?}");
+    assert!(of_less.iter().any(|(_, marked)| marked.is_some()), "{of_less:?}");
 }

@@ -20,14 +20,22 @@ function renderCapacity(capacity) {
       for (const name of names) setText(part(element, name), String(pack[name]?.text ?? pack[name] ?? ""));
       part(element, "odds").title = pack.who;
     });
-  keyed(byId("causes"), capacity.causes, (cause) => cause.cause,
+  keyed(byId("breakdowns"), capacity.breakdowns.entries(), ([n]) => n,
+    ([n]) => h("div", {}, h("h3", { id: `causes-${n}`, "data-part": "title" }), h("ul", { class: "bars", "aria-labelledby": `causes-${n}`, "data-part": "causes" })),
+    (element, [, breakdown]) => {
+      setText(part(element, "title"), breakdown.title);
+      renderCauses(part(element, "causes"), breakdown.causes);
+    });
+}
+
+function renderCauses(list, causes) {
+  keyed(list, causes, (cause) => cause.cause,
     () => h("li", {}, h("span", { class: "bar-label", "data-part": "cause" }), h("span", { class: "bar-track", "aria-hidden": "true" }, h("i", { "data-part": "bar" })), h("span", { class: "num", "data-part": "number" })),
     (element, cause) => {
       setText(part(element, "cause"), cause.cause);
       setText(part(element, "number"), cause.number);
       setStyle(part(element, "bar"), "width", share(cause.share));
     });
-  setText(byId("causes-title"), capacity.service ? `Where the energy of one service goes: ${capacity.service.text}` : "Where the energy of one service goes");
 }
 
 function makeWatched() {

@@ -21,10 +21,17 @@ pub struct CapacityPanel {
     pub certain: String,
     /// Pack by pack; after the last of a station that has several, all of them together.
     pub packs: Vec<PackRow>,
-    /// Where the energy of one service goes, the largest part first.
+    /// Where the energy of one service goes, station by station where that differs.
+    pub breakdowns: Vec<Breakdown>,
+}
+
+/// Where the energy of one service goes.
+#[derive(Debug, Clone, Serialize)]
+pub struct Breakdown {
+    /// What one service takes and where: `Where the energy of one service at mds-1 goes: 24.1 ± 0.5 Wh`.
+    pub title: String,
+    /// By cause, the largest part first.
     pub causes: Vec<Cause>,
-    /// What one service takes, all causes together.
-    pub service: Option<Quantity>,
 }
 
 /// What one pack can pay for.
@@ -77,9 +84,40 @@ pub(super) fn panel(capacity: &Capacity) -> CapacityPanel {
         note,
         certain: format!("At {percent:.0} %"),
         packs: rows(capacity),
-        causes: capacity.packs.first().map_or_else(Vec::new, causes),
-        service: capacity.packs.first().map(|pack| quantity(from_wire(pack.service_wh), "Wh")),
+        breakdowns: by_station(capacity).into_iter().map(|(at, pack)| breakdown(&at, pack)).collect(),
     }
+}
+
+fn breakdown(at: &str, pack: &PackCapacity) -> Breakdown {
+    let service = quantity(from_wire(pack.service_wh), "Wh");
+    Breakdown { title: format!("Where the energy of one service{at} goes: {}", service.text), causes: causes(pack) }
+}
+
+/// One pack of each station, as a service takes as much from any other there, and at which stations that is so: ` at mds-1, mds-2`,
+/// or nothing where there is one station only.
+pub(crate) fn by_station(capacity: &Capacity) -> Vec<(String, &PackCapacity)> {
+    let mut found: Vec<(Vec<&str>, &PackCapacity)> = Vec::new();
+    for pack in &capacity.packs {
+        if found.iter().any(|(stations, _)| stations.contains(&pack.station.as_str())) {
+            continue;
+        }
+        match found.iter_mut().find(|(_, other)| are_alike(other, pack)) {
+            Some((stations, _)) => stations.push(pack.station.as_str()),
+            None => found.push((vec![pack.station.as_str()], pack)),
+        }
+    }
+    let is_alone = matches!(&found[..], [(stations, _)] if stations.len() == 1);
+    let at = |stations: Vec<&str>| if is_alone { String::new() } else { format!(" at {}", stations.join(", ")) };
+    found.into_iter().map(|(stations, pack)| (at(stations), pack)).collect()
+}
+
+/// Whether a service takes the same from both, as far as it is printed.
+fn are_alike(one: &PackCapacity, other: &PackCapacity) -> bool {
+    let printed = |pack: &PackCapacity| -> Vec<(String, String)> {
+        pack.breakdown_wh.iter().map(|(cause, wh)| (cause.clone(), format!("{wh:.1}"))).collect()
+    };
+    let service = |pack: &PackCapacity| quantity(from_wire(pack.service_wh), "Wh").text;
+    printed(one) == printed(other) && service(one) == service(other)
 }
 
 /// Packs, station by station.
@@ -105,7 +143,7 @@ fn row(pack: &PackCapacity) -> PackRow {
         service: Some(quantity(from_wire(pack.service_wh), "Wh")),
         expected: pack.robots_expected,
         promised: pack.robots_promised,
-        short: short(pack.short_for_next_wh, [pack.lacks_bay, pack.lacks_spare, pack.lacks_right_temperature]),
+        short: short(pack.short_for_next_wh, [pack.lacks_power, pack.lacks_bay, pack.lacks_spare, pack.lacks_right_temperature]),
         odds: odds(&pack.promises, pack.confidence),
         who: who(&pack.promises),
         tone: tone(pack.robots_promised),
@@ -119,7 +157,10 @@ fn together(station: &StationCapacity, confidence: f64) -> PackRow {
         service: None,
         expected: station.robots_expected,
         promised: station.robots_promised,
-        short: short(station.short_for_next_wh, [station.lacks_bay, station.lacks_spare, station.lacks_right_temperature]),
+        short: short(
+            station.short_for_next_wh,
+            [station.lacks_power, station.lacks_bay, station.lacks_spare, station.lacks_right_temperature],
+        ),
         odds: odds(&station.promises, confidence),
         who: who(&station.promises),
         tone: tone(station.robots_promised),
@@ -140,11 +181,14 @@ fn odds(promises: &[Promise], asked: f64) -> String {
 
 /// The robot that each of them would be.
 fn who(promises: &[Promise]) -> String {
-    let one = |(before, promise): (usize, &Promise)| match &promise.robot {
-        Some(robot) => format!("{}: {robot}", before + 1),
-        None => format!("{}: one more", before + 1),
-    };
+    let one = |(before, promise): (usize, &Promise)| format!("{}: {}", before + 1, whom(promise));
     promises.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
+}
+
+/// Whom a service is for; who gets less than the usual charge is told with how much: `explorer-1 to 63 %`.
+pub(crate) fn whom(promise: &Promise) -> String {
+    let robot = promise.robot.as_ref().map_or_else(|| "one more".to_owned(), ToString::to_string);
+    promise.part_to_soc.map_or_else(|| robot.clone(), |to_soc| format!("{robot} to {:.0} %", 100.0 * to_soc))
 }
 
 fn causes(pack: &PackCapacity) -> Vec<Cause> {
@@ -157,4 +201,54 @@ fn causes(pack: &PackCapacity) -> Vec<Cause> {
     let mut causes: Vec<Cause> = pack.breakdown_wh.iter().map(cause).collect();
     causes.sort_by(|a, b| b.wh.total_cmp(&a.wh));
     causes
+}
+
+#[cfg(test)]
+mod tests {
+    use proto::{Estimate, Timestamp};
+
+    use super::*;
+
+    fn pack(station: &str, pack: &str, conversion_wh: f64) -> PackCapacity {
+        PackCapacity {
+            station: station.parse().unwrap(),
+            pack: pack.parse().unwrap(),
+            remaining_wh: Estimate::new(80.0, 1.0),
+            usable_wh: Estimate::new(70.0, 1.0),
+            service_wh: Estimate::new(12.0 + conversion_wh, 0.5),
+            breakdown_wh: [("conversion".to_owned(), conversion_wh), ("robot_battery".to_owned(), 12.0)].into(),
+            robots_expected: 3,
+            robots_promised: 2,
+            confidence: 0.95,
+            short_for_next_wh: 1.0,
+            lacks_power: false,
+            lacks_bay: false,
+            lacks_spare: false,
+            lacks_right_temperature: false,
+            promises: Vec::new(),
+        }
+    }
+
+    fn titles(packs: Vec<PackCapacity>) -> Vec<String> {
+        let at = Timestamp::from_unix_ms(0);
+        let capacity = Capacity { at, packs, stations: Vec::new(), robots_expected: 0, robots_promised: 0, confidence: 0.95 };
+        panel(&capacity).breakdowns.into_iter().map(|breakdown| breakdown.title).collect()
+    }
+
+    #[test]
+    fn where_energy_goes_is_told_of_each_station_where_it_differs() {
+        let of_one = titles(vec![pack("north", "p1", 2.0), pack("north", "p2", 2.0)]);
+        assert_eq!(of_one, ["Where the energy of one service goes: 14.00 ± 0.50 Wh"]);
+        let (north, south, west) = (pack("north", "p1", 2.0), pack("south", "p1", 3.0), pack("west", "p1", 2.01));
+        assert_eq!(
+            titles(vec![north, south, west]),
+            [
+                "Where the energy of one service at north goes: 14.00 ± 0.50 Wh",
+                "Where the energy of one service at south goes: 15.00 ± 0.50 Wh",
+                "Where the energy of one service at west goes: 14.01 ± 0.50 Wh"
+            ]
+        );
+        let alike = titles(vec![pack("north", "p1", 2.0), pack("south", "p1", 2.0)]);
+        assert_eq!(alike, ["Where the energy of one service at north, south goes: 14.00 ± 0.50 Wh"]);
+    }
 }

@@ -4,6 +4,7 @@ use proto::{Explanation, RobotId, Timestamp};
 use serde::Serialize;
 
 use super::{Tone, fleet};
+use crate::answers;
 use crate::core::Core;
 use crate::models::from_wire;
 use crate::web::number::{percent, quantity, reading, span};
@@ -49,7 +50,7 @@ pub struct Fact {
 /// Another way of servicing a robot.
 #[derive(Debug, Clone, Serialize)]
 pub struct AlternativeLine {
-    /// `swap at mds-1`.
+    /// `exchange at mds-1`.
     pub what: String,
     /// `could begin 12:52`, or `not now`.
     pub when: String,
@@ -85,7 +86,7 @@ pub(super) fn detail(now: Timestamp, core: &Core, past: &Past, id: &RobotId) -> 
         },
     );
     let alternatives = alternatives.into_iter().map(|other| AlternativeLine {
-        what: format!("{} at {}", other.mode, other.station),
+        what: format!("{} at {}", answers::mode_in_words(&other.mode), other.station),
         when: other.start.map_or_else(|| "not now".to_owned(), |start| format!("could begin {}", minute_from(now, start))),
         why_not: other.why_not,
     });
