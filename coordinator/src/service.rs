@@ -252,7 +252,7 @@ impl Service {
         let now = self.clock.now();
         let standing = self.standing();
         let ladder = asked.shows_ladder().then(|| config.web.ladder(path)).flatten();
-        let books = Books { site: &self.link.site, title: "", past: &self.past, store: Some(&standing), ladder };
+        let books = Books { site: &self.link.site, title: "", ended: None, past: &self.past, store: Some(&standing), ladder };
         let told = asked.answer(now, &mut self.core, books);
         if let Some(wish) = told {
             let before = self.outbox.records().len();

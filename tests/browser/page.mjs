@@ -133,7 +133,10 @@ async function byHand(page, why) {
 async function frozen() {
   for (const look of LOOKS) {
     const page = await open(look);
-    await page.locator("#status.good").waitFor();
+    await page.locator("#status.quiet").waitFor();
+    same(await page.locator("#status-text").textContent(), "ended", "a simulation that has ended");
+    check(await page.locator("#outcome-body tbody tr").first().isVisible(), "what came of it is shown");
+    check(!(await page.locator("#replan").isVisible()), "nobody can plan anew what has ended");
     await page.locator("#energy .u-over").waitFor();
     if (look[0] === "desktop-light") {
       await numbers(page);

@@ -8,6 +8,7 @@ use tokio::runtime::Runtime;
 use tokio::sync::mpsc::Receiver;
 
 use crate::sim::{Outcome, Step};
+use crate::web::report::Ended;
 use crate::web::{self, Asked, Books, Past, WebConfig};
 
 /// Fastest that can be shown.
@@ -60,7 +61,7 @@ impl Stage {
     }
 
     /// Shows the end until Ctrl-C.
-    pub(super) fn stay(self, outcome: &mut Outcome, past: &Past, title: &str) {
+    pub(super) fn stay(self, outcome: &mut Outcome, past: &Past, title: &str, ended: &Ended) {
         let Self { runtime, mut asked, .. } = self;
         let site = outcome.site.clone();
         runtime.block_on(async {
@@ -69,7 +70,8 @@ impl Stage {
             loop {
                 tokio::select! {
                     Some(asked) = asked.recv() => {
-                        let _ = asked.answer(outcome.end, &mut outcome.core, Books { site: &site, title, past, store: None, ladder: None });
+                        let books = Books { site: &site, title, ended: Some(ended), past, store: None, ladder: None };
+                        let _ = asked.answer(outcome.end, &mut outcome.core, books);
                     }
                     () = &mut stop => break,
                 }

@@ -18,6 +18,7 @@ use super::serve::Stage;
 use crate::models::Kept;
 use crate::scenario::{RunEntry, Scenario, Verdict};
 use crate::sim::{self, Outcome};
+use crate::web::report::{Ended, Measured};
 use crate::web::{Books, Past, WebConfig};
 
 /// Runs a scenario and says whether it came as its [expect] says.
@@ -108,8 +109,10 @@ pub fn execute(args: &Args) -> anyhow::Result<ExitCode> {
         Format::Json => say!("{}", serde_json::to_string_pretty(&as_json(&scenario, seed, &finished))?),
     }
     files::write(args, &scenario, seed, &finished)?;
+    let measured = |run: &Finished| Measured::new(&run.run.name, &run.outcome, &run.verdicts);
+    let ended = Ended { note: scenario.note.clone(), runs: finished.iter().map(measured).collect() };
     if let (Some(stage), Some(last)) = (stage, finished.last_mut()) {
-        stage.stay(&mut last.outcome, &last.past, &title(&scenario, &last.run));
+        stage.stay(&mut last.outcome, &last.past, &title(&scenario, &last.run), &ended);
     }
     let held = finished.iter().flat_map(|run| &run.verdicts).all(Verdict::holds);
     Ok(if held { ExitCode::SUCCESS } else { ExitCode::FAILURE })
@@ -225,7 +228,7 @@ fn simulate(
             past.look(step.now, step.core);
         }
         if let Some(stage) = &mut stage {
-            stage.step(step, Books { site: &site, title: &title, past: &past, store: None, ladder: None });
+            stage.step(step, Books { site: &site, title: &title, ended: None, past: &past, store: None, ladder: None });
         }
     };
     let outcome = sim::simulate(&deployment, duration_s, scenario.temperature_degc, kept, &mut watch);

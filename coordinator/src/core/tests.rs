@@ -4,6 +4,7 @@ mod before;
 mod capacity;
 mod joining;
 mod packs;
+mod page;
 mod services;
 
 use proto::{

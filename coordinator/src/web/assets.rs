@@ -2,6 +2,8 @@
 
 /// The page.
 const HTML: &str = include_str!("assets/index.html");
+/// Why nothing can be changed from a page.
+const UNCHANGEABLE: &str = "Nothing can be changed from here: no token is configured (web.token)";
 /// The page's icon.
 pub(super) const ICON: &str = include_str!("assets/icon.svg");
 /// All style sheets.
@@ -21,9 +23,10 @@ pub(super) const JS: &str = concat!(
     include_str!("assets/main.js"),
 );
 
-/// The page that lives on its server.
-pub(super) fn live_page() -> String {
-    page("icon.svg", "<link rel=\"stylesheet\" href=\"style.css\">", "<script src=\"script.js\" defer></script>", "")
+/// The page that lives on its server. Where no token is configured it says so, in place of asking for one.
+pub(super) fn live_page(has_token: bool) -> String {
+    let page = page("icon.svg", "<link rel=\"stylesheet\" href=\"style.css\">", "<script src=\"script.js\" defer></script>", "");
+    if has_token { page } else { page.replace("<body>", &format!("<body data-unchangeable=\"{UNCHANGEABLE}\">")) }
 }
 
 /// The page as one file that holds all it shows.
@@ -42,4 +45,15 @@ pub(super) fn whole_page(data: &str) -> String {
 fn page(icon: &str, style: &str, script: &str, data: &str) -> String {
     let icon = format!("<link rel=\"icon\" href=\"{icon}\">");
     HTML.replace("<!-- icon -->", &icon).replace("<!-- style -->", style).replace("<!-- data -->", data).replace("<!-- script -->", script)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_that_can_change_nothing_says_so() {
+        assert!(live_page(false).contains(UNCHANGEABLE));
+        assert!(!live_page(true).contains(UNCHANGEABLE) && live_page(true).contains("<body>"));
+    }
 }

@@ -10,6 +10,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::metrics;
 use super::past::Past;
+use super::report::Ended;
 use super::view::{Ladder, View, Wanted};
 use crate::core::{Core, Input, NotForgotten};
 use crate::store::Standing;
@@ -130,6 +131,8 @@ pub struct Books<'a> {
     pub site: &'a SiteId,
     /// What is shown, when it is not a live site: a scenario and its run.
     pub title: &'a str,
+    /// What runs of a scenario came to, when all have ended.
+    pub ended: Option<&'a Ended>,
     /// What was shown so far.
     pub past: &'a Past,
     /// How the store stands; none where nothing is kept.

@@ -42,8 +42,34 @@ pub struct Run {
     pub metrics: Vec<MetricRow>,
 }
 
+/// What runs came to, for a page that shows how the last of them looked at its end.
+#[derive(Debug, Clone, Serialize)]
+pub struct Ended {
+    /// What the scenario is about.
+    pub note: String,
+    /// Its runs.
+    pub runs: Vec<Measured>,
+}
+
+/// What was measured in one run.
+#[derive(Debug, Clone, Serialize)]
+pub struct Measured {
+    /// Its name.
+    pub name: String,
+    /// What was measured.
+    pub metrics: Vec<MetricRow>,
+}
+
+impl Measured {
+    /// What was measured in a run, and what was expected of it.
+    #[must_use]
+    pub fn new(name: &str, outcome: &Outcome, verdicts: &[Verdict]) -> Self {
+        Self { name: name.to_owned(), metrics: metrics(outcome, verdicts) }
+    }
+}
+
 /// One metric.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct MetricRow {
     /// Its name.
     pub metric: String,
@@ -64,23 +90,27 @@ impl Run {
         let core = &outcome.core;
         let site = outcome.site.clone();
         let wanted = Wanted { rows: usize::MAX, ..Wanted::default() };
-        let view = View::new(outcome.end, core, Books { site: &site, title: name, past, store: None, ladder: None }, &wanted);
+        let view = View::new(outcome.end, core, Books { site: &site, title: name, ended: None, past, store: None, ladder: None }, &wanted);
         let known = core.fleet().robots.keys();
         let robots = known.filter_map(|id| Some((id.clone(), View::robot(outcome.end, core, past, id).ok()?))).collect();
         let packs = past.packs.iter().map(|((station, pack), series)| (format!("{station} {pack}"), series.clone())).collect();
-        let metric = |(metric, &value): (&String, &f64)| {
-            let verdict = verdicts.iter().find(|verdict| verdict.metric == *metric);
-            let text = if value.fract() == 0.0 { format!("{value:.0}") } else { format!("{value:.3}") };
-            MetricRow {
-                metric: metric.clone(),
-                value,
-                text,
-                expected: verdict.map(|verdict| verdict.expected.to_string()),
-                holds: verdict.map(Verdict::holds),
-            }
-        };
-        Self { name: name.to_owned(), view, robots, packs, metrics: outcome.measured.metrics.iter().map(metric).collect() }
+        Self { name: name.to_owned(), view, robots, packs, metrics: metrics(outcome, verdicts) }
     }
+}
+
+fn metrics(outcome: &Outcome, verdicts: &[Verdict]) -> Vec<MetricRow> {
+    let metric = |(metric, &value): (&String, &f64)| {
+        let verdict = verdicts.iter().find(|verdict| verdict.metric == *metric);
+        let text = if value.fract() == 0.0 { format!("{value:.0}") } else { format!("{value:.3}") };
+        MetricRow {
+            metric: metric.clone(),
+            value,
+            text,
+            expected: verdict.map(|verdict| verdict.expected.to_string()),
+            holds: verdict.map(Verdict::holds),
+        }
+    };
+    outcome.measured.metrics.iter().map(metric).collect()
 }
 
 impl Report {

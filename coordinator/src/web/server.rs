@@ -80,7 +80,7 @@ pub async fn serve(listener: TcpListener, config: &WebConfig, desk: Desk) -> any
         .merge(changes);
     let file = |kind: &'static str, text: &'static str| get(move || async move { ([(header::CONTENT_TYPE, kind)], text) });
     let router = Router::new()
-        .route("/", get(|| async { axum::response::Html(assets::live_page()) }))
+        .route("/", get(|State(web): State<Web>| async move { axum::response::Html(assets::live_page(web.token.is_some())) }))
         .route("/style.css", file("text/css; charset=utf-8", assets::CSS))
         .route("/script.js", file("text/javascript; charset=utf-8", assets::JS))
         .route("/icon.svg", file("image/svg+xml", assets::ICON))

@@ -26,11 +26,12 @@ use serde::{Deserialize, Serialize};
 use crate::core::Core;
 use crate::web::desk::Books;
 use crate::web::past::Past;
+use crate::web::report::Ended;
 use crate::when::{date, minute, second};
 
 pub use capacity::CapacityPanel;
-pub use fleet::{FleetTable, RobotRow};
 pub(crate) use capacity::{by_station, whom};
+pub use fleet::{FleetTable, RobotRow};
 pub use health::{HealthPanel, Ladder, Step};
 pub use plan::{Bar, Lane, PlanChart};
 pub use robot::RobotDetail;
@@ -91,6 +92,11 @@ pub struct View {
     pub site: SiteId,
     /// What is shown: the site, or a scenario and its run.
     pub title: String,
+    /// Whether it is a simulation, which nobody can change.
+    pub simulated: bool,
+    /// What its runs came to, when all have ended: nothing moves any more.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ended: Option<Ended>,
     /// The plan in force, in a sentence.
     pub headline: String,
     /// The tiles at the top.
@@ -133,7 +139,7 @@ impl View {
     /// Looks at a core and its past.
     #[must_use]
     pub fn new(now: Timestamp, core: &Core, books: Books<'_>, wanted: &Wanted) -> Self {
-        let Books { site, title, past, store, ladder } = books;
+        let Books { site, title, ended, past, store, ladder } = books;
         let (basis, schedule, capacity) = (core.basis(now), core.schedule(), core.capacity(now));
         let stacks = stack::stacks(&basis, schedule);
         let health = health::panel(now, core, ladder);
@@ -142,6 +148,8 @@ impl View {
             clock: format!("{} {} UTC", date(now), second(now)),
             site: site.clone(),
             title: if title.is_empty() { format!("Site {site}") } else { title.to_owned() },
+            simulated: !title.is_empty(),
+            ended: ended.cloned(),
             headline: headline(core),
             tiles: summary::tiles(&basis, schedule, &capacity, &health, store),
             fleet: fleet::table(&basis, schedule, wanted),

@@ -52,7 +52,7 @@ function detailParts(shown) {
   }
   parts.push(h("h3", {}, "What its gauge says"), h("dl", { class: "facts" }, ...shown.facts.map((fact) => h("div", {}, h("dt", {}, fact.label), h("dd", { class: "num" }, fact.text)))));
   if (shown.may_forget && detail.forget) {
-    const forget = h("button", { type: "button", class: "plain" }, "Forget it");
+    const forget = h("button", { type: "button", class: "plain", disabled: Boolean(unchangeable), title: unchangeable }, "Forget it");
     forget.addEventListener("click", () => detail.forget(shown.robot));
     parts.push(h("h3", {}, "Gone for good?"), h("p", { class: "muted" }, "Nothing is planned for it any more, and nobody is told that it is lost. Should it speak again, it is known again."), forget);
   }

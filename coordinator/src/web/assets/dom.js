@@ -61,6 +61,9 @@ function part(element, name) {
   return element.parts[name];
 }
 
+/** A text that may be broken between its words, but not at the hyphens of ids. */
+const whole = (text) => text.split(" ").flatMap((word, n) => [...(n > 0 ? [" "] : []), h("span", { class: "whole" }, word)]);
+
 /** Hour and minute of an instant, UTC; and with seconds. */
 const clockText = (ms) => new Date(ms).toISOString().slice(11, 16);
 const secondsText = (ms) => new Date(ms).toISOString().slice(11, 19);

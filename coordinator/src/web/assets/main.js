@@ -36,8 +36,12 @@ function follow() {
     live.stream = new EventSource(`api/v1/live?${wanted}`);
     live.stream.addEventListener("view", (event) => {
       live.heard = Date.now();
-      say("live", "good");
       const view = JSON.parse(event.data);
+      if (view.ended) say("ended", "quiet");
+      else say("live", "good");
+      // What a simulation does was decided before.
+      byId("replan").hidden = view.simulated;
+      renderOutcome(view.ended);
       render(view);
       if (live.heard - live.energy > 5000) {
         live.energy = live.heard;
@@ -95,7 +99,12 @@ function change(name, path, method, done) {
   return act(token).then(() => done?.(), (error) => askForToken(error.status === 401 ? "" : error.message));
 }
 
+/** Why nothing can be changed from here; nothing where it can. */
+const unchangeable = document.body.dataset.unchangeable;
+
 function listenToChanges() {
+  byId("replan").disabled = Boolean(unchangeable);
+  setAttribute(byId("replan"), "title", unchangeable);
   byId("replan").addEventListener("click", () => change("Plan anew", "api/v1/replan", "POST"));
   detail.forget = (robot) => change(`Forget ${robot}`, `api/v1/robot/${encodeURIComponent(robot)}`, "DELETE", () => byId("detail").close());
 }

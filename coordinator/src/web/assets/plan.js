@@ -27,7 +27,7 @@ function zoomPlan(what, centre = 0.5) {
 }
 
 function makeLane(lane) {
-  return h("div", { class: "lane", role: "group", "aria-label": lane.label }, h("span", { class: "lane-label" }, lane.label), h("div", { class: "lane-bars", "data-part": "bars" }));
+  return h("div", { class: "lane", role: "group", "aria-label": lane.label }, h("span", { class: "lane-label" }, ...whole(lane.label)), h("div", { class: "lane-bars", "data-part": "bars" }));
 }
 
 function makeBar(bar) {

@@ -104,7 +104,7 @@ fn row(basis: &Basis<'_>, schedule: &Schedule, id: &RobotId, robot: &Robot) -> R
     let gauge = robot.gauge.as_ref();
     let soc = gauge.map(|gauge| from_wire(gauge.soc));
     let to_empty = gauge.and_then(|gauge| gauge.time_to_empty_s);
-    let to_full = gauge.and_then(|gauge| gauge.time_to_full_s);
+    let to_full = to_full_s(robot);
     let subjects = [Subject::RobotBattery(id.clone()), Subject::RobotWork(id.clone()), Subject::RobotWay(id.clone())];
     let (doing, tone) = doing(robot);
     RobotRow {
@@ -121,6 +121,11 @@ fn row(basis: &Basis<'_>, schedule: &Schedule, id: &RobotId, robot: &Robot) -> R
         service: service(basis.now, schedule, id),
         doubted: subjects.iter().any(|subject| basis.watch.wider(subject) > 1.0),
     }
+}
+
+/// How long it takes until a robot is full: of one that is let out its gauge still says so for a while.
+pub(super) fn to_full_s(robot: &Robot) -> Option<proto::Estimate> {
+    robot.gauge.as_ref().filter(|_| robot.phase() == Some(RobotPhase::Charging))?.time_to_full_s
 }
 
 /// What a robot does and where, and how that stands.

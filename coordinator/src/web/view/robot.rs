@@ -111,7 +111,7 @@ fn facts(robot: &crate::fleet::Robot) -> Vec<Fact> {
         facts.push(Fact { label: "Charge", text: percent(from_wire(gauge.soc)).text });
         facts.push(Fact { label: "Energy left", text: quantity(from_wire(gauge.remaining_wh), "Wh").text });
         facts.extend(gauge.time_to_empty_s.map(|s| Fact { label: "Time to empty", text: span(from_wire(s)).text }));
-        facts.extend(gauge.time_to_full_s.map(|s| Fact { label: "Time to full", text: span(from_wire(s)).text }));
+        facts.extend(fleet::to_full_s(robot).map(|s| Fact { label: "Time to full", text: span(from_wire(s)).text }));
         facts.push(Fact { label: "Health", text: percent(from_wire(gauge.soh)).text });
         facts.push(Fact { label: "Voltage", text: reading(gauge.voltage_v, "V", 2).text });
         facts.push(Fact { label: "Current", text: reading(gauge.current_a, "A", 2).text });
