@@ -182,3 +182,11 @@ pub fn next_pack(basis: &Basis<'_>, id: &StationId) -> Option<PackId> {
     let (next, _) = holding.min_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(next.pack.clone())
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn an_exchange_is_called_so_and_a_recharge_as_on_the_wire() {
+        assert_eq!(["swap", "recharge"].map(super::mode_in_words), ["exchange", "recharge"]);
+    }
+}
