@@ -61,6 +61,7 @@ pub use recharging::Recharging;
 pub use refill::{Refill, steps_s};
 pub use solve::{Solved, solve};
 pub use tables::Tables;
+pub(crate) use translate::HORIZON_MAX_S;
 pub use translate::{Grid, Task};
 pub use words::{Account, Accounts, Grounds};
 pub(crate) use words::{apart, short_of};

@@ -295,7 +295,7 @@ impl Basis<'_> {
         let service = |table: &Table| table.at(self.settings.serve_below_soc);
         let usual = table(battery);
         let usual_w = service(&usual).mean_w();
-        let each_w = self.mixed_w(id, |battery| service(&table(battery))).unwrap_or(usual_w);
+        let each_w = self.mixed_w(id, bays, |battery| service(&table(battery))).unwrap_or(usual_w);
         let scaled = |(time_s, power_w): (f64, f64)| (time_s, power_w * each_w / usual_w);
         let taper: Vec<_> = usual.taper(usual_w).into_iter().map(scaled).collect();
         Draw {

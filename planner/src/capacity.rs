@@ -77,7 +77,7 @@ fn needs(problem: &Problem, robot: usize) -> Vec<Need> {
     let here = robot.travel.iter().chain(&robot.beyond).filter_map(|travel| {
         let (station, soonest) = (&problem.stations[travel.station], problem.soonest(travel));
         let energy = robot.left_at(travel, soonest);
-        if i64::from(soonest) > robot.last_start(travel, battery.floor) || target - energy < battery.min_gain {
+        if i64::from(soonest) > robot.last_start(travel, battery.floor) || target - energy < robot.least_gain(battery) {
             return None;
         }
         let handling = i64::from(station.load_ticks) * station.load_draw + i64::from(station.unload_ticks) * station.unload_draw;

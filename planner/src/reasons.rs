@@ -169,7 +169,7 @@ fn no_way(problem: &Problem, robot: usize, travel: &Travel) -> Why {
     }
     // Who would not strand may have no way either, whatever it costs.
     if problem.strands(robot) || !has_any_way(&alone(problem, robot, travel, station.clone()), 0) {
-        return Why::TooLate { min_gain: battery.min_gain, horizon: problem.horizon };
+        return Why::TooLate { min_gain: who.least_gain(battery), horizon: problem.horizon };
     }
     Why::Pointless
 }

@@ -11,7 +11,7 @@ pub const METRICS: &[(&str, &str)] = &[
     ("services_promised", "services in the first plan"),
     ("robots_promised", "robots that all packs of each station can service at the first plan, at the policy's confidence"),
     ("robots_served", "robots whose service was completed"),
-    ("promises_broken", "robots that were promised a service and did not get it"),
+    ("promises_broken", "robots whose last promise was broken, though they may have had a service before"),
     ("robots_stranded", "robots that ran empty outside a bay"),
     ("robots_browned_out", "robots that stood still because a rail could not deliver, though their packs were not empty"),
     ("robots_shut_in", "robots in the bays of stations that have no power in the end: no lift lets them out"),

@@ -72,7 +72,9 @@ pub(super) fn count_less(view: &mut View, plan: &Plan, unsure: &BTreeSet<RobotId
         let need = here.iter().fold(station.committed.clone(), |sum, planned| sum.plus(&planned.need)).estimate();
         let held = station.packs.iter().map(|pack| pack.usable_wh.sigma.powi(2)).sum::<f64>().sqrt();
         let mut less_wh = sigmas(least_sure) * need.sigma.hypot(held);
-        for pack in station.packs.iter_mut().rev() {
+        // What is there first: what comes later does not help whoever is unsure before.
+        let (there, later): (Vec<_>, Vec<_>) = station.packs.iter_mut().rev().partition(|pack| pack.available_s <= 0.0);
+        for pack in there.into_iter().chain(later) {
             let of_pack = less_wh.min(pack.usable_wh.value.max(0.0));
             pack.usable_wh.value -= of_pack;
             less_wh -= of_pack;

@@ -7,7 +7,7 @@
 //! with what was not counted (`again.rs`).
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use energy::units::S_PER_H;
 use energy::{Estimate, Need};
@@ -30,6 +30,8 @@ pub(super) struct Cover<'a> {
     recharging: Vec<Option<Recharging>>,
     /// The same as it is drawn; none in a fleet where that would take too long.
     parts: Option<Vec<Vec<Part>>>,
+    /// Whether robots with unlike batteries come: then the packs' energy was counted at their mean power, and counting errs on no side.
+    is_mixed: bool,
     /// What was found so far, by when (bits of s).
     known: RefCell<BTreeMap<u64, f64>>,
 }
@@ -51,8 +53,11 @@ impl<'a> Cover<'a> {
         let (draws, recharging): (Vec<_>, Vec<_>) = here.iter().map(draw).unzip();
         let is_stepped = task.view.robots.len() <= WHOLE_FLEET_MAX;
         let parts = is_stepped.then(|| here.iter().zip(&draws).map(|(session, (.., need))| parts(task, index, session, need)).collect());
-        Self { station, draws, recharging, parts, known: RefCell::default() }
+        let coming = task.view.robots.iter().filter(|robot| robot.way(index).is_some()).map(|robot| &robot.battery.name);
+        let is_mixed = coming.collect::<BTreeSet<_>>().len() > 1;
+        Self { station, draws, recharging, parts, is_mixed, known: RefCell::default() }
     }
+
     /// Probability that the packs last until then: a service that ends with others beside it is as sure as they are,
     /// for when the packs give out, all of them end. A pack that is brought later pays for nothing before; while
     /// no service draws, the station may go dark until it comes.
@@ -95,7 +100,7 @@ impl<'a> Cover<'a> {
         let sigma = usable.sigma.hypot(need.sigma).max(1e-9);
         let counted_wh = usable.value - need.value;
         // What was seen along one load need not be there for another: then counting no longer errs on the safe side.
-        let is_close = counts_more || counted_wh.abs() <= SIGMAS_MAX * sigma;
+        let is_close = counts_more || self.is_mixed || counted_wh.abs() <= SIGMAS_MAX * sigma;
         let margin_wh = if is_close { self.stepped_wh(until_s, sigma).unwrap_or(counted_wh) } else { counted_wh };
         Normal::standard().cdf(margin_wh / sigma)
     }

@@ -1,12 +1,14 @@
 //! Asks the planner, beginning from the last plan, and says what has moved.
 
+mod sure;
+
 use std::collections::BTreeSet;
 
 use planner::problem::{Problem, Tick};
 use planner::{Mode, Moves, NoPlan, Replanned, Session, Ways, renew, replan};
 use proto::RobotId;
 
-use super::again::{a_little, as_is_lacking, count_less, unsure, with_the_uncounted};
+use super::again::{a_little, count_less, unsure, with_the_uncounted};
 use super::effort::{Effort, WHOLE_FLEET_MAX};
 use super::plan::{Plan, Rejected};
 use super::problem::{RobotView, StationView, View};
@@ -93,14 +95,18 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
         if !best.wants_place {
             break;
         }
-        (best, offered) = (asked.other(best, offer), offer);
+        let is_taken;
+        (best, is_taken) = asked.other(best, offer);
+        if is_taken {
+            offered = offer;
+        }
     }
     if !asked.is_small() {
         return best;
     }
     if best.strands_unproven(before) {
         let settings = &Settings { moves_per_robot: HARDER * settings.moves_per_robot, ..*settings };
-        best = Asked { settings, ..asked }.other(best, offered);
+        (best, _) = Asked { settings, ..asked }.other(best, offered);
     }
     best = asked.made_sure(best, offered);
     best = asked.as_promised(&best).unwrap_or(best);
@@ -112,7 +118,7 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     match settings.short_energy {
         _ if best.plan.quality.stranded == 0 => best,
         ShortEnergy::WholeCharges => asked.with_the_rest(best),
-        ShortEnergy::MostRobots => asked.other(best, Offer::Scarce),
+        ShortEnergy::MostRobots => asked.made_sure(asked.other(best, Offer::Scarce).0, Offer::Scarce),
     }
 }
 
@@ -202,32 +208,6 @@ impl Asked<'_> {
         best
     }
 
-    /// The plan, or one that counts on less where its new promises are less sure than is asked for once its load is stepped. A policy that is told
-    /// what to do does that.
-    fn made_sure(&self, best: Solved, offer: Offer<'_>) -> Solved {
-        // What was promised is held to as it is.
-        let held = |robot: &RobotId| self.view.robots.iter().any(|view| view.held && view.robot == *robot);
-        let is_unsure = |solved: &Solved| -> BTreeSet<RobotId> {
-            let unsure = unsure(&solved.plan, &solved.plan, self.before, self.settings.confidence);
-            unsure.into_iter().filter(|robot| !held(robot)).collect()
-        };
-        let mut now = is_unsure(&best);
-        if now.is_empty() || !self.is_small() || !self.settings.policy.searches() {
-            return best;
-        }
-        let (mut view, mut last) = (best.task.view.clone(), best.clone());
-        for _ in 0..TIMES_LESS {
-            count_less(&mut view, &last.plan, &now, as_is_lacking(self.settings.confidence));
-            last = self.planned(view.clone(), offer);
-            now = is_unsure(&last);
-            if now.is_empty() {
-                last.plan.quality.no_more_is_proven_than(best.plan.quality);
-                return if self.broken(&last) <= self.broken(&best) { last } else { best };
-            }
-        }
-        best
-    }
-
     /// All that was promised, as it was, if that is better than a plan that breaks some of it: what the packs give to just that load may be
     /// more than any plan counts on, and who was promised a spare for which the energy is short need not lose it to a plan that did not
     /// look for such.
@@ -251,9 +231,11 @@ impl Asked<'_> {
         for station in &mut view.stations {
             let here = self.before.planned.iter().filter(|planned| planned.station == station.station);
             let needed_wh: f64 = here.map(|planned| planned.need.mean_wh).sum();
+            // Also of what those take that have begun: to count it at full power may say that there is not even as much.
+            let more_wh = needed_wh + station.owed().mean_wh;
             if let Some(last) = station.packs.iter_mut().rfind(|pack| pack.available_s <= 0.0).filter(|_| needed_wh > 0.0) {
-                last.usable_wh.value += needed_wh;
-                last.uncounted_wh = needed_wh;
+                last.usable_wh.value += more_wh;
+                last.uncounted_wh = more_wh;
             }
         }
         let offer = if spares.is_empty() { Offer::Usual } else { Offer::Spares(&spares) };
@@ -303,11 +285,11 @@ impl Asked<'_> {
         (shared, unsure)
     }
 
-    /// The better of a plan and the one with something else on offer.
-    fn other(&self, best: Solved, offer: Offer<'_>) -> Solved {
+    /// The better of a plan and the one with something else on offer, and whether that is the other one.
+    fn other(&self, best: Solved, offer: Offer<'_>) -> (Solved, bool) {
         let other = self.attempt(offer);
         let strands_fewer = other.plan.quality.stranded < best.plan.quality.stranded;
-        if strands_fewer && self.broken(&other) <= self.broken(&best) { other } else { best }
+        if strands_fewer && self.broken(&other) <= self.broken(&best) { (other, true) } else { (best, false) }
     }
 
     /// Plans with what is on offer.

@@ -249,10 +249,9 @@ fn worth(view: &View) -> f64 {
     if weighed().all(is_usual) { WORTH } else { GREATEST / weighed().fold(0.0, f64::max) }
 }
 
-/// The shortest tick with which the books of all stations stay small. Who can come to none makes nobody's ticks longer.
+/// The shortest tick with which the books of all stations stay small.
 fn tick_s(view: &View) -> u32 {
-    let comes = view.robots.iter().filter(|robot| !robot.ways.is_empty());
-    let farthest_s = comes.map(|robot| robot.lasts.empty_s.min(HORIZON_MAX_S).max(robot.wanted_s.min(HORIZON_MAX_S)));
+    let farthest_s = view.robots.iter().map(|robot| robot.lasts.empty_s.min(HORIZON_MAX_S).max(robot.wanted_s.min(HORIZON_MAX_S)));
     let ticks = (BOOKED_MAX / view.stations.len().max(1) as f64).clamp(TICKS_MAX[0], TICKS_MAX[1]);
     let wanted_s = farthest_s.fold(S_PER_H, f64::max) / ticks;
     TICKS_S.into_iter().find(|&tick_s| f64::from(tick_s) >= wanted_s).unwrap_or(TICKS_S[TICKS_S.len() - 1])
@@ -272,12 +271,11 @@ fn close_horizon(problem: &mut Problem, view: &View, grid: Grid) {
     // Nobody waits for a charge that never ends.
     let service = services.filter(|&ticks| ticks < most).max().unwrap_or(0);
     let until = |robot: usize| problem.endurance(robot).min(i64::from(most)).max(problem.robots[robot].wanted.map_or(0, i64::from));
-    let comes = |robot: &usize| !problem.robots[*robot].travel.is_empty();
-    let empty = (0..problem.robots.len()).filter(comes).map(until).max().unwrap_or(0);
+    let empty = (0..problem.robots.len()).map(until).max().unwrap_or(0);
     let ends = problem.stations.iter().flat_map(|station| &station.ongoing).map(|ongoing| ongoing.until);
     let begun = ends.filter(|&until| until < most).max().unwrap_or(0);
     // Who never gets empty may come one after the other, all the same.
-    let lasting = (0..problem.robots.len()).filter(comes).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
+    let lasting = (0..problem.robots.len()).filter(|&robot| problem.endurance(robot) >= i64::from(most)).count() as Tick;
     let queue = service * (1 + lasting.min(QUEUE_MAX));
     // Ways count their ticks in 16 bits.
     problem.horizon = (empty as Tick + queue + 2).max(begun + 1).min(Tick::from(u16::MAX));
@@ -327,8 +325,8 @@ impl Places<'_> {
         let drain_hi = drain_hi.max(drain).max(1);
         // Everybody's next service is planned: who lasts longer than anybody plans ahead gets it at the end. Where that time lies between the last
         // tick in which a service can begin and the next one, it is wanted in that last one.
-        let last_start = robot.ways.iter().map(|way| last_tick(&way.lasts)).max();
-        let last_start = last_start.map_or(Tick::MAX, |last| last.clamp(0, i64::from(Tick::MAX)) as Tick);
+        let last_start = robot.ways.iter().map(|way| last_tick(&way.lasts)).max().filter(|&last| last >= 0);
+        let last_start = last_start.map_or(Tick::MAX, |last| last.min(i64::from(Tick::MAX)) as Tick);
         let wanted = grid.up(robot.wanted_s.min(HORIZON_MAX_S) + ahead_s).min(last_start);
         let promised = self.before.get(&robot.robot).and_then(|planned| Some((grid.tick(planned.start)?, planned.mode)));
         let full = self.levels_soc.len() - 1;

@@ -72,9 +72,11 @@ fn obstacle_in_words(task: &Task, plan: &planner::Plan, robot: usize, station: u
             let handled = task.view.stations[station].taken_in_s() / 60.0;
             let taken_in = if handled >= 1.0 { format!(", where it takes {handled:.0} min until it is served") } else { String::new() };
             // As it is, not as ticks round it.
-            let way = task.view.robots[robot].way(station);
+            let view = &task.view.robots[robot];
+            let way = view.way(station);
             let away = way.map_or(minutes(f64::from(away)), |way| way.time_s / 60.0);
-            let last = way.map_or(minutes(last as f64), |way| way.lasts.empty_s / 60.0) + handled;
+            let last = way.map_or(minutes(last as f64), |way| way.lasts.counted_s(view.is_in_reach(&task.view.stations)).max(0.0) / 60.0)
+                + handled;
             format!("it is {away:.0} min away{taken_in}, and with that way the robot may be empty in {last:.0} min")
         }
         Why::NotThere { opens, last } => format!(

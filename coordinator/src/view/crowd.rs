@@ -8,7 +8,7 @@ use energy::units::S_PER_H;
 use proto::{BayId, StationId};
 
 use super::Basis;
-use crate::scheduler::{Begun, Fed, Point, StationView};
+use crate::scheduler::{Begun, Fed, HORIZON_MAX_S, Point, StationView, WHOLE_FLEET_MAX};
 
 /// Mean powers of unlike robots are told apart by this factor.
 const MIXED_STEP: f64 = 1.05;
@@ -81,20 +81,30 @@ impl Basis<'_> {
         here.or_else(known).or_else(|| self.models.robots.values().chain(self.models.batteries.values()).next())
     }
 
-    /// What charging draws on the mean at a station where robots with unlike batteries come, W: all their services one after the other. Who draws far
-    /// more than that is rarely in a bay, and a plan that lets it in is stepped (`scheduler/cover.rs`). None where all have one kind of battery.
-    pub(super) fn mixed_w(&self, id: &StationId, service: impl Fn(&Arc<Model>) -> Point) -> Option<f64> {
+    /// What charging draws at a station where robots with unlike batteries come, W in each of so many bays: on the mean over all their services, one
+    /// after the other. Who draws far more than that is rarely in a bay, and a plan that lets it in is stepped (`scheduler/cover.rs`); in a fleet
+    /// that is too large for that it is what the most demanding draw side by side. None where all have one kind of battery, or can be charged with one.
+    pub(super) fn mixed_w(&self, id: &StationId, bays: usize, service: impl Fn(&Arc<Model>) -> Point) -> Option<f64> {
         let batteries = &self.in_reach().get(id)?.batteries;
-        if batteries.len() < 2 {
+        let services = batteries.values().map(|(robots, battery)| (*robots, service(battery)));
+        // What is never charged to the end is planned for nobody.
+        let mut services: Vec<(usize, Point)> = services.filter(|(_, service)| service.charge_s < HORIZON_MAX_S).collect();
+        if batteries.len() < 2 || services.is_empty() {
             return None;
         }
-        let services = batteries.values().map(|(robots, battery)| (*robots as f64, service(battery)));
-        let add =
-            |(wh, time_s): (f64, f64), (robots, service): (f64, Point)| (wh + robots * service.need_wh, time_s + robots * service.charge_s);
-        let (wh, time_s) = services.fold((0.0, 0.0), add);
-        let mean_w = wh / time_s.max(1e-6) * S_PER_H;
+        let each_w = if self.fleet.robots.len() > WHOLE_FLEET_MAX {
+            services.sort_by(|(_, a), (_, b)| b.mean_w().total_cmp(&a.mean_w()));
+            let side_by_side = services.iter().flat_map(|(robots, service)| std::iter::repeat_n(service.mean_w(), *robots));
+            let drawn: Vec<f64> = side_by_side.take(bays.max(1)).collect();
+            drawn.iter().sum::<f64>() / drawn.len() as f64
+        } else {
+            let (wh, time_s) = services.iter().fold((0.0, 0.0), |(wh, time_s), (robots, service)| {
+                (wh + *robots as f64 * service.need_wh, time_s + *robots as f64 * service.charge_s)
+            });
+            wh / time_s.max(1e-6) * S_PER_H
+        };
         // Whoever joins or leaves changes the mean a little, and whole discharges are kept for every power.
-        Some(MIXED_STEP.powf((mean_w.max(1e-6).ln() / MIXED_STEP.ln()).ceil()))
+        Some(MIXED_STEP.powf((each_w.max(1e-6).ln() / MIXED_STEP.ln()).ceil()))
     }
 
     fn in_reach(&self) -> &BTreeMap<StationId, InReach> {

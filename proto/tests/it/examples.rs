@@ -154,7 +154,7 @@ pub fn schedule() -> Schedule {
 
 fn promises() -> Vec<Promise> {
     vec![
-        Promise { robot: Some(id("r1")), part_to_soc: None, probability: 0.998, need_wh: Estimate::new(17.9, 0.7) },
+        Promise { robot: Some(id("r1")), part_to_soc: Some(0.63), probability: 0.998, need_wh: Estimate::new(17.9, 0.7) },
         Promise { robot: None, part_to_soc: None, probability: 0.41, need_wh: Estimate::new(35.8, 1.1) },
     ]
 }

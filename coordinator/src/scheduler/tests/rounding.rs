@@ -18,18 +18,6 @@ fn lasting(name: &str, empty_s: f64) -> RobotView {
 }
 
 #[test]
-fn who_can_come_to_no_station_makes_nobodys_ticks_longer() {
-    let far_away = |ways: &[(usize, f64)]| RobotView { wanted_s: 40.0 * HOUR, ..robot("far", 0.9, ways) };
-    let ticks = |far: RobotView| {
-        let task = task(vec![robot("near", 0.3, &[(0, 60.0)]), far], vec![station("s", 1, &[80.0], &[])]);
-        (task.grid.tick_s, task.problem.horizon)
-    };
-    let alone = task(vec![robot("near", 0.3, &[(0, 60.0)])], vec![station("s", 1, &[80.0], &[])]);
-    assert_eq!(ticks(far_away(&[])), (alone.grid.tick_s, alone.problem.horizon));
-    assert!(ticks(far_away(&[(0, 60.0)])).0 > alone.grid.tick_s);
-}
-
-#[test]
 fn a_mission_ends_when_it_ends_wherever_in_a_tick_it_is_planned() {
     for seconds in 0..10_u8 {
         // At the end of a tick.
