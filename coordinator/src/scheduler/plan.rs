@@ -58,7 +58,7 @@ pub struct Planned {
     /// Probability that the packs hold enough for all that is drawn until it ends, also by services beside it, and
     /// that the robot lasts until then where that is not sure enough.
     pub probability: f64,
-    /// The same of the packs alone.
+    /// That the packs hold enough until it ends, and until all ends that has begun.
     pub covered: f64,
     /// Why so.
     pub why: Arc<[String]>,
@@ -229,7 +229,9 @@ impl<'a> Ledger<'a> {
         self.until_s = self.until_s.max(end_s);
         let total = self.need.plus(&self.overhead(self.until_s));
         let packs = self.paying(before_wh, total.mean_wh);
-        let (covered, arrives) = (self.cover.until(end_s), way.map_or(1.0, |way| way.lasts.for_s(start_s)));
+        let (lasts, arrives) = (self.cover.until(end_s), way.map_or(1.0, |way| way.lasts.for_s(start_s)));
+        // What has begun and ends later must not pay for it.
+        let covered = self.cover.until(end_s.max(self.station.committed_until_s)).min(lasts);
         let spare = if session.mode == Mode::Swap || session.mode == Mode::SwapAndRecharge { self.spare(session) } else { None };
         let mut planned = Planned {
             robot: robot.robot.clone(),
@@ -243,10 +245,10 @@ impl<'a> Ledger<'a> {
             end,
             need,
             packs,
-            probability: covered * arrives,
+            probability: lasts * arrives,
             covered,
             why: Arc::default(),
-            grounds: Grounds::new(task, session, need_wh, covered, arrives),
+            grounds: Grounds::new(task, session, need_wh, lasts, arrives),
         };
         let told = self.told.get(&planned.robot).filter(|told| told.grounds == planned.grounds && told.packs == planned.packs);
         planned.why = told.map_or_else(|| planned.grounds.words(&planned.packs).into(), |told| Arc::clone(&told.why));
