@@ -25,14 +25,14 @@ pub(super) const FORMAT: Format = Format { name: "CSV", extensions: &["csv", "tx
 const MISSING: &[&str] =
     &["", "nan", "na", "n/a", "null", "none", "inf", "+inf", "-inf", "-nan", "+nan", "infinity", "-infinity", "+infinity"];
 
-fn parse(file: &str, input: &mut dyn BufRead, _facts: &LogFacts) -> Result<Table, LogError> {
+fn parse(file: &str, input: &mut dyn BufRead, facts: &LogFacts) -> Result<Table, LogError> {
     let mut lines = Lines::of(file, input);
     let mut table = Table::default();
     let (mut headers, mut last_cells) = (Vec::new(), LastCells::default());
     let mut separator = ',';
     let mut header_at = None;
     // Columns without a name at the end of the header, lines without anything, and what commas in numbers are.
-    let (mut unnamed, mut empty, mut commas) = (0, Vec::new(), Commas::default());
+    let (mut unnamed, mut empty, mut commas) = (0, Vec::new(), Commas::beside(&facts.missing));
     while let Some(Line { number: line, text, whole }) = lines.next()? {
         if text.trim().is_empty() || text.starts_with('#') {
             continue;

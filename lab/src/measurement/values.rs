@@ -9,7 +9,7 @@ use super::some_places;
 use super::times::short;
 
 /// What loggers write for "not measured": fill values, and the ends of integer and float types.
-const SENTINELS: &[f64] = &[-999.0, -9999.0, -99999.0, -32768.0, 32767.0, 65535.0, 2147483647.0, -2147483648.0, 4294967295.0];
+pub(super) const SENTINELS: &[f64] = &[-999.0, -9999.0, -99999.0, -32768.0, 32767.0, 65535.0, 2147483647.0, -2147483648.0, 4294967295.0];
 /// No measurement is this large; fill values of floats are.
 const SENTINEL_MIN: f64 = 1e30;
 /// A sentinel is told from a measurement by its distance from all others, in their spread.

@@ -1,11 +1,17 @@
 //! What a comma in a number means where semicolons or tabs separate columns: its decimal point, unless the file shows that it stands
 //! between thousands.
 
+use super::super::Mark;
+use super::super::values::SENTINELS;
+
 /// What was seen of the numbers of a file.
 #[derive(Debug, Default)]
 pub(super) struct Commas {
-    /// The first number with a comma, and the first with a point, by line.
-    comma: Option<(u64, String)>,
+    /// Numbers that say that nothing was measured: they are not written as others are.
+    marks: Vec<f64>,
+    /// Whether a number had a comma.
+    any: bool,
+    /// The first number with a point, by line.
     point: Option<(u64, String)>,
     /// By column.
     columns: Vec<Column>,
@@ -15,13 +21,18 @@ pub(super) struct Commas {
 struct Column {
     /// The first number with three digits behind its comma and no zero alone before it, as between thousands.
     grouped: Option<(u64, String)>,
-    /// The first number of three digits or more without a comma.
+    /// The first whole number of three digits.
     bare: Option<(u64, String)>,
-    /// Whether a comma was a decimal point for sure.
+    /// Whether a comma was a decimal point for sure, or a whole number had thousands and no comma.
     is_decimal: bool,
 }
 
 impl Commas {
+    /// Nothing yet, of a log in which these stand for "nothing was measured".
+    pub(super) fn beside(marks: &[Mark]) -> Commas {
+        Commas { marks: SENTINELS.iter().copied().chain(marks.iter().map(|mark| mark.value)).collect(), ..Commas::default() }
+    }
+
     /// A cell as a number with a point, where it has a comma in place of that.
     pub(super) fn of(&mut self, line: u64, column: usize, cell: &str) -> Option<String> {
         let number = decimal_comma(cell);
@@ -33,19 +44,24 @@ impl Commas {
             place.get_or_insert_with(|| (line, cell.to_owned()));
         };
         if number.is_some() {
-            first(&mut self.comma);
+            self.any = true;
             if is_grouped(cell) { first(&mut seen.grouped) } else { seen.is_decimal = true }
+        } else if let Some(digits) = digits(cell) {
+            let is_mark = || cell.parse().is_ok_and(|value| self.marks.contains(&value));
+            match digits.len() {
+                3 if !is_mark() => first(&mut seen.bare),
+                4.. if !is_mark() => seen.is_decimal = true,
+                _ => {}
+            }
         } else if self.point.is_none() && cell.contains('.') && cell.parse::<f64>().is_ok() {
             first(&mut self.point);
-        } else if seen.bare.is_none() && digits(cell).is_some_and(|digits| digits.len() > 2) {
-            first(&mut seen.bare);
         }
         number
     }
 
     /// Whether a comma was a decimal point.
     pub(super) fn any(&self) -> bool {
-        self.comma.is_some()
+        self.any
     }
 
     /// Where the numbers contradict that commas are decimal points: the line, and how.
@@ -57,14 +73,14 @@ impl Commas {
             );
             Err((*line, message))
         };
-        if let (Some(comma), Some(point)) = (&self.comma, &self.point) {
-            return contradicts(comma, point, "a decimal point");
+        for column in self.columns.iter().filter(|column| !column.is_decimal) {
+            match (&column.grouped, &self.point, &column.bare) {
+                (Some(grouped), Some(point), _) => return contradicts(grouped, point, "a decimal point"),
+                (Some(grouped), None, Some(bare)) => return contradicts(grouped, bare, "of the same column has none"),
+                _ => {}
+            }
         }
-        let of_column = |column: &Column| Some((column.grouped.clone()?, column.bare.clone()?)).filter(|_| !column.is_decimal);
-        match self.columns.iter().find_map(of_column) {
-            Some((grouped, bare)) => contradicts(&grouped, &bare, "of the same column has none"),
-            None => Ok(()),
-        }
+        Ok(())
     }
 }
 
@@ -92,7 +108,7 @@ mod tests {
     use super::*;
 
     fn seen(rows: &[[&str; 2]]) -> Result<(), (u64, String)> {
-        let mut commas = Commas::default();
+        let mut commas = Commas::beside(&[(-777.0).into()]);
         for (line, row) in (2..).zip(rows) {
             row.iter().enumerate().for_each(|(column, cell)| {
                 commas.of(line, column, cell);
@@ -110,12 +126,31 @@ mod tests {
         let (line, told) = seen(&[["0", "800"], ["1", "1,250"]]).unwrap_err();
         assert!(line == 3 && told.starts_with("`1,250` has a comma and `800` in line 2 of the same column has none"), "{told}");
         assert_eq!(seen(&[["999", "1"], ["1,000", "1"]]).unwrap_err().0, 3);
-        assert_eq!(seen(&[["1,250", "1"], ["1250", "1"]]).unwrap_err().0, 2);
         // What decimal commas look like: small whole numbers, no more than a zero before the comma, other digits behind it.
         assert_eq!(seen(&[["0", "3,700"], ["1", "4"]]), Ok(()));
         assert_eq!(seen(&[["100", "3,700"], ["200", "3,800"]]), Ok(()));
         assert_eq!(seen(&[["0,125", "1"], ["999", "1"], ["1,125", "1"]]), Ok(()));
         assert_eq!(seen(&[["999,125", "1"], ["1000", "1"], ["1000,5", "1"]]), Ok(()));
         assert_eq!(seen(&[["1.2.3", "3,7"], ["v1.2", "3,8"]]), Ok(()));
+    }
+
+    #[test]
+    fn a_whole_number_with_thousands_and_no_comma_groups_none_and_a_mark_says_nothing() {
+        assert_eq!(seen(&[["1,250", "1"], ["1250", "1"]]), Ok(()));
+        assert_eq!(seen(&[["1,250", "1"], ["1250", "1"], ["800", "0.5"]]), Ok(()));
+        for mark in ["-9999", "-999", "65535", "-777"] {
+            assert_eq!(seen(&[["0", "3,700"], ["1", "3,650"], ["2", mark]]), Ok(()), "{mark}");
+            assert_eq!(seen(&[["800", "1"], ["1,250", "1"], [mark, "1"]]).unwrap_err().0, 3, "{mark}");
+        }
+        assert_eq!(seen(&[["0", "3,700"], ["2", "-778"]]).unwrap_err().0, 2);
+    }
+
+    #[test]
+    fn a_point_refuses_only_commas_that_could_stand_between_thousands() {
+        assert_eq!(seen(&[["0.0", "3,7"], ["1.5", "3,65"]]), Ok(()));
+        assert_eq!(seen(&[["1.10", "3,700"], ["1.11", "3,65"]]), Ok(()));
+        assert_eq!(seen(&[["1.10", "0,125"], ["1.11", "1,125"]]), Ok(()));
+        // Another column's decimal comma says nothing of this one's.
+        assert_eq!(seen(&[["0,5", "1,250"], ["1.5", "1,300"]]).unwrap_err().0, 2);
     }
 }
