@@ -85,6 +85,7 @@ pub fn certainty(
     let freedom = n / (n - p as f64).max(1.0);
     let mut normal = DMatrix::zeros(p, p);
     let mut middle = DMatrix::zeros(p, p);
+    let mut lacks = DMatrix::zeros(p, p);
     let mut worth = Vec::new();
     for segment in segments {
         // What was found of a gap may have left nothing of a log's channel to judge.
@@ -101,7 +102,7 @@ pub fn certainty(
         let part = part.into_owned();
         let (variance, square) = (own.norm_squared() / rows * freedom, part.tr_mul(&part));
         middle += persistence.spread(&segment.rows, &part) * variance;
-        middle += &square * (segment.floor.powi(2) - variance).max(0.0);
+        lacks += &square * (segment.floor.powi(2) - variance).max(0.0);
         normal += square;
     }
     let silent: Vec<bool> = (0..p).map(|index| normal[(index, index)] == 0.0).collect();
@@ -114,6 +115,8 @@ pub fn certainty(
         }
         covariance += count::covariance(walks, segments, &influence);
     }
+    // All rows lack the same: how unlike they err by what is left does not widen this.
+    covariance += &inverse * lacks * &inverse;
     let sigma: Vec<Option<f64>> = (0..p)
         .map(|index| {
             let sigma = covariance[(index, index)].max(0.0).sqrt();
@@ -237,6 +240,19 @@ mod tests {
             assert!((of(size) - 0.1).abs() < 4e-3, "{size}: {}", of(size));
         }
         assert!((of(4.0) - 0.2).abs() < 8e-3, "{}", of(4.0));
+    }
+
+    /// The same slope, of residuals that are nothing beside the floor.
+    #[test]
+    fn what_lacks_to_the_floor_is_not_widened_by_how_unlike_rows_err() {
+        let n = 4000;
+        let x = |row: usize| (row % 10) as f64;
+        let residual = DVector::from_fn(n, |row, _| if row.is_multiple_of(2) { 1e-9 * x(row) } else { -1e-9 * x(row) });
+        let jacobian = DMatrix::from_fn(n, 1, |row, _| -x(row));
+        let segments = one_log(n).into_iter().map(|segment| Segment { floor: 2.0, ..segment }).collect::<Vec<_>>();
+        let sigma = certainty(&jacobian, &residual, &segments, &[WIDE], true, &[]).sigma[0].unwrap();
+        let expected = 2.0 / (0..n).map(|row| x(row).powi(2)).sum::<f64>().sqrt();
+        assert!((sigma / expected - 1.0).abs() < 1e-3, "{sigma}, {expected}");
     }
 
     #[test]
