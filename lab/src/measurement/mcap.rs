@@ -286,10 +286,11 @@ impl Rows {
 fn start([time_s, current_a, soc]: [&[f64]; 3], capacity_ah: Option<f64>) -> Result<Option<GaugeStart>, u64> {
     let Some(first) = soc.iter().position(|soc| !soc.is_nan()) else { return Ok(None) };
     let passed = |row: usize| current_a[row] * (time_s[row] - time_s[row - 1]) / S_PER_H;
+    let flowed_ah = (1..=first).map(passed).sum::<f64>().abs();
     let is_little = match capacity_ah {
         // A current that was not measured makes no sum.
-        Some(capacity_ah) => (1..=first).map(passed).sum::<f64>().abs() <= LITTLE_SOC * capacity_ah,
-        None => time_s[first] - time_s[0] <= LITTLE_S,
+        Some(capacity_ah) if !flowed_ah.is_nan() => flowed_ah <= LITTLE_SOC * capacity_ah,
+        _ => time_s[first] - time_s[0] <= LITTLE_S,
     };
     if first > 0 && !is_little {
         return Err(first as u64 + 1);
@@ -312,7 +313,9 @@ mod tests {
         assert_eq!(told(200, 2.0, None), Ok(None));
         // 18 s at 2 A are a hundredth of an ampere-hour.
         assert_eq!((told(18, 2.0, Some(1.0)), told(19, 2.0, Some(1.0))), (Ok(Some(0.5)), Err(20)));
-        assert_eq!((told(150, 0.0, Some(1.0)), told(19, f64::NAN, Some(1.0))), (Ok(Some(0.5)), Err(20)));
+        assert_eq!(told(150, 0.0, Some(1.0)), Ok(Some(0.5)));
+        // A current that is not known for a moment leaves the time.
+        assert_eq!((told(36, f64::NAN, Some(1.0)), told(37, f64::NAN, Some(1.0))), (Ok(Some(0.5)), Err(38)));
         assert_eq!((told(36, 2.0, None), told(37, 2.0, None)), (Ok(Some(0.5)), Err(38)));
     }
 }
