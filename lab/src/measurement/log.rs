@@ -114,7 +114,7 @@ impl Log {
                 }
             }
         }
-        reader.tell_spikes(&channels);
+        reader.tell_spikes(&time_s, &channels);
         let current_a = channels.get(&Channel::CurrentA).filter(|_| facts.gap_current != Some(GapCurrent::Stated));
         let unknown = facts.gap_current == Some(GapCurrent::Unknown) || is_cut && facts.gap_current.is_none();
         let (unmeasured, gaps) = current_a.map_or_else(Default::default, |current_a| unmeasured(&time_s, current_a, unknown));
@@ -238,7 +238,7 @@ impl Reader<'_> {
         self.missing.iter().filter(|mark| mark.is_of(names)).map(|mark| mark.value).collect()
     }
 
-    fn tell_spikes(&mut self, channels: &BTreeMap<Channel, Vec<f64>>) {
+    fn tell_spikes(&mut self, time_s: &[f64], channels: &BTreeMap<Channel, Vec<f64>>) {
         let input = channels.get(&Channel::CurrentA).or(channels.get(&Channel::PackCurrentA));
         let explains = input.map(|input| (input, explaining_step(input)));
         for (&channel, values) in channels {
@@ -253,7 +253,7 @@ impl Reader<'_> {
             // A voltage of some rows may be the answer to a current that nobody measured.
             let is_unexplained = explains.is_none() && matches!(channel, Channel::VoltageV | Channel::PackVoltageV);
             let longest = if is_unexplained { 1 } else { RUN_ROWS };
-            self.notes.extend(spikes((channel, values), longest, moves, as_written, (&self.places, self.table.places)));
+            self.notes.extend(spikes((channel, values), (time_s, longest), moves, as_written, (&self.places, self.table.places)));
         }
         for pair in [(Channel::CurrentA, Channel::VoltageV), (Channel::PackCurrentA, Channel::PackVoltageV)] {
             if let (Some(current_a), Some(voltage_v)) = (channels.get(&pair.0), channels.get(&pair.1)) {

@@ -10,6 +10,8 @@ const SPIKE_DIFFERENCES: f64 = 20.0;
 const SPIKE_SHARE: f64 = 0.002;
 /// Rows of such a reading that may follow each other: a bus that is silent for some seconds. What lasts longer is a state of its own.
 pub(super) const RUN_ROWS: usize = 10;
+/// What such a run may last, where it is more than a row: rows that are minutes apart show a state, however few there are of them.
+const RUN_S: f64 = 60.0;
 /// What a value may lie beside the one before a run, as a share of its height, to be back.
 pub(super) const BACK: f64 = 0.2;
 
@@ -31,11 +33,11 @@ struct Run {
     before: usize,
 }
 
-/// What is to be said about values that leave what is before and after them, for a row or as many as `longest`. Only of states: an input
+/// What is to be said about values that leave what is before and after them, for a row or as many as `longest` within [`RUN_S`]. Only of states: an input
 /// may well last some rows. `moves` tells rows at which an input changed, which explains a jump.
 pub(super) fn spikes(
     (channel, values): (Channel, &[f64]),
-    longest: usize,
+    (time_s, longest): (&[f64], usize),
     moves: impl Fn(usize) -> bool,
     is_as_written: impl Fn(f64) -> bool,
     (lines, places): (&[u64], &str),
@@ -65,7 +67,8 @@ pub(super) fn spikes(
             let height = (values[last] - values[before]) * up.signum();
             // A reading within a run may be missing.
             let is_off = height > least || last > first && height.is_nan();
-            if !is_off {
+            let is_brief = last == first || time_s[last] - time_s[first] <= RUN_S;
+            if !is_off || !is_brief {
                 return None;
             }
             let Some(after) = after(last) else { continue };
@@ -109,35 +112,42 @@ mod tests {
     use super::*;
 
     const LINES: [u64; 5] = [2, 3, 4, 5, 6];
+    const TIME_S: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
 
     #[test]
     fn a_spike_is_told_unless_an_input_explains_it() {
         let values = [3.70, 3.701, 2.9, 3.70, 3.701];
         assert!(
-            spikes((Channel::VoltageV, &values), RUN_ROWS, |_| false, |_| true, (&LINES, "lines"))
+            spikes((Channel::VoltageV, &values), (&TIME_S, RUN_ROWS), |_| false, |_| true, (&LINES, "lines"))
                 .unwrap()
                 .contains("such as 2.9 after 3.701")
         );
-        assert_eq!(spikes((Channel::VoltageV, &values), RUN_ROWS, |row| row == 2, |_| true, (&LINES, "lines")), None);
-        assert_eq!(spikes((Channel::CurrentA, &values), RUN_ROWS, |_| false, |_| true, (&LINES, "lines")), None);
-        let told = spikes((Channel::VoltageV, &[3.7, 3.701, 0.0, 3.70, 3.701]), RUN_ROWS, |_| false, |_| true, (&LINES, "lines")).unwrap();
+        assert_eq!(spikes((Channel::VoltageV, &values), (&TIME_S, RUN_ROWS), |row| row == 2, |_| true, (&LINES, "lines")), None);
+        assert_eq!(spikes((Channel::CurrentA, &values), (&TIME_S, RUN_ROWS), |_| false, |_| true, (&LINES, "lines")), None);
+        let told =
+            spikes((Channel::VoltageV, &[3.7, 3.701, 0.0, 3.70, 3.701]), (&TIME_S, RUN_ROWS), |_| false, |_| true, (&LINES, "lines"))
+                .unwrap();
         assert!(told.ends_with("not removed, unless --missing voltage_v=0 says that this is no measurement (line 4)"), "{told}");
-        let mapped = spikes((Channel::VoltageV, &values), RUN_ROWS, |_| false, |_| false, (&LINES, "lines")).unwrap();
+        let mapped = spikes((Channel::VoltageV, &values), (&TIME_S, RUN_ROWS), |_| false, |_| false, (&LINES, "lines")).unwrap();
         assert!(mapped.ends_with("such as 2.9 after 3.701; not removed (line 4)"), "what the logger wrote is not known: {mapped}");
         // Also beside a reading that is missing, but not alone among such.
         for missing in [1, 3] {
             let mut gone = values;
             gone[missing] = f64::NAN;
             assert!(
-                spikes((Channel::VoltageV, &gone), RUN_ROWS, |_| false, |_| true, (&LINES, "lines"))
+                spikes((Channel::VoltageV, &gone), (&TIME_S, RUN_ROWS), |_| false, |_| true, (&LINES, "lines"))
                     .unwrap()
                     .contains("such as 2.9 after 3.7"),
                 "{gone:?}"
             );
-            assert_eq!(spikes((Channel::VoltageV, &gone), RUN_ROWS, |row| row == 3, |_| true, (&LINES, "lines")), None, "{gone:?}");
+            assert_eq!(
+                spikes((Channel::VoltageV, &gone), (&TIME_S, RUN_ROWS), |row| row == 3, |_| true, (&LINES, "lines")),
+                None,
+                "{gone:?}"
+            );
         }
         let alone = [f64::NAN, f64::NAN, 2.9, f64::NAN, 3.7];
-        assert_eq!(spikes((Channel::VoltageV, &alone), RUN_ROWS, |_| false, |_| true, (&LINES, "lines")), None);
+        assert_eq!(spikes((Channel::VoltageV, &alone), (&TIME_S, RUN_ROWS), |_| false, |_| true, (&LINES, "lines")), None);
         // Noise of a current explains nothing, a step of it does, and one in a current that else holds still as well.
         assert_eq!(explaining_step(&[0.0, 0.001, 0.0, 2.0, 2.001]), 0.01);
         assert_eq!(explaining_step(&[0.0, 0.0, 0.0, 0.001]), 0.0);
@@ -145,12 +155,14 @@ mod tests {
 
     #[test]
     fn values_that_are_lost_for_some_rows_are_told_as_well() {
-        let told = |lost: usize, value: f64, longest: usize, moves: usize| {
+        let every = |step_s: f64, lost: usize, value: f64, longest: usize, moves: usize| {
+            let time_s: Vec<f64> = (0..100).map(|row| step_s * row as f64).collect();
             let mut values: Vec<f64> = (0..100).map(|row| 3.8 - 1e-4 * row as f64).collect();
             values[50..50 + lost].fill(value);
             let lines: Vec<u64> = (2..102).collect();
-            spikes((Channel::VoltageV, &values), longest, |row| row == moves, |_| true, (&lines, "lines"))
+            spikes((Channel::VoltageV, &values), (&time_s, longest), |row| row == moves, |_| true, (&lines, "lines"))
         };
+        let told = |lost: usize, value: f64, longest: usize, moves: usize| every(1.0, lost, value, longest, moves);
         let note = "`voltage_v`: 1 run of up to 4 rows far from the rows before and after (by more than 20 usual differences), such as 0 after \
                     3.8; not removed, unless --missing voltage_v=0 says that this is no measurement (line 52)";
         assert_eq!(told(4, 0.0, RUN_ROWS, 0).as_deref(), Some(note));
@@ -159,6 +171,11 @@ mod tests {
         assert_eq!(told(11, 0.0, RUN_ROWS, 0), None);
         assert_eq!(told(4, 0.0, RUN_ROWS, 54), None);
         assert_eq!(told(4, 0.0, 1, 0), None);
+        // What lasts minutes is a state as well, but for a single row.
+        assert!(every(20.0, 4, 0.0, RUN_ROWS, 0).is_some());
+        assert_eq!(every(21.0, 4, 0.0, RUN_ROWS, 0), None);
+        assert_eq!(every(300.0, 9, 0.0, RUN_ROWS, 0), None);
+        assert!(every(300.0, 1, 0.0, RUN_ROWS, 0).unwrap().contains("1 single value"));
         // A step that stays is none.
         assert_eq!(told(50, 3.0, RUN_ROWS, 0), None);
     }
