@@ -18,6 +18,12 @@ fn taken<'a>(table: &'a Table, columns: &'a [Mapping]) -> impl Iterator<Item = (
     mapped.chain(own).filter(|(name, index)| *name != TIME || table.columns[*index].moments().next().is_none())
 }
 
+/// Whether a cell is a unit alone, and no description such as `type K`.
+fn is_word(cell: &str) -> bool {
+    let bare = cell.trim_matches(['(', ')', '[', ']', '\u{b0}', ' ']);
+    !bare.is_empty() && bare.chars().all(char::is_alphanumeric)
+}
+
 /// What is to be said of columns whose own names tell another unit than the one that they are taken in.
 ///
 /// # Errors
@@ -31,8 +37,7 @@ pub(super) fn doubts(table: &Table, columns: &[Mapping]) -> Result<Vec<String>, 
             let said = units.of[index].as_str();
             match conversion(wanted, said) {
                 "" if unit(said) == unit(wanted) => continue,
-                "" => {}
-                how => {
+                how if !how.is_empty() && is_word(said) => {
                     let message = format!(
                         "this line says `{said}` of column `{name}`, which is taken as `{wanted}`: {} converts it; where the line is wrong, {} says so",
                         flag(how),
@@ -40,6 +45,7 @@ pub(super) fn doubts(table: &Table, columns: &[Mapping]) -> Result<Vec<String>, 
                     );
                     return Err((units.line, message));
                 }
+                _ => {}
             }
         }
         match conversion(wanted, name) {
@@ -90,6 +96,13 @@ mod tests {
         );
         assert!(told(&log("min,A,V"), &[]).unwrap_err().contains("--column time_s=time_s*60 converts it"));
         assert!(told(&log("s,mA,V"), &["current_a=current_a/1000"]).is_ok());
+        // Words of a description end in letters that are units elsewhere.
+        assert_eq!(told(&log("s,type mA,V"), &[]).unwrap().len(), 1);
+        assert!(told(&log("s,[mA],V"), &[]).unwrap_err().contains("`[mA]` of column `current_a`"));
+        let degrees = |unit: &str| told(&format!("time_s,temperature_degc\ns,{unit}\n0,25\n1,25\n"), &[]);
+        assert_eq!(degrees("type K").unwrap().len(), 1);
+        assert!(degrees("(\u{b0}F)").unwrap_err().contains("`(\u{b0}F)` of column"));
+        assert!(degrees("K").is_err());
         // By its name alone the voltage would be doubted.
         assert_eq!(told(&log("s,A,V"), &["voltage_v=u_mv"]).unwrap().len(), 1);
         assert_eq!(told(&log("s,A,-"), &["voltage_v=u_mv"]).unwrap().len(), 2);
