@@ -39,10 +39,10 @@ const MILLISECONDS_MIN: f64 = 1e11;
 /// The same of milliseconds and microseconds, and of microseconds and nanoseconds.
 const MICROSECONDS_MIN: f64 = 1e14;
 const NANOSECONDS_MIN: f64 = 1e17;
-/// Days as spreadsheets count them, from 1900 on: these were between 1982 and 2064. Their rows come closer than this part of a day: a quarter of an
-/// hour.
+/// Days as spreadsheets count them, from 1900 on: these were between 1982 and 2064. Their rows come closer than this part of a day, 86 s: a
+/// log of seconds has such steps at more than a thousand rows a second alone.
 const SERIAL_DAYS: RangeInclusive<f64> = 30_000.0..=60_000.0;
-const SERIAL_STEP_MAX: f64 = 0.01;
+const SERIAL_STEP_MAX: f64 = 1e-3;
 /// Words for what a channel of ours measures, in others' names of columns.
 const QUANTITIES: [(&str, &[&str]); 3] = [
     ("current", &["current", "amps", "amp", "i"]),
@@ -206,5 +206,7 @@ mod tests {
         assert_eq!(conversion_of_time("time_s", "Date", &days), "*86400");
         assert!(odd_epoch(&days, "Date", 1.0).unwrap().ends_with("are they days, as spreadsheets count them: --column time_s=Date*86400?"));
         assert_eq!(conversion_of_time("time_s", "t", &[46_082.0, 46_083.0, 46_084.0]), "");
+        assert_eq!(conversion_of_time("time_s", "t", &[40_000.0, 40_000.005, 40_000.01]), "");
+        assert_eq!(conversion_of_time("time_s", "t", &[46_082.0, 46_082.000_694, 46_082.001_389]), "*86400");
     }
 }
