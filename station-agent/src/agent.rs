@@ -85,6 +85,8 @@ struct Pack {
     id: PackId,
     gauge: Box<dyn Estimator>,
     depleted: bool,
+    /// What its device said last of its charge.
+    said_soc: Option<energy::Estimate>,
     connected: bool,
     back: Option<PackReturn>,
     last: Option<Sample>,
@@ -157,6 +159,7 @@ impl Agent {
                     id,
                     gauge,
                     depleted: false,
+                    said_soc: None,
                     connected: true,
                     back: None,
                     last: None,
@@ -360,6 +363,7 @@ impl Agent {
         for reading in observation.packs {
             if let Some(pack) = self.packs.iter_mut().find(|pack| pack.id == reading.pack) {
                 (pack.depleted, pack.connected) = (reading.depleted, reading.connected);
+                pack.said_soc = reading.said_soc.or(pack.said_soc);
                 let was = pack.back.map(|back| back.at);
                 pack.back = reading.back.map(|(in_s, soc)| PackReturn { at: tell::again(was, now.plus_s(in_s)), soc: wire(soc) });
                 if let Some(soc) = reading.exchanged {

@@ -81,9 +81,10 @@ async fn run(path: PathBuf, set: &[String], connect: Vec<String>, log: Option<Pa
         config.network.check().context("--connect")?;
     }
     node::begin_with_one_thread(&config.network)?;
-    let (mut agent, source) = config.build(Some(&path))?;
+    let (mut agent, mut source) = config.build(Some(&path))?;
     let memory = node::MemoryFile::new(config.id.as_str(), config.memory.as_deref(), Some(&path));
-    if let Some(kept) = memory.read()? {
+    if let Some(kept) = memory.read::<station_agent::Memory>()? {
+        source.gave_out(&kept.depleted());
         agent.restore(kept);
     }
     station_agent::run(&config, agent, source, memory, log.map(node::LiveLog::new)).await

@@ -75,6 +75,8 @@ pub struct PackReading {
     pub back: Option<(f64, Estimate)>,
     /// Another pack was put in its place; its state of charge as written on it.
     pub exchanged: Option<Estimate>,
+    /// What its device says now of its state of charge, where that outlives the agent.
+    pub said_soc: Option<Estimate>,
 }
 
 /// A finished lift movement.
@@ -141,6 +143,10 @@ pub trait Source: Send {
     fn stride(&self) -> Stride {
         Stride::LeftOut
     }
+
+    /// Takes in which packs had given out when its agent was stopped, and what their devices said of their charge then. Sources that keep
+    /// their packs themselves need not be told.
+    fn gave_out(&mut self, _depleted: &[(PackId, Option<Estimate>)]) {}
 
     /// Inputs of the station's load in the last step, for a log; none where nobody measures them.
     fn load_inputs(&self, _channels: &[Channel]) -> Option<Vec<f64>> {

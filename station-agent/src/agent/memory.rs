@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use node::Ledger;
-use proto::{BayId, BayPhase, CommandId, RobotId, SpareState};
+use node::{Ledger, wire};
+use proto::{BayId, BayPhase, CommandId, PackId, RobotId, SpareState};
 use serde::{Deserialize, Serialize};
 
 use super::{Agent, Output, Swapping};
@@ -19,15 +19,32 @@ pub struct Memory {
     lifting: bool,
     swapping: Option<Swapping>,
     last_command: Option<CommandId>,
+    /// Packs that gave out and were not charged since, and what their devices said of their charge then: at rest their voltage is back.
+    #[serde(default)]
+    depleted: Vec<(PackId, Option<proto::Estimate>)>,
 }
 
 /// What is compared to see whether a new memory is due.
-pub(super) type Sketch = (Vec<(BayPhase, Option<RobotId>)>, Vec<bool>, usize, bool, Option<Swapping>);
+pub(super) type Sketch = (Vec<(BayPhase, Option<RobotId>)>, Vec<bool>, usize, bool, Option<Swapping>, Vec<bool>);
+
+impl Memory {
+    /// Packs that had given out, and what their devices said of their charge then.
+    #[must_use]
+    pub fn depleted(&self) -> Vec<(PackId, Option<energy::Estimate>)> {
+        let said = |soc: proto::Estimate| energy::Estimate::new(soc.value, soc.sigma);
+        self.depleted.iter().map(|(pack, soc)| (pack.clone(), soc.map(said))).collect()
+    }
+}
 
 impl Agent {
     /// Goes on from what was kept. To be called before the first input. Bays and spares that are no
     /// longer configured are left out, new ones are as configured.
     pub fn restore(&mut self, memory: Memory) {
+        for (id, said_soc) in memory.depleted() {
+            if let Some(pack) = self.packs.iter_mut().find(|pack| pack.id == id) {
+                (pack.depleted, pack.said_soc) = (true, said_soc);
+            }
+        }
         self.ledger = memory.ledger;
         for bay in &mut self.bays {
             if let Some((_, phase, robot)) = memory.bays.iter().find(|(id, ..)| *id == bay.id) {
@@ -52,7 +69,8 @@ impl Agent {
     fn sketch(&self) -> Sketch {
         let bays = self.bays.iter().map(|bay| (bay.phase, bay.robot.clone())).collect();
         let spares = self.spares.iter().map(|spare| spare.ready).collect();
-        (bays, spares, self.lifts.len(), self.lifting, self.swapping.clone())
+        let depleted = self.packs.iter().map(|pack| pack.depleted).collect();
+        (bays, spares, self.lifts.len(), self.lifting, self.swapping.clone(), depleted)
     }
 
     /// Asks for what has changed to be kept, before anybody hears of it and before anything moves.
@@ -70,6 +88,7 @@ impl Agent {
             lifting: self.lifting,
             swapping: self.swapping.clone(),
             last_command: self.last_command.clone(),
+            depleted: self.packs.iter().filter(|pack| pack.depleted).map(|pack| (pack.id.clone(), pack.said_soc.map(wire))).collect(),
         };
         self.outputs.retain(|output| !matches!(output, Output::Keep(_)));
         self.outputs.push_front(Output::Keep(Box::new(memory)));

@@ -1,3 +1,4 @@
+mod depleted;
 mod spares;
 mod telling;
 
@@ -70,6 +71,7 @@ fn bench() -> Bench {
         connected: true,
         back: None,
         exchanged: None,
+        said_soc: None,
     });
     let shown = Observation {
         packs: packs.into(),

@@ -26,6 +26,11 @@ const SILENT_S: f64 = 60.0;
 /// A spare whose exchange was called off is not handed out for so long, s, unless its device falls silent before, as of one that is taken out:
 /// half an hour is not long for somebody to come and look. A guess.
 const JAMMED_S: f64 = 1800.0;
+/// What is put in for a pack that gave out has more charge than that one by at least this, and by so many deviations of both: what has risen by
+/// less may be the same pack that rests. A guess, as for robots.
+const RISE_SOC: f64 = 0.05;
+/// See [`RISE_SOC`].
+const RISE_SIGMAS: f64 = 2.0;
 
 /// A station whose packs devices measure, in the selector's order.
 pub struct MeasuredStation {
@@ -52,6 +57,8 @@ pub struct MeasuredPack {
     last: Option<Sample>,
     /// It gave out and was not charged since.
     depleted: bool,
+    /// What its device said last of its charge.
+    said: Option<Estimate>,
     /// Why nothing has been heard of it for long.
     silent: Option<String>,
 }
@@ -62,17 +69,26 @@ impl MeasuredPack {
     #[must_use]
     pub fn new(id: PackId, reader: Reader, facts: &BatteryFacts) -> Self {
         let hold_s = facts.protection.get(Trip::UnderVoltage).delay_s;
-        Self { id, reader, eod_v: facts.eod_v(), hold_s, below_s: 0.0, last: None, depleted: false, silent: None }
+        Self { id, reader, eod_v: facts.eod_v(), hold_s, below_s: 0.0, last: None, depleted: false, said: None, silent: None }
+    }
+
+    /// Whether what a gauge begins anew with is another pack. Gauges begin anew when their agent is restarted, or heard nothing for a while,
+    /// too. Where nothing is known of the charge before, it is taken for another.
+    fn is_another(&self, is: Estimate) -> bool {
+        let has_risen = |was: Estimate| is.value - was.value > (RISE_SIGMAS * was.sigma.hypot(is.sigma)).max(RISE_SOC);
+        self.said.is_none_or(has_risen)
     }
 
     fn advance(&mut self, dt_s: f64) -> PackReading {
-        let Reading { sample, exchanged, silent, .. } = self.reader.advance(dt_s);
+        let Reading { sample, exchanged, said_soc, silent, .. } = self.reader.advance(dt_s);
+        let is_another = exchanged.is_some_and(|is| self.is_another(is));
+        self.said = said_soc.or(self.said);
         if let Some(sample) = sample {
             let below = sample.voltage_v < self.eod_v;
             self.below_s = if below { self.below_s + sample.dt_s } else { 0.0 };
             // A pack that gave out recovers some volts at once, and no charge.
             let charged = !below && sample.current_a < -self.reader.least_a();
-            self.depleted = below && self.below_s >= self.hold_s || self.depleted && !charged && exchanged.is_none();
+            self.depleted = below && self.below_s >= self.hold_s || self.depleted && !charged && !is_another;
             self.last = Some(sample);
         }
         self.silent = silent;
@@ -80,7 +96,7 @@ impl MeasuredPack {
             self.last = None;
         }
         let connected = self.last.is_some();
-        PackReading { pack: self.id.clone(), sample, depleted: self.depleted, connected, back: None, exchanged }
+        PackReading { pack: self.id.clone(), sample, depleted: self.depleted, connected, back: None, exchanged, said_soc }
     }
 
     /// Current that it gives, A; none where none is seen.
@@ -216,6 +232,14 @@ impl Source for MeasuredStation {
 
     fn stride(&self) -> Stride {
         Stride::AtOnce
+    }
+
+    fn gave_out(&mut self, depleted: &[(PackId, Option<Estimate>)]) {
+        for pack in &mut self.packs {
+            if let Some((_, said)) = depleted.iter().find(|(id, _)| *id == pack.id) {
+                (pack.depleted, pack.said) = (true, *said);
+            }
+        }
     }
 
     fn advance(&mut self, dt_s: f64) -> Option<Observation> {

@@ -101,6 +101,26 @@ fn a_pack_that_gave_out_stays_so_until_it_is_charged_and_one_that_is_silent_is_a
 }
 
 #[test]
+fn a_pack_that_had_given_out_before_a_restart_is_empty_until_it_is_charged_or_is_another() {
+    let at = |voltage_v: f64, current_a: f64, soc: f64| {
+        vec![Report { voltage_v: Some(voltage_v), current_a: Some(current_a), soc: Some(soc), ..Report::default() }]
+    };
+    let powered = |says: Vec<Vec<Report>>| {
+        let steps = says.len();
+        let mut station = MeasuredStation::new(vec![pack(1, says)], Vec::new(), no_hands());
+        station.gave_out(&[(pack_id(1), Some(Estimate::new(0.02, 0.05)))]);
+        (0..steps).map(|_| station.advance(1.0).unwrap().powered).collect::<Vec<_>>()
+    };
+    // It has recovered some volts; its gauge begins anew, and after a minute of silence once more.
+    let rests = at(11.0, 0.0, 0.05);
+    let silence = std::iter::repeat_n(Vec::new(), 70);
+    let all = std::iter::once(rests.clone()).chain(silence).chain([rests.clone(), rests.clone()]).collect();
+    assert!(powered(all).iter().all(|powered| !powered));
+    assert_eq!(powered(vec![rests.clone(), at(11.2, -1.0, 0.05)]), [false, true]);
+    assert_eq!(powered(vec![at(12.0, 0.0, 0.9)]), [true]);
+}
+
+#[test]
 fn nothing_is_known_of_a_station_before_each_pack_has_spoken_or_been_silent_for_a_minute() {
     let late = [vec![], vec![], vec![], shows(12.0, 1.0)];
     let mut station = MeasuredStation::new(vec![pack(1, late.clone()), pack(2, [shows(12.0, 0.0)])], Vec::new(), no_hands());

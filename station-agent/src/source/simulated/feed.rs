@@ -98,6 +98,7 @@ impl StationBody {
             connected: pack.away_s.is_none(),
             back: pack.away_s.zip(brought),
             exchanged: pack.exchanged.take(),
+            said_soc: None,
         };
         self.packs.iter_mut().zip(samples).map(rest).collect()
     }

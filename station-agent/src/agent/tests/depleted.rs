@@ -1,0 +1,38 @@
+//! Packs that gave out, over a restart.
+
+use super::*;
+
+/// The newest memory that an agent asks to be kept when it sees this.
+fn kept(bench: &mut Bench, change: impl FnOnce(&mut Observation)) -> Option<Memory> {
+    let mut observation = bench.shown.clone();
+    change(&mut observation);
+    bench.agent.handle(bench.now, Input::Observed(observation));
+    let outputs: Vec<Output> = std::iter::from_fn(|| bench.agent.poll()).collect();
+    outputs.into_iter().find_map(|output| if let Output::Keep(memory) = output { Some(*memory) } else { None })
+}
+
+#[test]
+fn a_pack_that_gave_out_is_kept_with_its_charge_until_it_is_charged() {
+    let mut before = bench();
+    let said = energy::Estimate::new(0.02, 0.05);
+    before.observe(|_| {});
+    let gave_out = kept(&mut before, |seen| (seen.packs[1].depleted, seen.packs[1].said_soc) = (true, Some(said))).unwrap();
+    assert_eq!(gave_out.depleted(), [(pack(2), Some(said))]);
+    assert_eq!(kept(&mut before, |_| {}).unwrap().depleted(), [], "it was charged");
+    let mut after = bench();
+    after.agent.restore(gave_out.clone());
+    assert_eq!(kept(&mut after, |seen| seen.packs[1].depleted = true), None, "nothing is new");
+    // As memories were before they said it.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("memory.json");
+    let mut file = node::MemoryFile::new("mds-1", Some(&path), None);
+    file.keep(&gave_out);
+    assert_eq!(file.read::<Memory>().unwrap(), Some(gave_out));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let older = text
+        .replace(r#""depleted":[["pack-2",{"value":0.02,"sigma":0.05}]],"#, "")
+        .replace(r#""depleted":[["pack-2",{"sigma":0.05,"value":0.02}]],"#, "");
+    assert!(!older.contains("depleted"), "{older}");
+    std::fs::write(&path, older).unwrap();
+    assert_eq!(file.read::<Memory>().unwrap().unwrap().depleted(), []);
+}
