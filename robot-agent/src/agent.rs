@@ -97,6 +97,8 @@ pub struct Agent {
     target_soc: Option<f64>,
     charge: charge::Watch,
     last: Option<Sample>,
+    /// When that was seen, by the time since the start, s.
+    sampled_s: Option<f64>,
     /// Nobody was told of it yet.
     fresh: bool,
     drain: drain::Drain,
@@ -139,6 +141,7 @@ impl Agent {
             target_soc: None,
             charge: charge::Watch::default(),
             last: None,
+            sampled_s: None,
             fresh: false,
             drain: drain::Drain::default(),
             said_soc: None,
@@ -278,7 +281,7 @@ impl Agent {
         let of_both = put_in.is_some() && observation.exchanged.is_none();
         if let Some(sample) = observation.sample.filter(|_| !of_both) {
             self.gauge.update(&sample);
-            (self.last, self.fresh) = (Some(sample), true);
+            (self.last, self.sampled_s, self.fresh) = (Some(sample), Some(self.passed_s), true);
             if self.phase == Working && self.profile.measure_drain {
                 self.learn_drain(&sample);
             }

@@ -84,12 +84,17 @@ impl Agent {
     }
 
     /// Whether what is left, less its doubt, is no more than the way to the nearest station, the
-    /// reserve, and the work until the next look.
+    /// reserve, and the work until the next look. What its gauge says is as old as the last sample: since then it has worked.
     fn must_leave(&mut self) -> bool {
         let Some(way) = self.profile.travel.values().min_by(|a, b| a.time_s.total_cmp(&b.time_s)).copied() else { return false };
         let Alone { reserve_soc, sigmas, .. } = self.profile.alone;
         let reading = self.gauge.reading();
-        let left_wh = reading.remaining_wh.value - sigmas * reading.remaining_wh.sigma.hypot(way.energy_wh.sigma);
+        let used_wh = self.profile.drain_w.scaled((self.passed_s - self.sampled_s.unwrap_or(0.0)) / S_PER_H);
+        // Before a gauge has said anything its deviation is that of ignorance, which would send any robot off at once: then the middle of what
+        // it may have counts, less its work since the agent's start.
+        let gauge_sigma_wh = if self.sampled_s.is_some() { reading.remaining_wh.sigma } else { 0.0 };
+        let sigma_wh = gauge_sigma_wh.hypot(used_wh.sigma).hypot(way.energy_wh.sigma);
+        let left_wh = reading.remaining_wh.value - used_wh.value - sigmas * sigma_wh;
         let next_look_wh = self.profile.drain_w.value * self.profile.publish.gauge_period_s / S_PER_H;
         left_wh <= way.energy_wh.value + reserve_soc * reading.full_wh.value + next_look_wh
     }

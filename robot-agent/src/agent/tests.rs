@@ -1,5 +1,7 @@
+mod alone;
 mod exchange;
 mod host;
+mod restart;
 
 use std::sync::Arc;
 
@@ -238,97 +240,6 @@ fn a_bay_without_power_is_reported_and_does_not_count_as_charged() {
 }
 
 #[test]
-fn without_a_coordinator_it_goes_to_charge_before_its_energy_gives_out_and_not_earlier() {
-    let (mut rich, mut poor) = (bench_at(0.5), bench_at(0.08));
-    for robot in [&mut rich, &mut poor] {
-        robot.agent.handle(robot.now, Input::Coordinator(true));
-        (0..120).for_each(|_| assert_eq!(robot.observe(|_| {}), []));
-        robot.agent.handle(robot.now, Input::Coordinator(false));
-        // A minute's silence may be a restart.
-        (0..59).for_each(|_| assert_eq!(robot.observe(|_| {}), []));
-    }
-    (0..60).for_each(|_| assert_eq!(rich.observe(|_| {}), [], "there is energy for hours of work"));
-    assert_eq!(poor.observe(|_| {}), [Act::TravelTo { station: station("mds-1"), bay: None }]);
-    assert_eq!((poor.agent.phase, &poor.agent.bay), (RobotPhase::Travelling, &None));
-    poor.observe(|observation| observation.place = Place::AtStation);
-    assert_eq!(poor.agent.phase, RobotPhase::Waiting);
-    // The station takes it in.
-    let acts = poor.observe(|observation| (observation.place, observation.powered) = (Place::InBay, true));
-    assert_eq!((acts, poor.agent.phase), (vec![Act::Charge], RobotPhase::Charging));
-    // A coordinator is back: it goes on from here.
-    assert_eq!(poor.ask(RobotAction::Undock), (Outcome::Accepted, vec![Act::StopCharging]));
-}
-
-#[test]
-fn who_came_without_a_coordinator_hears_which_bay_is_meant_for_it() {
-    let mut bench = bench_at(0.08);
-    bench.agent.handle(bench.now, Input::Coordinator(false));
-    let acts = (0..70).find_map(|_| Some(bench.observe(|_| {})).filter(|acts| !acts.is_empty()));
-    assert_eq!(acts, Some(vec![Act::TravelTo { station: station("mds-1"), bay: None }]));
-    let named = |bay| vec![Act::GoOnTo { station: station("mds-1"), bay }];
-    // A coordinator is back before it has arrived.
-    assert_eq!(bench.ask(dock()), (Outcome::Accepted, named(bay())));
-    assert_eq!(bench.agent.phase, RobotPhase::Travelling);
-    bench.observe(|observation| observation.place = Place::AtStation);
-    assert_eq!(bench.ask(dock()).1, [], "it knows that bay");
-    let other = || Some(BayId::new("bay-2").unwrap());
-    for bay in [other(), None, bay()] {
-        assert_eq!(bench.ask(RobotAction::Dock { station: station("mds-1"), bay: bay.clone() }).1, named(bay));
-        assert_eq!(bench.agent.phase, RobotPhase::Waiting);
-    }
-    // It drives in by itself, and nothing feeds it yet.
-    bench.observe(|observation| observation.place = Place::InBay);
-    assert_eq!((bench.agent.phase, bench.agent.bay.clone()), (RobotPhase::Docked, bay()));
-}
-
-#[test]
-fn a_charge_without_a_coordinator_is_not_over_because_the_one_before_it_was() {
-    let mut bench = bench_at(0.7);
-    bench.enter_bay();
-    bench.ask(RobotAction::ChargeTo { soc: 1.0 });
-    let takes = |bench: &mut Bench, current_a: f64| {
-        bench.observe(|observation| {
-            (observation.place, observation.powered) = (Place::InBay, true);
-            observation.sample = Some(Sample { dt_s: SECOND, current_a, voltage_v: 12.0, temperature_degc: 25.0 });
-        })
-    };
-    // A taper that falls off, of a pack that has aged.
-    assert_eq!([-1.3, -0.1, -0.06].map(|current_a| takes(&mut bench, current_a)).concat(), [Act::StopCharging]);
-    bench.ask(RobotAction::Undock);
-    assert_eq!(bench.observe(|observation| observation.place = Place::AtStation), [Act::Resume]);
-    // The next charge nobody asks for, and its first current comes a moment later.
-    bench.agent.handle(bench.now, Input::Coordinator(false));
-    (0..60).for_each(|_| drop(bench.observe(|observation| observation.place = Place::Mission)));
-    assert_eq!(takes(&mut bench, 0.0), [Act::Charge]);
-    (0..5).for_each(|_| assert_eq!(takes(&mut bench, 0.0), []));
-    assert_eq!(bench.agent.phase, RobotPhase::Charging);
-}
-
-/// The newest memory that an agent asked to be kept.
-fn kept(bench: &mut Bench, input: Input) -> Memory {
-    bench.agent.handle(bench.now, input);
-    let outputs: Vec<Output> = std::iter::from_fn(|| bench.agent.poll()).collect();
-    // It stands before everything that rests on it.
-    let Some(Output::Keep(memory)) = outputs.into_iter().next() else { panic!("nothing is kept") };
-    *memory
-}
-
-#[test]
-fn a_restarted_agent_answers_from_memory_and_does_again_what_was_not_done() {
-    let mut before = bench();
-    let command = before.command(dock());
-    let memory = kept(&mut before, Input::Command(command.clone()));
-    let mut after = bench();
-    after.agent.restore(memory);
-    // The robot never heard that it should leave: the kill came in between.
-    assert_eq!(after.observe(|_| {}), [Act::TravelTo { station: station("mds-1"), bay: bay() }]);
-    let (outcome, acts) = after.give(command.clone());
-    assert_eq!((outcome, acts), (Outcome::Accepted, Vec::new()), "a copy acts no second time");
-    let stale = RobotCommand { id: CommandId::new("c0-1").unwrap(), epoch: 0, ..command };
-    assert!(matches!(after.give(stale).0, Outcome::Rejected { reason: Rejection::StaleEpoch, .. }));
-}
-
-#[test]
 fn who_comes_for_an_exchange_waits_even_if_it_says_that_it_stands_in_a_bay() {
     let mut bench = bench();
     assert_eq!(bench.ask(RobotAction::Dock { station: station("mds-1"), bay: None }).0, Outcome::Accepted);
@@ -336,47 +247,6 @@ fn who_comes_for_an_exchange_waits_even_if_it_says_that_it_stands_in_a_bay() {
     bench.observe(|_| ());
     assert_eq!(bench.agent.phase, RobotPhase::Waiting);
     assert_eq!(bench.ask(swap()).0, Outcome::Accepted);
-}
-
-#[test]
-fn who_is_restarted_during_an_exchange_waits_for_its_pack() {
-    let mut before = bench();
-    before.arrive();
-    let command = before.command(swap());
-    let memory = kept(&mut before, Input::Command(command));
-    assert_eq!(memory.place(), Some(Place::AtStation));
-    let mut after = bench();
-    after.place = memory.place().unwrap();
-    after.agent.restore(memory);
-    assert_eq!((after.observe(|_| {}), after.agent.phase), (vec![], RobotPhase::Swapping));
-    after.observe(|observation| observation.exchanged = Some(energy::Estimate::new(0.97, 0.01)));
-    assert_eq!((after.hears(&says(None, false)), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
-}
-
-#[test]
-fn a_gauge_that_begins_anew_with_the_old_pack_is_no_other_pack() {
-    let shows = |bench: &mut Bench, soc: f64| {
-        bench.observe(|observation| {
-            let soc = energy::Estimate::new(soc, 0.05);
-            (observation.exchanged, observation.said_soc) = (Some(soc), Some(soc));
-        })
-    };
-    let mut before = bench();
-    before.arrive();
-    before.observe(|observation| observation.said_soc = Some(energy::Estimate::new(0.2, 0.05)));
-    let command = before.command(swap());
-    let memory = kept(&mut before, Input::Command(command));
-    let mut after = bench();
-    after.place = memory.place().unwrap();
-    after.agent.restore(memory);
-    // The agent was restarted while the old pack was still in; then the network was away for a minute.
-    for _ in 0..2 {
-        assert_eq!((shows(&mut after, 0.21), after.agent.phase), (vec![], RobotPhase::Swapping));
-        assert_eq!((after.hears(&says(None, true)), after.agent.phase), (vec![], RobotPhase::Swapping));
-        assert!((after.agent.soc().value - 0.21).abs() < 1e-3, "the gauge goes on from what the device says");
-    }
-    assert_eq!((shows(&mut after, 0.97), after.agent.phase), (vec![], RobotPhase::Swapping));
-    assert_eq!((after.hears(&says(None, false)), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
 }
 
 #[test]
