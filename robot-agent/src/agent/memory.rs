@@ -90,9 +90,9 @@ impl Agent {
                 let bay = self.bay.clone();
                 self.outputs.push_back(Output::Act(Act::GoOnTo { station, bay }));
             }
-            (Working, Place::Underway | Place::AtStation, _) | (Waiting | Docked | Charging | Charged | Swapping, Place::Mission, _) => {
-                self.resume();
-            }
+            // Its way back to work ends with the agent, and nobody knows whether it was done: who is at work already does it once more.
+            (Working, Place::Mission | Place::Underway | Place::AtStation, _)
+            | (Waiting | Docked | Charging | Charged | Swapping, Place::Mission, _) => self.resume(),
             (Charging, Place::InBay, _) => self.outputs.push_back(Output::Act(Act::Charge)),
             (Docked | Charged, Place::InBay, _) => self.outputs.push_back(Output::Act(Act::StopCharging)),
             _ => {}

@@ -280,8 +280,11 @@ impl Source for RobotBody {
             }
             Act::StopCharging => self.charger_on = false,
             Act::Resume => {
+                // Who is on its way back, or there, drives no way twice.
+                if self.place != Place::Mission {
+                    self.journey.back_s = self.journey.whole_s;
+                }
                 (self.place, self.charger_on) = (Place::Mission, false);
-                self.journey.back_s = self.journey.whole_s;
             }
         }
     }

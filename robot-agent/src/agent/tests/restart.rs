@@ -27,6 +27,18 @@ fn a_restarted_agent_answers_from_memory_and_does_again_what_was_not_done() {
 }
 
 #[test]
+fn who_was_on_its_way_back_to_work_when_its_agent_ended_is_sent_there_once_more() {
+    let mut before = bench();
+    before.arrive();
+    let command = before.command(RobotAction::Undock);
+    let memory = kept(&mut before, Input::Command(command));
+    let mut after = bench();
+    after.agent.restore(memory);
+    assert_eq!((after.observe(|_| {}), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
+    assert_eq!(after.observe(|_| {}), []);
+}
+
+#[test]
 fn who_is_restarted_during_an_exchange_waits_for_its_pack() {
     let mut before = bench();
     before.arrive();
