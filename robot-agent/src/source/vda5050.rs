@@ -122,7 +122,7 @@ impl Config {
     pub fn open(&self, robot: &RobotId) -> anyhow::Result<Box<dyn Device>> {
         self.check()?;
         let broker = Broker::connect(self, &format!("tender-{robot}"))?;
-        Ok(Box::new(Vehicle { config: self.clone(), broker, headers: 0, pending: None, connection: None, any: false }))
+        Ok(Box::new(Vehicle::new(self.clone(), broker)))
     }
 }
 
@@ -178,15 +178,8 @@ impl Device for Vehicle {
     fn read(&mut self, dt_s: f64) -> anyhow::Result<Vec<Report>> {
         let (mut reports, mut wrong) = (Vec::new(), None);
         while let Some((topic, bytes)) = self.broker.next() {
-            if topic.ends_with("/connection") {
-                self.connection = serde_json::from_slice::<message::Connection>(&bytes).ok().map(|said| said.connection_state);
-                continue;
-            }
-            match State::parse(&bytes).and_then(|state| Ok((state.report()?, state))) {
-                Ok((report, state)) => {
-                    self.answered(&state);
-                    reports.push(report);
-                }
+            match self.hear(&topic, &bytes) {
+                Ok(report) => reports.extend(report),
                 Err(error) => wrong = Some(error),
             }
         }
@@ -194,11 +187,11 @@ impl Device for Vehicle {
         self.press(dt_s);
         match wrong {
             Some(error) if reports.is_empty() => Err(error),
-            None if reports.is_empty() && !(self.any && self.broker.is_connected()) => Err(anyhow!("{}", self.broker.status())),
-            // State messages are up to 30 s apart.
-            None if reports.is_empty() => match self.connection.as_deref() {
-                Some("ONLINE") | None => Ok(reports),
-                Some(other) => Err(anyhow!("the vehicle's connection is {other}")),
+            None if reports.is_empty() => match self.away() {
+                Some(how) if self.broker.is_connected() => Err(anyhow!("the vehicle's connection is {how}")),
+                // State messages are up to 30 s apart.
+                _ if self.any && self.broker.is_connected() => Ok(reports),
+                _ => Err(anyhow!("{}", self.broker.status())),
             },
             _ => Ok(reports),
         }
@@ -223,6 +216,30 @@ impl Device for Vehicle {
 }
 
 impl Vehicle {
+    fn new(config: Config, broker: Broker) -> Self {
+        Self { config, broker, headers: 0, pending: None, connection: None, any: false }
+    }
+
+    /// Takes in a message; a report where it says how the battery is. Of a vehicle that is known to be away none is one of now.
+    fn hear(&mut self, topic: &str, bytes: &[u8]) -> anyhow::Result<Option<Report>> {
+        if topic.ends_with("/connection") {
+            self.connection = serde_json::from_slice::<message::Connection>(bytes).ok().map(|said| said.connection_state);
+            return Ok(None);
+        }
+        if self.away().is_some() {
+            return Ok(None);
+        }
+        let state = State::parse(bytes)?;
+        let report = state.report()?;
+        self.answered(&state);
+        Ok(Some(report))
+    }
+
+    /// What it says of its connection, where that is not that it is there.
+    fn away(&self) -> Option<&str> {
+        self.connection.as_deref().filter(|connection| *connection != "ONLINE")
+    }
+
     /// Sends the action that is pending, with its own id each time: the vehicle knows a copy. Without the broker it waits.
     fn send(&mut self) {
         let Some(pending) = self.pending.as_mut().filter(|_| self.broker.is_connected()) else { return };
@@ -297,6 +314,24 @@ mod tests {
         assert_eq!(config.topic("state").unwrap(), "uagv/v2/KIT/0001/state");
         let config = Config { version: "3.0.0".to_owned(), interface: None, ..config };
         assert_eq!(config.topic("instantActions").unwrap(), "vda5050/v3/KIT/0001/instantActions");
+    }
+
+    #[test]
+    fn nothing_is_measured_of_a_vehicle_whose_connection_is_broken_until_it_is_back() {
+        let state = br#"{"timestamp": "2026-01-01T00:00:00.00Z",
+            "batteryState": {"batteryCharge": 80.0, "batteryVoltage": 25.1, "charging": false}}"#;
+        let config = Config::of("mqtt://127.0.0.1:1883/uagv/v2/KIT/0001").unwrap();
+        let mut vehicle = Vehicle::new(config, Broker::unreached());
+        let mut measured = |connection: Option<&str>| {
+            if let Some(connection) = connection {
+                let said = format!(r#"{{"connectionState": "{connection}"}}"#);
+                assert_eq!(vehicle.hear("uagv/v2/KIT/0001/connection", said.as_bytes()).unwrap(), None);
+            }
+            vehicle.hear("uagv/v2/KIT/0001/state", state).unwrap().and_then(|report| report.soc)
+        };
+        assert_eq!(measured(None), Some(0.8), "nothing is known of its connection");
+        assert_eq!([measured(Some("CONNECTIONBROKEN")), measured(None)], [None, None]);
+        assert_eq!([measured(Some("ONLINE")), measured(Some("OFFLINE"))], [Some(0.8), None]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
-use rumqttc::{AsyncClient, Event, MqttOptions, Packet, QoS};
+use rumqttc::{AsyncClient, Event, MqttOptions, Packet, Publish, QoS};
 use serde::Serialize;
 use tokio::sync::mpsc;
 use tracing::{info, warn};
@@ -47,6 +47,13 @@ pub(super) fn address(broker: &str) -> anyhow::Result<(String, u16)> {
     Ok((host.to_owned(), port))
 }
 
+/// What has come, if it says something of now. A broker may keep a vehicle's last state for whoever asks later, however old it is; of a
+/// connection it keeps what is so, as the standard wants it.
+fn of_now(publish: Publish) -> Option<Message> {
+    let is_old = publish.retain && publish.topic.ends_with("/state");
+    (!is_old).then(|| (publish.topic, publish.payload.to_vec()))
+}
+
 impl Broker {
     /// Connects to the broker in the background, and goes on trying.
     pub(super) fn connect(config: &Config, client_id: &str) -> anyhow::Result<Self> {
@@ -63,7 +70,8 @@ impl Broker {
             let status = Arc::clone(&status);
             move |what: String| *status.lock().unwrap_or_else(PoisonError::into_inner) = what
         };
-        let topics = [config.topic("state")?, config.topic("connection")?];
+        // In this order: whether the vehicle is there is known before it is heard.
+        let topics = [config.topic("connection")?, config.topic("state")?];
         let (broker, ours) = (config.broker.clone(), client.clone());
         let connected = Arc::new(AtomicBool::new(false));
         let is_connected = Arc::clone(&connected);
@@ -78,10 +86,14 @@ impl Broker {
                                 warn!("{topic}: {error}");
                             }
                         }
-                        say(format!("no message under {}", topics[0]));
+                        say(format!("no message under {}", topics[1]));
                         is_connected.store(true, Ordering::Relaxed);
                     }
-                    Ok(Event::Incoming(Packet::Publish(publish))) => drop(messages_in.try_send((publish.topic, publish.payload.to_vec()))),
+                    Ok(Event::Incoming(Packet::Publish(publish))) => {
+                        if let Some(message) = of_now(publish) {
+                            let _ = messages_in.try_send(message);
+                        }
+                    }
                     Ok(_) => {}
                     Err(error) => {
                         is_connected.store(false, Ordering::Relaxed);
@@ -92,6 +104,14 @@ impl Broker {
             }
         });
         Ok(Self { client, messages, status, connected })
+    }
+
+    /// One that is never reached.
+    #[cfg(test)]
+    pub(super) fn unreached() -> Self {
+        let (client, _) = AsyncClient::new(MqttOptions::new("tender-test", "127.0.0.1", PORT), QUEUE);
+        let (status, connected) = (Arc::new(Mutex::new(String::new())), Arc::new(AtomicBool::new(false)));
+        Self { client, messages: mpsc::channel(QUEUE).1, status, connected }
     }
 
     /// The next message that has come.
@@ -118,6 +138,14 @@ impl Broker {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_state_that_the_broker_has_kept_is_not_one_of_now() {
+        let comes = |topic: &str, retain: bool| of_now(Publish { retain, ..Publish::new(topic, QoS::AtMostOnce, "{}") }).is_some();
+        assert!(comes("uagv/v2/KIT/0001/state", false));
+        assert!(!comes("uagv/v2/KIT/0001/state", true));
+        assert!(comes("uagv/v2/KIT/0001/connection", true));
+    }
 
     #[test]
     fn an_address_has_a_host_and_perhaps_a_port() {
