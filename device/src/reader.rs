@@ -10,7 +10,7 @@ use energy::{Channel, Estimate, Model, Run, Start};
 use serde::{Deserialize, Serialize};
 use tracing::{info, warn};
 
-use crate::report::{Device, Report, Supply};
+use crate::report::{Device, PLAUSIBLE_DEGC, Report, Supply};
 
 /// Without a report for this long, what was drawn meanwhile is not known: the gauge starts anew from
 /// what the device says, s.
@@ -57,7 +57,9 @@ impl Unmeasured {
     /// Names the key and what is allowed.
     pub fn check(&self) -> anyhow::Result<()> {
         let ambient_degc = self.ambient_degc;
-        ensure!((-60.0..=100.0).contains(&ambient_degc), "ambient_degc = {ambient_degc}: must be between -60 and 100");
+        let (least_degc, most_degc) = (PLAUSIBLE_DEGC.start(), PLAUSIBLE_DEGC.end());
+        let is_plausible = PLAUSIBLE_DEGC.contains(&ambient_degc);
+        ensure!(is_plausible, "ambient_degc = {ambient_degc}: must be between {least_degc} and {most_degc}");
         ensure!((0.0001..=0.5).contains(&self.soc_sigma), "soc_sigma = {}: must be between 0.0001 and 0.5", self.soc_sigma);
         Ok(())
     }
@@ -98,6 +100,7 @@ pub struct Reader {
     said: Option<Estimate>,
     has_failed: bool,
     told_missing: bool,
+    told_implausible: bool,
 }
 
 /// The last report, by both clocks.
@@ -147,6 +150,7 @@ impl Reader {
             said: None,
             has_failed: false,
             told_missing: false,
+            told_implausible: false,
         }
     }
 
@@ -193,6 +197,7 @@ impl Reader {
         let (mut counted, mut exchanged, mut supplies) = (Counted::default(), None, Vec::new());
         for report in reports.iter().filter(|_| !slept) {
             self.trouble = None;
+            let report = &self.plausible(report);
             self.tell_missing(report);
             if self.is_another(report) {
                 self.last = None;
@@ -334,6 +339,16 @@ impl Reader {
             (Supply::Unknown, Some(current_a)) if current_a > none_a => Supply::Absent,
             (said, _) => said,
         }
+    }
+
+    /// The report without a temperature that no battery has: as if there were none.
+    fn plausible(&mut self, report: &Report) -> Report {
+        let Some(shown_degc) = report.temperature_degc.filter(|degc| !PLAUSIBLE_DEGC.contains(degc)) else { return *report };
+        if !std::mem::replace(&mut self.told_implausible, true) {
+            let stands_in_degc = self.unmeasured.ambient_degc;
+            warn!("{} shows {shown_degc:.0} degC, which no battery has: taken as {stands_in_degc} degC (ambient_degc)", self.device.name());
+        }
+        Report { temperature_degc: None, ..*report }
     }
 
     /// Says once what the device does not measure, and what stands in for it.

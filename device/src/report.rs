@@ -1,9 +1,16 @@
 //! What a battery gauge of the world outside says, whichever it is.
 
+use std::ops::RangeInclusive;
+
 use energy::Estimate;
 
 /// State of charge of a battery of which nothing is known: uniform from 0 to 1, the deviation of which is 1 / sqrt(12).
 pub const UNKNOWN_SOC: Estimate = Estimate::new(0.5, 0.288_675_134_594_812_9);
+
+/// Temperatures that a battery at work may have, °C. Data sheets of cells end between -40 and 85 at the widest; the rest is left for sensors that
+/// are off. What shows anything else is no battery: a register that nobody has written (0 is absolute zero on an SMBus), a thermistor that is
+/// broken off or shorted.
+pub(crate) const PLAUSIBLE_DEGC: RangeInclusive<f64> = -60.0..=100.0;
 
 /// Whether something outside feeds what the battery feeds, as far as the device can tell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -103,6 +103,15 @@ fn no_charge_is_lost_where_a_voltage_is_not_shown() {
 }
 
 #[test]
+fn a_temperature_that_no_battery_has_is_not_measured() {
+    let shows = |degc: f64| vec![Report { temperature_degc: Some(degc), ..report(1.0, 0.6) }];
+    let shown_degc = [-273.15, -273.1, -60.0, 41.5, 100.0, 6280.35, f64::NAN];
+    let mut reader = read_from(shown_degc.map(shows));
+    let taken_degc = shown_degc.map(|_| reader.advance(1.0).sample.unwrap().temperature_degc);
+    assert_eq!(taken_degc, [25.0, 25.0, -60.0, 41.5, 100.0, 25.0, 25.0]);
+}
+
+#[test]
 fn what_a_device_says_of_its_charge_is_told_beside_what_is_counted() {
     let mut reader = read_from([vec![report(1.0, 0.2)], vec![], vec![report(1.0, 0.2), report(1.0, 0.95)]]);
     let said: Vec<_> =
