@@ -18,6 +18,11 @@ pub const QUESTIONS: usize = 1024;
 /// How long an agent waits for the network when it starts, before it looks after what it has without.
 const PATIENCE: Duration = Duration::from_secs(10);
 
+/// Time between the first two tries to open a session, and the longest: it doubles in between. Who starts together finds each other at once; of
+/// a network that is gone an agent need not know within less than the time after which it is taken for lost.
+const RETRY: Duration = Duration::from_millis(200);
+const RETRY_MAX: Duration = Duration::from_secs(5);
+
 /// A session and the site whose keys it uses.
 #[derive(Clone)]
 pub struct Link {
@@ -36,16 +41,16 @@ impl Link {
     /// When an address cannot be listened on or the configuration is refused.
     pub async fn open(network: &NetworkConfig, site: SiteId) -> anyhow::Result<Self> {
         let patient = network.listen.is_empty();
-        let mut waited = false;
+        let mut tries = Tries::default();
         loop {
             match zenoh::open(network.zenoh_config(&site)?).await {
                 Ok(session) => return Ok(Self { session, site, lease_s: network.lease_s }),
                 Err(error) if patient => {
-                    if !waited {
-                        warn!("nobody answers at {} yet: {}; waiting", network.connect.join(", "), brief(&error));
-                        waited = true;
+                    let why = brief(&error);
+                    if tries.is_new(&why) {
+                        warn!("nobody answers at {} yet: {why}; waiting", network.connect.join(", "));
                     }
-                    tokio::time::sleep(Duration::from_millis(200)).await;
+                    tokio::time::sleep(tries.pause()).await;
                 }
                 Err(error) => {
                     return Err(anyhow!("{}", brief(&error))).with_context(|| format!("cannot listen on {}", network.listen.join(", ")));
@@ -188,6 +193,27 @@ impl Link {
     }
 }
 
+/// Tries to open a session that failed.
+#[derive(Debug, Default)]
+struct Tries {
+    count: u32,
+    told: Option<String>,
+}
+
+impl Tries {
+    /// Whether this is not what was told before.
+    fn is_new(&mut self, why: &str) -> bool {
+        self.told.replace(why.to_owned()).as_deref() != Some(why)
+    }
+
+    /// The time until the next one.
+    fn pause(&mut self) -> Duration {
+        let pause = RETRY.saturating_mul(1_u32.checked_shl(self.count).unwrap_or(u32::MAX)).min(RETRY_MAX);
+        self.count = self.count.saturating_add(1);
+        pause
+    }
+}
+
 /// An error of the network library without its trace of source files.
 fn brief(error: &zenoh::Error) -> String {
     let text = error.to_string();
@@ -237,4 +263,19 @@ pub async fn reply<M: Message>(query: &Query, message: &M) {
 /// [`CodecError`] says what is wrong with it.
 pub fn decoded<M: Message>(payload: &zenoh::bytes::ZBytes) -> Result<M, CodecError> {
     decode(&payload.to_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_network_that_is_gone_is_looked_for_less_often_and_told_of_when_it_fails_otherwise() {
+        let mut tries = Tries::default();
+        let ms: Vec<u128> = (0..7).map(|_| tries.pause().as_millis()).collect();
+        assert_eq!(ms, [200, 400, 800, 1600, 3200, 5000, 5000]);
+        (0..100).for_each(|_| assert_eq!(tries.pause(), RETRY_MAX));
+        let told = ["no route", "no route", "refused", "no route"].map(|why| tries.is_new(why));
+        assert_eq!(told, [true, false, true, true]);
+    }
 }
