@@ -70,7 +70,7 @@ pub use pace::{LOOK_S, Pace, Step, Stride};
 pub use publish::{Due, Publish};
 pub use selector::{ChangeKind, SelectorConfig, UNTIL_EMPTY, check_rule};
 pub use session::Link;
-pub use silence::Silence;
+pub use silence::{LOOK_MAX_S, Silence};
 pub use sole::Sole;
 pub use stop::told_to_stop;
 pub use telemetry::{LOAD_INPUTS, STATION_INPUTS, Telemetry, load_columns};

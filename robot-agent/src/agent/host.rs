@@ -1,5 +1,6 @@
 //! What the station at which a robot is says of it. Without that nothing but currents tell whether it stands in a bay, or was let out of it.
 
+use node::LOOK_MAX_S;
 use proto::{BayId, BayPhase, RobotPhase, StationId, StationState, Timestamp, newer};
 
 use super::{Agent, Output};
@@ -11,8 +12,6 @@ const FRESH_S: f64 = 90.0;
 const FRESH_PERIODS: f64 = 3.0;
 /// No station speaks less often than this, s: between two words that follow each other it was not heard.
 const APART_MAX_S: f64 = 600.0;
-/// What passes between two looks is no more than this, s: else a clock was set, or the machine has slept.
-const LOOK_MAX_S: f64 = 10.0;
 
 /// The newest word of the robot's station.
 #[derive(Debug, Clone, PartialEq)]
