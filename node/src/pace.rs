@@ -12,10 +12,11 @@ use crate::clock::uptime;
 pub const LOOK_S: f64 = 1.0;
 /// Real time beyond which steps are not made good one by one: then the machine slept.
 const MADE_GOOD: Duration = Duration::from_secs(60);
+const SECOND: Duration = Duration::from_secs(1);
 /// A clock that is off by so much was set; by less, it was read to the millisecond or runs a little faster or slower.
 const SET: Duration = Duration::from_millis(100);
 
-/// How a source goes on after the machine has slept.
+/// How a source goes on after the machine has slept, or it was itself slower than the time between two looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stride {
     /// From where it was: it simulates or replays, and what was slept through nobody simulates after it.
@@ -67,8 +68,12 @@ impl Pace {
     fn after(&mut self, passed_s: f64, now: Timestamp) -> impl Iterator<Item = Step> + use<> {
         self.owed_s += passed_s;
         let most_s = self.clock.fleet_s(MADE_GOOD).max(2.0 * LOOK_S);
+        // What is measured once cannot be looked at more often afterwards, and a device that makes one wait would take longer with each look
+        // that is made good. Where the clock is made faster, recordings stand in for devices: they keep nobody waiting, and are gone through whole.
+        let is_recorded = self.clock.fleet_s(SECOND) > SECOND.as_secs_f64();
+        let late_s = if is_recorded { most_s } else { 2.0 * LOOK_S };
         let (count, dt_s) = match self.stride {
-            Stride::AtOnce if self.owed_s > most_s => (1, self.owed_s),
+            Stride::AtOnce if self.owed_s >= late_s => (1, self.owed_s),
             _ => (self.steps(most_s), LOOK_S),
         };
         let all_s = f64::from(count) * dt_s;
@@ -119,6 +124,20 @@ mod tests {
         assert_eq!(steps(&mut pace, 28_800.0, 28_801.5), [(at(28_801.5), 28_800.5)]);
         let step = pace.after(1.0, at(28_802.5)).next().unwrap();
         assert_eq!(step, Step { at: at(28_802.5), dt_s: 1.0, passed_s: 28_802.5 });
+    }
+
+    #[test]
+    fn a_device_that_is_slower_than_the_looks_at_it_is_looked_at_once_for_all_that_is_owed() {
+        let mut pace = pace(Stride::AtOnce, 1.0);
+        // Each reading takes 3.5 s: one step each, and none that grows.
+        assert_eq!(steps(&mut pace, 1.2, 1.2), [(at(1.0), 1.0)]);
+        assert_eq!(steps(&mut pace, 3.5, 4.7), [(at(4.7), 3.7)]);
+        assert_eq!(steps(&mut pace, 3.5, 8.2), [(at(8.2), 3.5)]);
+        assert_eq!(steps(&mut pace, 20.0, 28.2), [(at(28.2), 20.0)]);
+        assert_eq!(steps(&mut pace, 1.0, 29.2), [(at(29.2), 1.0)]);
+        // A recording that is played faster is gone through second by second.
+        let mut fast = self::pace(Stride::AtOnce, 60.0);
+        assert_eq!(steps(&mut fast, 5.0, 5.0).len(), 5);
     }
 
     #[test]
