@@ -1,6 +1,6 @@
 //! Texts and models from disk.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -139,6 +139,21 @@ impl ModelRef {
     }
 }
 
+/// The file beside `path` that is written before it takes its place.
+fn draft_of(path: &Path) -> std::io::Result<PathBuf> {
+    let name = path.file_name().ok_or_else(|| std::io::Error::other("not a file name"))?;
+    Ok(path.with_file_name(format!(".{}.{}", name.to_string_lossy(), std::process::id())))
+}
+
+/// Sees whether [`write_text`] could write there, and leaves nothing behind.
+///
+/// # Errors
+/// Why it could not.
+pub fn try_write(path: &Path) -> anyhow::Result<()> {
+    let try_draft = || draft_of(path).and_then(|draft| std::fs::write(&draft, "").and_then(|()| std::fs::remove_file(&draft)));
+    try_draft().with_context(|| format!("cannot write {}", path.display()))
+}
+
 /// Writes a text so that a reader sees the old file or the new one, never half of it.
 ///
 /// # Errors
@@ -149,8 +164,7 @@ pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
         if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
             return Err(std::io::Error::other("it is there already, and is not a file"));
         }
-        let name = path.file_name().ok_or_else(|| std::io::Error::other("not a file name"))?;
-        let draft = path.with_file_name(format!(".{}.{}", name.to_string_lossy(), std::process::id()));
+        let draft = draft_of(path)?;
         let written = std::fs::write(&draft, text)
             .and_then(|()| std::fs::File::open(&draft)?.sync_all())
             .and_then(|()| std::fs::rename(&draft, path));

@@ -37,6 +37,9 @@ impl MemoryFile {
     /// When there is a file that cannot be read as a memory (who starts over from nothing might act
     /// twice, so a person has to say so), or that is the memory of another agent.
     pub fn read<M: DeserializeOwned>(&self) -> anyhow::Result<Option<M>> {
+        if let Some(trouble) = self.trouble() {
+            error!("{trouble}");
+        }
         let Some(path) = self.path.as_deref().filter(|path| path.exists()) else { return Ok(None) };
         let text = files::read_text(path)?;
         let foreign = || format!("{}: not a memory of this agent; remove it to start without one", path.display());
@@ -47,6 +50,12 @@ impl MemoryFile {
             bail!("{}: the memory of {of}, not of {}; two agents need two files (`memory`)", path.display(), self.of);
         }
         serde_json::from_value(kept).map(Some).with_context(foreign)
+    }
+
+    /// Why nothing can be kept there: told at the start, while somebody is looking, and not with the first command.
+    fn trouble(&self) -> Option<String> {
+        let failure = files::try_write(self.path.as_deref()?).err()?;
+        Some(format!("{failure:#}; `memory` must lie in a folder that this program may write to; going on, but a restart would forget all"))
     }
 
     /// Keeps it: when this returns, it survives a kill and a power cut. A disk that cannot be written
@@ -70,6 +79,16 @@ impl MemoryFile {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_cannot_be_kept_is_told_before_there_is_anything_to_keep() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |path: &str| MemoryFile::new("r1", Some(Path::new(path)), Some(&folder.path().join("robot.toml")));
+        assert_eq!((of("memory.json").trouble(), std::fs::read_dir(&folder).unwrap().count()), (None, 0));
+        let trouble = of("nowhere/memory.json").trouble().unwrap();
+        assert!(trouble.contains("nowhere/memory.json") && trouble.contains("may write to"), "{trouble}");
+        assert_eq!(MemoryFile::new("r1", None, None).trouble(), None);
+    }
 
     #[test]
     fn is_read_as_it_was_kept_and_a_foreign_file_is_refused_by_name() {
