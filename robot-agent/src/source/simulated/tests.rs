@@ -159,3 +159,19 @@ fn the_way_home_takes_what_the_trip_says() {
     // The last step is stood, not driven.
     assert!((energy_wh / trip.energy_wh.value - 1.0).abs() < 0.02, "{energy_wh} {:?}", trip.energy_wh);
 }
+
+#[test]
+fn who_is_sent_back_to_work_once_more_drives_no_way_twice() {
+    let mut body = explorer(None);
+    let passes = |body: &mut RobotBody, seconds: usize| (0..seconds).for_each(|_| drop(body.advance(1.0)));
+    body.act(&Act::TravelTo { station: station(), bay: None });
+    passes(&mut body, 70);
+    body.act(&Act::Resume);
+    passes(&mut body, 20);
+    assert_eq!(body.journey.back_s, 40.0);
+    body.act(&Act::Resume);
+    assert_eq!(body.journey.back_s, 40.0, "it goes on with its way");
+    passes(&mut body, 50);
+    body.act(&Act::Resume);
+    assert_eq!(body.journey.back_s, 0.0, "it has arrived");
+}
