@@ -161,7 +161,8 @@ fn what_the_lab_finds_in_a_broken_promise_keeps_the_next_one() {
         // A pack that its work has warmed is counted as it is then, and has cooled before it could give one robot a second service: that later
         // promise is broken, with the right model as well.
         let again = if story.scenario.starts_with("hidden-cold-cells") { 1.0 } else { 0.0 };
-        let keeps = after["robots_served"] > 0.0 && after["robots_served"] >= after["services_promised"] && after["promises_broken"] <= again;
+        let keeps =
+            after["robots_served"] > 0.0 && after["robots_served"] >= after["services_promised"] && after["promises_broken"] <= again;
         if before["promises_broken"] == 0.0 || !keeps || !named {
             failures.push(story.scenario);
         }
