@@ -22,6 +22,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// a network that is gone an agent need not know within less than the time after which it is taken for lost.
 const RETRY: Duration = Duration::from_millis(200);
 const RETRY_MAX: Duration = Duration::from_secs(5);
+/// While machines that were switched on together come up: for so many tries it is no longer than this.
+const RETRY_SOON_MAX: Duration = Duration::from_secs(1);
+const TRIES_SOON: u32 = 30;
 
 /// A session and the site whose keys it uses.
 #[derive(Clone)]
@@ -208,7 +211,8 @@ impl Tries {
 
     /// The time until the next one.
     fn pause(&mut self) -> Duration {
-        let pause = RETRY.saturating_mul(1_u32.checked_shl(self.count).unwrap_or(u32::MAX)).min(RETRY_MAX);
+        let longest = if self.count < TRIES_SOON { RETRY_SOON_MAX } else { RETRY_MAX };
+        let pause = RETRY.saturating_mul(1_u32.checked_shl(self.count).unwrap_or(u32::MAX)).min(longest);
         self.count = self.count.saturating_add(1);
         pause
     }
@@ -272,8 +276,10 @@ mod tests {
     #[test]
     fn a_network_that_is_gone_is_looked_for_less_often_and_told_of_when_it_fails_otherwise() {
         let mut tries = Tries::default();
-        let ms: Vec<u128> = (0..7).map(|_| tries.pause().as_millis()).collect();
-        assert_eq!(ms, [200, 400, 800, 1600, 3200, 5000, 5000]);
+        let ms: Vec<u128> = (0..5).map(|_| tries.pause().as_millis()).collect();
+        assert_eq!(ms, [200, 400, 800, 1000, 1000]);
+        // Some half a minute later it is looked for less often.
+        assert!((5..TRIES_SOON).all(|_| tries.pause() == RETRY_SOON_MAX));
         (0..100).for_each(|_| assert_eq!(tries.pause(), RETRY_MAX));
         let told = ["no route", "no route", "refused", "no route"].map(|why| tries.is_new(why));
         assert_eq!(told, [true, false, true, true]);

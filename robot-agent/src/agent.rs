@@ -117,7 +117,7 @@ pub struct Agent {
     senseless: Option<String>,
     silence: Silence,
     /// It was restarted, and has not seen yet where it is.
-    restored: bool,
+    restored: Option<memory::Restored>,
     kept: Option<memory::Sketch>,
     gauge_due: Due,
     state_due: Due,
@@ -153,7 +153,7 @@ impl Agent {
             note: None,
             senseless: None,
             silence: Silence::default(),
-            restored: false,
+            restored: None,
             kept: None,
             gauge_due: Due::default(),
             state_due: Due::default(),
@@ -297,9 +297,7 @@ impl Agent {
         let dark_s = self.charge.dark_s(self.passed_s, self.phase == Charging && !observation.powered);
         let is_dark = dark_s >= charge::DARK_S || dark_s > 0.0 && self.is_powered() == Some(false);
         self.note = observation.why_down.clone().or_else(|| is_dark.then(|| "the bay has no power".to_owned()));
-        if std::mem::take(&mut self.restored) {
-            self.find_itself(observation.place);
-        }
+        self.find_itself(observation);
         if matches!(self.phase, Travelling | Waiting) && observation.place == Place::InBay {
             self.bay = self.given_bay().cloned().or(self.bay.take());
         }

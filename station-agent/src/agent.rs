@@ -363,7 +363,7 @@ impl Agent {
         for reading in observation.packs {
             if let Some(pack) = self.packs.iter_mut().find(|pack| pack.id == reading.pack) {
                 (pack.depleted, pack.connected) = (reading.depleted, reading.connected);
-                pack.said_soc = reading.said_soc.or(pack.said_soc);
+                pack.said_soc = if reading.depleted { pack.said_soc } else { None }.or(reading.said_soc).or(pack.said_soc);
                 let was = pack.back.map(|back| back.at);
                 pack.back = reading.back.map(|(in_s, soc)| PackReturn { at: tell::again(was, now.plus_s(in_s)), soc: wire(soc) });
                 if let Some(soc) = reading.exchanged {

@@ -12,7 +12,7 @@ use proto::{BayId, PackId, RobotId, SpareId, StationId, Timestamp};
 
 use super::cover::Cover;
 use super::problem::{SpareView, StationView};
-use super::translate::Task;
+use super::translate::{HORIZON_MAX_S, Task};
 use super::words::{self, Grounds};
 
 /// A plan.
@@ -230,8 +230,9 @@ impl<'a> Ledger<'a> {
         let total = self.need.plus(&self.overhead(self.until_s));
         let packs = self.paying(before_wh, total.mean_wh);
         let (lasts, arrives) = (self.cover.until(end_s), way.map_or(1.0, |way| way.lasts.for_s(start_s)));
-        // What has begun and ends later must not pay for it.
-        let covered = self.cover.until(end_s.max(self.station.committed_until_s)).min(lasts);
+        // What has begun and ends later must not pay for it, but what never ends.
+        let begun_s = Some(self.station.committed_until_s).filter(|&until_s| until_s < HORIZON_MAX_S);
+        let covered = begun_s.map_or(lasts, |until_s| self.cover.until(end_s.max(until_s)).min(lasts));
         let spare = if session.mode == Mode::Swap || session.mode == Mode::SwapAndRecharge { self.spare(session) } else { None };
         let mut planned = Planned {
             robot: robot.robot.clone(),

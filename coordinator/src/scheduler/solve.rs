@@ -90,7 +90,7 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     // Neither waiting until a service is wanted nor charging to the usual level must cost another robot its turn: if
     // somebody strands for want of a place, all may come earlier, and if that does not help, leave with less. In a large
     // fleet that comes into question with the next whole plan.
-    let mut offered = Offer::Usual;
+    let (usual, mut offered) = (best.clone(), Offer::Usual);
     for offer in [Offer::Early, Offer::Scarce] {
         if !best.wants_place {
             break;
@@ -109,6 +109,9 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
         (best, _) = Asked { settings, ..asked }.other(best, offered);
     }
     best = asked.made_sure(best, offered);
+    if asked.is_better(&usual, &best) && asked.is_sure(&usual) {
+        best = usual;
+    }
     best = asked.as_promised(&best).unwrap_or(best);
     if best.plan.quality.stranded == 0 {
         return best;
@@ -118,7 +121,10 @@ pub fn solve(view: View, settings: &Settings, before: &Plan, effort: Effort) -> 
     match settings.short_energy {
         _ if best.plan.quality.stranded == 0 => best,
         ShortEnergy::WholeCharges => asked.with_the_rest(best),
-        ShortEnergy::MostRobots => asked.made_sure(asked.other(best, Offer::Scarce).0, Offer::Scarce),
+        ShortEnergy::MostRobots => {
+            let most = asked.made_sure(asked.other(best.clone(), Offer::Scarce).0, Offer::Scarce);
+            if asked.is_better(&most, &best) { most } else { best }
+        }
     }
 }
 

@@ -88,7 +88,8 @@ impl Basis<'_> {
         let batteries = &self.in_reach().get(id)?.batteries;
         let services = batteries.values().map(|(robots, battery)| (*robots, service(battery)));
         // What is never charged to the end is planned for nobody.
-        let mut services: Vec<(usize, Point)> = services.filter(|(_, service)| service.charge_s < HORIZON_MAX_S).collect();
+        let mut services: Vec<(usize, Point)> =
+            services.filter(|(_, service)| service.charge_s < HORIZON_MAX_S && service.stopped.is_none()).collect();
         if batteries.len() < 2 || services.is_empty() {
             return None;
         }

@@ -5,7 +5,21 @@ use proto::{BayId, CommandId, RobotPhase, StationId};
 use serde::{Deserialize, Serialize};
 
 use super::{Agent, Output};
-use crate::source::{Act, Place};
+use crate::source::{Act, Observation, Place};
+
+/// Who is at work after a restart goes on after this, s: what feeds a robot counts as a bay after ten seconds.
+const SETTLES_S: f64 = 15.0;
+/// And not at all where nothing is heard of it for so long, s.
+const GIVES_UP_S: f64 = 60.0;
+
+/// What a restarted agent still has to find out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Restored {
+    /// Where the robot stands.
+    Now,
+    /// Whether the robot that is at work by all that is known stands on a charger.
+    AtWork,
+}
 
 /// What survives a restart. The gauge is not part of it: the chip that counts goes on counting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -48,7 +62,7 @@ impl Agent {
         (self.phase, self.station, self.bay, self.target_soc, self.last_command) = (phase, station, bay, target_soc, last_command);
         self.said_soc = said_soc.map(|soc| energy::Estimate::new(soc.value, soc.sigma));
         self.pack_seen = pack_seen;
-        self.restored = true;
+        self.restored = Some(Restored::Now);
         self.kept = Some(self.sketch());
     }
 
@@ -78,8 +92,22 @@ impl Agent {
     }
 
     /// After a restart: what was kept may not have been done yet, or the robot was moved meanwhile.
-    pub(super) fn find_itself(&mut self, place: Place) {
+    pub(super) fn find_itself(&mut self, observation: &Observation) {
         use RobotPhase::{Charged, Charging, Docked, Swapping, Travelling, Waiting, Working};
+        let place = observation.place;
+        let at_work = self.phase == Working && place == Place::Mission && !observation.powered;
+        match self.restored.take() {
+            None => return,
+            Some(Restored::Now) if !at_work => {}
+            // It may have been plugged in while nobody looked: what feeds it shows only in time.
+            Some(_) if at_work && self.passed_s < GIVES_UP_S && (self.passed_s < SETTLES_S || self.last.is_none()) => {
+                self.restored = Some(Restored::AtWork);
+                return;
+            }
+            // Its way back to work ended with the agent, and nobody knows whether it was done: who is at work already does it once more.
+            Some(_) if at_work && self.last.is_some() => return self.resume(),
+            Some(_) => return,
+        }
         match (self.phase, place, self.station.clone()) {
             (Travelling, Place::Mission, Some(station)) => {
                 let bay = self.bay.clone();
@@ -90,9 +118,9 @@ impl Agent {
                 let bay = self.bay.clone();
                 self.outputs.push_back(Output::Act(Act::GoOnTo { station, bay }));
             }
-            // Its way back to work ends with the agent, and nobody knows whether it was done: who is at work already does it once more.
-            (Working, Place::Mission | Place::Underway | Place::AtStation, _)
-            | (Waiting | Docked | Charging | Charged | Swapping, Place::Mission, _) => self.resume(),
+            (Working, Place::Underway | Place::AtStation, _) | (Waiting | Docked | Charging | Charged | Swapping, Place::Mission, _) => {
+                self.resume();
+            }
             (Charging, Place::InBay, _) => self.outputs.push_back(Output::Act(Act::Charge)),
             (Docked | Charged, Place::InBay, _) => self.outputs.push_back(Output::Act(Act::StopCharging)),
             _ => {}

@@ -135,6 +135,8 @@ struct Vehicle {
     pending: Option<Pending>,
     /// What it last said of its connection.
     connection: Option<String>,
+    /// States that have come since it said that it is not there.
+    states_away: u32,
     /// Whether it has spoken at all.
     any: bool,
 }
@@ -169,6 +171,9 @@ impl Pending {
 fn named(action_type: &str) -> Action {
     Action::new(action_type, format!("{action_type}-{}", node::clock::unix_ms()))
 }
+
+/// So many states of a vehicle that is said not to be there show that it is.
+const THERE: u32 = 2;
 
 impl Device for Vehicle {
     fn name(&self) -> String {
@@ -217,19 +222,25 @@ impl Device for Vehicle {
 
 impl Vehicle {
     fn new(config: Config, broker: Broker) -> Self {
-        Self { config, broker, headers: 0, pending: None, connection: None, any: false }
+        Self { config, broker, headers: 0, pending: None, connection: None, states_away: 0, any: false }
     }
 
     /// Takes in a message; a report where it says how the battery is. Of a vehicle that is known to be away none is one of now.
     fn hear(&mut self, topic: &str, bytes: &[u8]) -> anyhow::Result<Option<Report>> {
         if topic.ends_with("/connection") {
             self.connection = serde_json::from_slice::<message::Connection>(bytes).ok().map(|said| said.connection_state);
-            return Ok(None);
-        }
-        if self.away().is_some() {
+            self.states_away = 0;
             return Ok(None);
         }
         let state = State::parse(bytes)?;
+        if self.away().is_some() {
+            self.states_away += 1;
+            if self.states_away < THERE {
+                return Ok(None);
+            }
+            // It speaks, whatever was said of it: a last will may come late, and a word of its return be lost.
+            self.connection = None;
+        }
         let report = state.report()?;
         self.answered(&state);
         Ok(Some(report))
@@ -330,8 +341,10 @@ mod tests {
             vehicle.hear("uagv/v2/KIT/0001/state", state).unwrap().and_then(|report| report.soc)
         };
         assert_eq!(measured(None), Some(0.8), "nothing is known of its connection");
-        assert_eq!([measured(Some("CONNECTIONBROKEN")), measured(None)], [None, None]);
+        assert_eq!(measured(Some("CONNECTIONBROKEN")), None);
         assert_eq!([measured(Some("ONLINE")), measured(Some("OFFLINE"))], [Some(0.8), None]);
+        // One on its way while the connection broke is not one of now; who goes on speaking is there.
+        assert_eq!([measured(None), measured(None)], [Some(0.8); 2]);
     }
 
     #[test]

@@ -31,6 +31,8 @@ const JAMMED_S: f64 = 1800.0;
 const RISE_SOC: f64 = 0.05;
 /// See [`RISE_SOC`].
 const RISE_SIGMAS: f64 = 2.0;
+/// A third of a charge is a rise whatever the gauges say of their errors, which are told as up to all of it.
+const RISE_SOC_MAX: f64 = 0.3;
 
 /// A station whose packs devices measure, in the selector's order.
 pub struct MeasuredStation {
@@ -51,13 +53,13 @@ pub struct MeasuredPack {
     eod_v: f64,
     /// For how long it must lie below that without a break, s.
     hold_s: f64,
-    /// For how long it does, s.
-    below_s: f64,
+    /// For how long it did from one reading to the next, s; none where the last one lay above.
+    below_s: Option<f64>,
     /// What was shown last; none before the first report, and after a silence.
     last: Option<Sample>,
     /// It gave out and was not charged since.
     depleted: bool,
-    /// What its device said last of its charge.
+    /// What its device said last of its charge; of a pack that gave out, what it said then.
     said: Option<Estimate>,
     /// Why nothing has been heard of it for long.
     silent: Option<String>,
@@ -69,27 +71,31 @@ impl MeasuredPack {
     #[must_use]
     pub fn new(id: PackId, reader: Reader, facts: &BatteryFacts) -> Self {
         let hold_s = facts.protection.get(Trip::UnderVoltage).delay_s;
-        Self { id, reader, eod_v: facts.eod_v(), hold_s, below_s: 0.0, last: None, depleted: false, said: None, silent: None }
+        Self { id, reader, eod_v: facts.eod_v(), hold_s, below_s: None, last: None, depleted: false, said: None, silent: None }
     }
 
     /// Whether what a gauge begins anew with is another pack. Gauges begin anew when their agent is restarted, or heard nothing for a while,
     /// too. Where nothing is known of the charge before, it is taken for another.
     fn is_another(&self, is: Estimate) -> bool {
-        let has_risen = |was: Estimate| is.value - was.value > (RISE_SIGMAS * was.sigma.hypot(is.sigma)).max(RISE_SOC);
-        self.said.is_none_or(has_risen)
+        self.said.is_none_or(|was| has_risen(was, is))
     }
 
     fn advance(&mut self, dt_s: f64) -> PackReading {
         let Reading { sample, exchanged, said_soc, silent, .. } = self.reader.advance(dt_s);
+        // A pack that gave out recovers some volts at once, and no charge: one that has risen clearly was charged unseen, or is another.
         let is_another = exchanged.is_some_and(|is| self.is_another(is));
-        self.said = said_soc.or(self.said);
+        let has_risen = self.said.zip(said_soc).is_some_and(|(was, is)| has_risen(was, is));
+        self.depleted &= !(is_another || has_risen);
         if let Some(sample) = sample {
             let below = sample.voltage_v < self.eod_v;
-            self.below_s = if below { self.below_s + sample.dt_s } else { 0.0 };
-            // A pack that gave out recovers some volts at once, and no charge.
+            // One reading says nothing of the time before it, however long that was.
+            self.below_s = below.then(|| self.below_s.map_or(0.0, |below_s| below_s + sample.dt_s));
             let charged = !below && sample.current_a < -self.reader.least_a();
-            self.depleted = below && self.below_s >= self.hold_s || self.depleted && !charged && !is_another;
+            self.depleted = self.below_s.is_some_and(|below_s| below_s >= self.hold_s) || self.depleted && !charged;
             self.last = Some(sample);
+        }
+        if !self.depleted || self.said.is_none() {
+            self.said = said_soc.or(self.said);
         }
         self.silent = silent;
         if self.silent.is_some() {
@@ -103,6 +109,11 @@ impl MeasuredPack {
     fn gives_a(&self) -> Option<f64> {
         self.last.map(|sample| sample.current_a).filter(|current_a| *current_a > self.reader.least_a())
     }
+}
+
+/// Whether a charge is clearly more than it was, however little is known of either.
+fn has_risen(was: Estimate, is: Estimate) -> bool {
+    is.value - was.value > (RISE_SIGMAS * was.sigma.hypot(is.sigma)).clamp(RISE_SOC, RISE_SOC_MAX)
 }
 
 /// A spare whose charge a device tells.

@@ -3,18 +3,20 @@
 //! Counting errs on the safe side where all robots are alike. Where unlike ones come, it is done at their mean power, and a plan can promise what the
 //! packs do not hold for sure.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use proto::RobotId;
+use proto::{RobotId, StationId};
 
 use super::{Asked, Solved};
 use crate::scheduler::again::{as_is_lacking, count_less, unsure};
 use crate::scheduler::effort::Effort;
-use crate::scheduler::plan::Rejected;
+use crate::scheduler::plan::{Planned, Rejected};
 use crate::scheduler::translate::Offer;
 
 /// How often less is counted on, each time by as much as is lacking: after that who is not sure goes without.
 const TIMES: usize = 4;
+/// So often one service of each station is left out at a time, and after that all that are unsure.
+const ONE_EACH: usize = 8;
 
 impl Asked<'_> {
     /// The plan, or one that counts on less where its new promises are not sure enough; if no such plan is found that breaks no more promises, the
@@ -24,7 +26,7 @@ impl Asked<'_> {
         if first.is_empty() || !self.is_small() || !self.settings.policy.searches() {
             return best;
         }
-        let (full, mut view) = (&best.task.view, best.task.view.clone());
+        let mut view = best.task.view.clone();
         let (mut last, mut now) = (best.clone(), first.clone());
         for _ in 0..TIMES {
             count_less(&mut view, &last.plan, &now, as_is_lacking(self.settings.confidence));
@@ -34,15 +36,21 @@ impl Asked<'_> {
                 break;
             }
         }
-        if !now.is_empty() || self.broken(&last) > self.broken(&best) {
-            return self.without(&best, &first);
+        let without = self.without(best, first);
+        if !now.is_empty() || self.is_better(&without, &last) {
+            return without;
         }
-        last.plan.quality.no_more_is_proven_than(best.plan.quality);
+        last.plan.quality.no_more_is_proven_than(without.plan.quality);
         // What is asked of the plan after this begins from what the packs hold.
-        for (station, full) in last.task.view.stations.iter_mut().zip(&full.stations) {
+        for (station, full) in last.task.view.stations.iter_mut().zip(&without.task.view.stations) {
             station.packs.clone_from(&full.packs);
         }
         last
+    }
+
+    /// Whether what a plan promises anew is as certain as is asked.
+    pub(super) fn is_sure(&self, solved: &Solved) -> bool {
+        self.new_and_unsure(solved).is_empty()
     }
 
     /// Whom a plan promises something for the first time that is less certain than is asked. What was promised is held to as it is.
@@ -52,8 +60,29 @@ impl Asked<'_> {
         unsure.into_iter().filter(|robot| !held(robot)).collect()
     }
 
+    /// The plan without those of its unsure services that begin last, at each station one after the other, until the rest is sure: who shares the
+    /// moment at which the packs give out with one too many is as unsure as that one.
+    fn without(&self, mut best: Solved, mut unsure: BTreeSet<RobotId>) -> Solved {
+        for round in 0.. {
+            let mut last: BTreeMap<&StationId, &Planned> = BTreeMap::new();
+            for planned in best.plan.planned.iter().filter(|planned| unsure.contains(&planned.robot)) {
+                let latest = last.entry(&planned.station).or_insert(planned);
+                if planned.start > latest.start {
+                    *latest = planned;
+                }
+            }
+            let one_each: BTreeSet<RobotId> = last.into_values().map(|planned| planned.robot.clone()).collect();
+            best = self.but(&best, if round < ONE_EACH { &one_each } else { &unsure });
+            unsure = self.new_and_unsure(&best);
+            if unsure.is_empty() {
+                break;
+            }
+        }
+        best
+    }
+
     /// The plan without the services of these, and all others as they are.
-    fn without(&self, best: &Solved, unsure: &BTreeSet<RobotId>) -> Solved {
+    fn but(&self, best: &Solved, unsure: &BTreeSet<RobotId>) -> Solved {
         let mut kept = best.plan.clone();
         kept.planned.retain(|planned| !unsure.contains(&planned.robot));
         let strands = |robot: &RobotId| {

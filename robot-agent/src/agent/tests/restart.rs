@@ -32,10 +32,20 @@ fn who_was_on_its_way_back_to_work_when_its_agent_ended_is_sent_there_once_more(
     before.arrive();
     let command = before.command(RobotAction::Undock);
     let memory = kept(&mut before, Input::Command(command));
-    let mut after = bench();
-    after.agent.restore(memory);
-    assert_eq!((after.observe(|_| {}), after.agent.phase), (vec![Act::Resume], RobotPhase::Working));
-    assert_eq!(after.observe(|_| {}), []);
+    let acts = |change: fn(usize, &mut Observation)| {
+        let mut after = bench();
+        after.agent.restore(memory.clone());
+        let acts: Vec<Act> = (0..90).flat_map(|second| after.observe(|observation| change(second, observation))).collect();
+        (acts, after.agent.phase)
+    };
+    assert_eq!(acts(|_, _| {}), (vec![Act::Resume], RobotPhase::Working));
+    // Who was plugged in meanwhile stays, and so does who is not heard.
+    let plugged_in = |second: usize, observation: &mut Observation| {
+        observation.powered = second > 0;
+        observation.place = if second < 10 { Place::Mission } else { Place::InBay };
+    };
+    assert!(!acts(plugged_in).0.contains(&Act::Resume));
+    assert_eq!(acts(|_, observation| observation.sample = None).0, []);
 }
 
 #[test]

@@ -90,12 +90,12 @@ fn the_pack_that_gives_current_is_the_active_one_and_stays_it_while_it_does() {
 fn a_pack_that_gave_out_stays_so_until_it_is_charged_and_one_that_is_silent_is_away() {
     let eod_v = model().battery().eod_v();
     let low = || shows(eod_v - 0.1, 2.0);
-    let says = [shows(12.0, 2.0), low(), low(), shows(eod_v + 0.8, 0.0), shows(eod_v + 1.0, -1.0)];
+    let says = [shows(12.0, 2.0), low(), low(), low(), shows(eod_v + 0.8, 0.0), shows(eod_v + 1.0, -1.0)];
     let mut station = MeasuredStation::new(vec![pack(1, says), pack(2, [])], Vec::new(), no_hands());
     let seen: Vec<Observation> = (0..62).map(|_| station.advance(1.0).unwrap()).collect();
-    let depleted: Vec<bool> = seen.iter().take(5).map(|seen| seen.packs[0].depleted).collect();
-    assert_eq!(depleted, [false, false, true, true, false]);
-    assert_eq!(seen.iter().take(5).map(|seen| seen.powered).collect::<Vec<_>>(), [true, true, false, false, true]);
+    let depleted: Vec<bool> = seen.iter().take(6).map(|seen| seen.packs[0].depleted).collect();
+    assert_eq!(depleted, [false, false, false, true, true, false]);
+    assert_eq!(seen.iter().take(6).map(|seen| seen.powered).collect::<Vec<_>>(), [true, true, true, false, false, true]);
     assert!(seen.iter().all(|seen| !seen.packs[1].connected && seen.packs[1].sample.is_none()));
     assert_eq!(seen[61].trouble.as_deref(), Some("pack-2: no reading of script for 62 s: unplugged"));
 }
@@ -118,6 +118,16 @@ fn a_pack_that_had_given_out_before_a_restart_is_empty_until_it_is_charged_or_is
     assert!(powered(all).iter().all(|powered| !powered));
     assert_eq!(powered(vec![rests.clone(), at(11.2, -1.0, 0.05)]), [false, true]);
     assert_eq!(powered(vec![at(12.0, 0.0, 0.9)]), [true]);
+    // Put in while its gauge said little of itself, and told of it by a later report: what it held when it gave out is what counts.
+    assert_eq!(powered(vec![at(12.0, 0.0, 0.1), at(12.0, 0.0, 0.12), at(12.0, 0.0, 0.9)]), [false, false, true]);
+}
+
+#[test]
+fn one_reading_below_its_end_is_no_empty_pack_however_long_the_device_took() {
+    let eod_v = model().battery().eod_v();
+    let mut station =
+        MeasuredStation::new(vec![pack(1, [shows(12.0, 2.0), shows(eod_v - 0.1, 9.0), shows(12.0, 2.0)])], Vec::new(), no_hands());
+    assert!((0..3).all(|_| !station.advance(3.5).unwrap().packs[0].depleted));
 }
 
 #[test]
