@@ -64,6 +64,31 @@ fn how_sure_a_service_is_follows_from_the_packs_own_discharge_however_it_was_cou
     assert!(said(high + 0.03, 28.0, false).is_some_and(|sure| sure > 0.95), "{:?}", said(high + 0.03, 28.0, false));
 }
 
+/// Counting is for the mean of unlike robots, and may say far more than the packs give to one of them.
+#[test]
+fn where_unlike_robots_come_a_new_promise_is_as_sure_as_asked_however_much_was_counted() {
+    let leaf = Arc::new(energy::load_model("nissan-leaf-33ah", &|_| unreachable!("built in")).unwrap());
+    let said = |soc: f64, is_mixed: bool| {
+        let mut with = station("s", 1, &[80.0], &[]);
+        with.packs[0].state =
+            Some(PackState { model: station_pack(), soc: Estimate::exact(soc), temperature_degc: 25.0, refill: Refill::default() });
+        // The other one has all that it needs until its work ends.
+        let mut other = RobotView { until_s: Some(600.0), ..robot("other", 0.9, &[(0, 60.0)]) };
+        if is_mixed {
+            other.battery = Arc::clone(&leaf);
+        }
+        let plan = planned(vec![other, robot("r", 0.1, &[(0, 60.0)])], with);
+        let why = plan.rejected.iter().find(|left| left.robot.as_str() == "r").map_or_else(Vec::new, |left| left.reasons.clone());
+        (plan.planned.iter().map(|planned| planned.probability).next(), why)
+    };
+    // 84 Wh when full; the charge and what the station takes meanwhile are 29.
+    assert!(said(0.6, true).0.is_some_and(|sure| sure > 0.95), "{:?}", said(0.6, true));
+    let (none, why) = said(0.3, true);
+    assert_eq!((none, &why[..]), (None, &["the packs are not sure enough to last for it".to_owned()][..]));
+    // Alike, what is counted is taken to err on the safe side.
+    assert!(said(0.3, false).0.is_some_and(|sure| sure > 0.95));
+}
+
 #[test]
 fn while_nothing_is_drawn_a_station_may_wait_in_the_dark_for_its_next_pack() {
     // Two packs of which the first cannot last until the second comes in three hours; the service is after that.
