@@ -63,7 +63,8 @@ impl Asked<'_> {
     /// The plan without those of its unsure services that begin last, at each station one after the other, until the rest is sure: who shares the
     /// moment at which the packs give out with one too many is as unsure as that one.
     fn without(&self, mut best: Solved, mut unsure: BTreeSet<RobotId>) -> Solved {
-        for round in 0.. {
+        // To leave all out is done once: whatever a mended plan then promises, it ends.
+        for round in 0..=ONE_EACH {
             let mut last: BTreeMap<&StationId, &Planned> = BTreeMap::new();
             for planned in best.plan.planned.iter().filter(|planned| unsure.contains(&planned.robot)) {
                 let latest = last.entry(&planned.station).or_insert(planned);
